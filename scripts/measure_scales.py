@@ -2,25 +2,30 @@
 
 python scripts/measure_scales.py [SUITE ...]
 
-zero: mean return per step of the random player or planner. top: for allies in a game with capped SNR the
-unjammed link, cap - M per step; otherwise the mean over rivals of the best known return, of the oracle and
-all scripts for players, and of ``optimised`` for planners. On the evaluation seeds of the suite.
+zero: mean return per step of the random player or planner. top: for allies a link that nobody jams, for
+others the mean over rivals of the best known return, of the oracle and all scripts for players, and of
+``optimised`` for planners. On the evaluation seeds of the suite.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import re
 import sys
 from statistics import fmean
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import ALLIES, OPPONENTS, SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.suite import PLANNER, Suite, load_suite
+from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.agent import suites_folder
 
 DIGITS = 2
+# Suites that are older than the scripts with memory; in paper, allies have no bound but the best known.
+OLDER = re.compile(r"(opponent-|opponent-learned-|(ally|opponent)-paper-)v1")
 BORROWING = ("-shifted-v1", "-responses-v1")  # suites with the scale of their track's public suite
 
 
@@ -30,13 +35,25 @@ def rewards(name: str, suite: Suite) -> list[float]:
     return [float(suite.rewards(record.returns).mean()) for record in records]
 
 
+def unjammed(scenario: Scenario) -> float:
+    """Return what an ally earns per step that nobody jams: the cap, or at least speed the mean utility."""
+    if scenario.snr_cap_db is not None:
+        return scenario.snr_cap_db - scenario.snr_threshold_db
+    slow, fast = scenario.ally_speed_m_s
+    quiet = dataclasses.replace(scenario, opponent_power_dbm=-100.0, ally_speed_m_s=(slow, slow))
+    saved = scenario.flight_cost * (1 - (slow / fast) ** 3)  # by flying slowly, at the scale of fast
+    rivals = (Rival("nobody", ("tone",), quiet),)
+    return rewards("idle", Suite("unjammed", "ally", quiet, 100, rivals))[0] + saved
+
+
 def scale(suite: Suite) -> tuple[float, float]:
     """Return zero and top of a suite."""
     zero = fmean(rewards("random", suite))
-    cap = suite.scenario.snr_cap_db
-    if suite.side == "ally" and cap is not None:
-        return zero, cap - suite.scenario.snr_threshold_db
-    bounds = ("optimised",) if suite.side == PLANNER else ("oracle", *SCRIPTED[suite.side])
+    if suite.side == "ally" and not OLDER.fullmatch(suite.name):
+        return zero, unjammed(suite.scenario)
+    older = {"ally": ALLIES, "opponent": OPPONENTS}
+    scripts = (older if OLDER.fullmatch(suite.name) else SCRIPTED).get(suite.side, ())
+    bounds = ("optimised",) if suite.side == PLANNER else ("oracle", *scripts)
     by_rival = zip(*(rewards(name, suite) for name in bounds), strict=True)
     return zero, fmean(map(max, by_rival))
 
@@ -45,7 +62,7 @@ def main() -> int:
     """Print a line per suite; returns 1 if a file has another scale."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("suites", nargs="*", help="names or files; default: all public ones")
-    public = sorted(path.stem for path in suites_folder().glob("*-v1.yml"))
+    public = sorted(path.stem for path in suites_folder().glob("*-v[0-9].yml"))
     names = parser.parse_args().suites or [name for name in public if not name.endswith(BORROWING)]
     differ = False
     for suite in map(load_suite, names):

@@ -85,7 +85,12 @@ def run_config(agent: ZooAgent) -> RunConfig:
     group = agent.group
     suite = None if group.id == DUEL else group.suites[0]
     game = GameOptions.parse(group.options, f"zoo: {group.name}: options")
-    return RunConfig(agent.algorithm, group.id, agent.seed, agent.steps, game=game, suite=suite)
+    return RunConfig(
+        *(agent.algorithm, group.id, agent.seed, agent.steps),
+        hyperparams=group.hyperparams.get(agent.algorithm),
+        game=game,
+        suite=suite,
+    )
 
 
 def _ship_and_evaluate(zoo: Zoo, agents: Sequence[ZooAgent], run: Path, _: Path) -> None:

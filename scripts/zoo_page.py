@@ -43,7 +43,8 @@ agents may be trained against its rivals. The rivals of a season suite were trai
 that season had been closed. Intervals are 95 %, by Student's t: over training seeds, and for scripts
 over matches. † marks fewer than three training seeds. Time is that of training, on one core, without
 evaluations, at the speed of the fastest training seed, because other work slowed down the others on a
-shared machine.
+shared machine. The last column is the median time, evaluations left out as well, after which a training first
+had the score of the best script.
 """
 _CAPTIONS = (
     "Learning curves: the score on tuning seeds, mean and range over training seeds, while all of them "
@@ -133,8 +134,16 @@ def _table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[S
     names = ["player", "seeds", "steps", "score", "95 % interval"]
     for name in group.suites[1:]:
         names += [f"on {name}", "95 % interval"]
-    names += ["worst return per step", *(heading for heading, _ in _MEASURES), "time (min)"]
-    cells = [_cells(zoo, group, summary, others) for summary in public]
+    names += [
+        "worst return per step",
+        *(heading for heading, _ in _MEASURES),
+        "time (min)",
+        "to the best script (min)",
+    ]
+    script = next((summary.score.value for summary in public if not summary.trained), np.inf)
+    cells = [
+        [*_cells(zoo, group, summary, others), _minutes_to(zoo, group, summary, script)] for summary in public
+    ]
     return markdown_table([names, *cells]) + "\n"
 
 
@@ -164,6 +173,18 @@ def _training(zoo: Zoo, group: ZooGroup, algorithm: str) -> tuple[str, str]:
     seconds = [about["seconds"] for about in abouts if "seconds" in about]
     steps = f"{np.mean([about['training_steps'] for about in abouts]) / 1e6:.3g}M"
     return steps, number(min(seconds) / 60 if seconds else None)
+
+
+def _minutes_to(zoo: Zoo, group: ZooGroup, summary: Summary, score: float) -> str:
+    """Return the median minutes after which a training first reached a score, if most of them did."""
+    reached: dict[int, float] = {}
+    for row in curve_file(zoo, group).read():
+        if row["algorithm"] == summary.entry:
+            seed = row["training_seed"]
+            before = reached.get(seed, np.inf)
+            reached[seed] = min(before, row["seconds"] / 60 if row["score"] >= score else np.inf)
+    median = np.median(list(reached.values())) if reached else np.inf
+    return number(median if np.isfinite(median) else None)
 
 
 # Pictures

@@ -173,7 +173,8 @@ def train(
         history=history,
     )
     if against == ZOO and opponent is None and ally is None:
-        game, against = dataclasses.replace(game, **load_zoo().mixture(env_id, game.path)), None
+        mixture = load_zoo().mixture(env_id, game.path, game.scenario)
+        game, against = dataclasses.replace(game, **mixture), None
     llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
     config = RunConfig(
         algorithm,

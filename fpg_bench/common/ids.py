@@ -97,9 +97,11 @@ _MODE = re.compile(r"(FPG/\w+?)(MultiDiscrete|Discrete)-v0")
 DUEL = "FPG/duel_v0"
 ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
 OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
+TACTICS = {"ally": ("sulk", "by-type"), "opponent": ("scan", "alternate", "guard", "herd")}  # have memory
 LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
-SCRIPTED = {"ally": ALLIES, "opponent": OPPONENTS}
-NAMED = {"ally": (*ALLIES, *LEARNERS), "opponent": OPPONENTS}  # all players of the package without a policy
+SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
+# All players of the package without a policy.
+NAMED = {"ally": (*SCRIPTED["ally"], *LEARNERS), "opponent": SCRIPTED["opponent"]}
 
 
 def policy_env(side: str) -> EnvConfig:
@@ -130,7 +132,8 @@ def find_env(name: str) -> EnvConfig:
         name = f"{match[1]}-v0"
         actions = next(mode for mode, word in ACTION_MODES.items() if word == match[2])
     if name not in ENVS:
-        raise UserError(f"unknown id {name!r}{nearest(name, ENVS)}")
+        known = [id_with(each, mode) for each in ENVS for mode in ACTION_MODES]
+        raise UserError(f"unknown id {name!r}{nearest(name, known)}")
     return replace(ENVS[name], actions=actions)
 
 

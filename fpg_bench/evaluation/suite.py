@@ -164,6 +164,8 @@ def identity(name: str) -> str:
 def suite_of(env_id: str, options: Mapping[str, Any], side: str | None = None) -> str:
     """Return the name of the public suite that an id's players are measured on.
 
+    Players of ``paper`` and ``link`` are measured there, unless they fly or are flown by a planner.
+
     Args:
         env_id: the id.
         options: options of its games.
@@ -178,6 +180,8 @@ def suite_of(env_id: str, options: Mapping[str, Any], side: str | None = None) -
             return "ally-planner-v1"
         side = config.side
     learned = side == "opponent" and options.get("path") == "learned"
+    if not learned and options.get("scenario") in ("paper", "link"):
+        return f"{side}-{options['scenario']}-v1"
     return "opponent-learned-v1" if learned else f"{side}-v1"
 
 

@@ -31,6 +31,7 @@ class _GroupEntry(Strict):
     options: dict[str, Any] = Constraint(default_factory=dict)
     suites: Annotated[Items[str], Constraint(min_length=1)]
     steps: dict[str, PositiveInt]
+    hyperparams: dict[str, str] = Constraint(default_factory=dict)
 
 
 class _ZooFile(Strict):
@@ -51,6 +52,7 @@ class ZooGroup:
         options: options of the games, as in :class:`fpg_bench.training.config.GameOptions`.
         suites: suites that its agents are evaluated on, the public one first.
         steps: training budget of each algorithm.
+        hyperparams: file of hyper-parameters of some algorithms; of the others the shipped one.
     """
 
     name: str
@@ -59,6 +61,7 @@ class ZooGroup:
     options: dict[str, Any]
     suites: tuple[str, ...]
     steps: dict[str, int]
+    hyperparams: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -142,12 +145,15 @@ class Zoo:
             raise UserError(f"the zoo has no {only!r}{nearest(only, known)}")
         return named
 
-    def mixture(self, env_id: str, path: str | Sequence[str] | None = None) -> dict[str, Any]:
+    def mixture(
+        self, env_id: str, path: str | Sequence[str] | None = None, scenario: object = None
+    ) -> dict[str, Any]:
         """Return the rivals and paths that the zoo's agents of an environment were trained against.
 
         Args:
             env_id: the environment id.
             path: flight path of the opponent; None for that of the id's first group.
+            scenario: name of the scenario; for one without agents of its own, the mixture of ``standard``.
 
         Returns:
             Options of the games, with ``path`` replaced by the one that is given.
@@ -159,7 +165,10 @@ class Zoo:
         if not groups:
             known = dict.fromkeys(group.id for group in self.groups if _draws(group))
             raise UserError(f"against zoo: the zoo has no mixture for {env_id}, but for {', '.join(known)}")
+        own = [group for group in groups if group.options.get("scenario") == scenario]
+        groups = own or [group for group in groups if "scenario" not in group.options]
         options = next((g.options for g in groups if g.options.get("path") == path), groups[0].options)
+        options = {key: value for key, value in options.items() if key not in ("scenario", "actions")}
         return options if path is None else {**options, "path": path}
 
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
@@ -198,5 +207,7 @@ def load_zoo(folder: Path | None = None) -> Zoo:
     for name, entry in content.groups.items():
         sides = sides_of(entry.id)
         side = sides[0] if len(sides) == 1 else load_suite(entry.suites[0]).side
-        groups.append(ZooGroup(name, entry.id, side, entry.options, entry.suites, entry.steps))
+        groups.append(
+            ZooGroup(name, entry.id, side, entry.options, entry.suites, entry.steps, entry.hyperparams)
+        )
     return Zoo(folder, content.seeds, tuple(groups))

@@ -70,7 +70,7 @@ class Choices:
         self.side, self.mode = side, mode
         lists = _ally_lists(scenario) if side == "ally" else _opponent_lists(scenario)
         if mode == "discrete":
-            chosen = _ally_combinations(lists) if side == "ally" else _opponent_combinations(lists)
+            chosen = _ally_combinations(lists, scenario) if side == "ally" else _opponent_combinations(lists)
             lists = [_combined(lists, chosen)]
         self.lists = tuple(lists)
         self._columns = (len(lists),) if mode == "multi-discrete" else ()
@@ -118,6 +118,25 @@ class Choices:
         if not _look_up(columns, seen, actions, *self._table):
             raise self._error(columns, whose)
         return actions
+
+    def encode(self, actions: np.ndarray, observations: np.ndarray) -> np.ndarray:
+        """Return the allowed choices that are nearest to actions, by the squared distance of the floats.
+
+        Args:
+            actions: ``(N, 9)`` floats.
+            observations: ``(N, 15)`` float32 of the side.
+
+        Returns:
+            Choices as :meth:`decode` takes them.
+        """
+        _, rows, allowed, homing, box_m = self._table
+        towards = np.zeros((len(actions), ACTION_SIZE), np.float32)
+        for seen, velocity in zip(observations, towards, strict=True):
+            _home(seen, 1.0, box_m, velocity)
+        away = actions[:, None] - rows - homing[:, None] * towards[:, None]
+        distances = np.where(allowed, np.square(away).sum(axis=2), np.inf)
+        chosen = distances.argmin(axis=1)
+        return np.stack(np.unravel_index(chosen, self.sizes), axis=1) if self.is_multi else chosen
 
     def _error(self, choices: np.ndarray, whose: str) -> ActionError:
         """Return the error of the first choice that is out of range or forbidden."""
@@ -203,13 +222,15 @@ def _ally_lists(scenario: Scenario) -> list[ChoiceList]:
     ]
 
 
-def _ally_combinations(lists: Sequence[ChoiceList]) -> list[tuple[int, ...]]:
-    """Return every hop, and spreading without a hop or with one by the knowledge base, at full speed.
+def _ally_combinations(lists: Sequence[ChoiceList], scenario: Scenario) -> list[tuple[int, ...]]:
+    """Return every hop, and spreading without a hop or with one by the knowledge base.
 
-    Hops to each point while spreading as well make a list of 34, from which PPO learned no more.
+    All at full speed and, where flying costs, also at the least. Hops to each point while spreading as well
+    make a list of 34, from which PPO learned no more.
     """
     last = len(lists[0]) - 1
-    return [*((hop, 0, 0) for hop in range(last + 1)), (0, 1, 0), (last, 1, 0)]
+    ways = [*((hop, 0) for hop in range(last + 1)), (0, 1), (last, 1)]
+    return [(*way, speed) for speed in ((0, 2) if scenario.flight_cost else (0,)) for way in ways]
 
 
 def _opponent_lists(scenario: Scenario) -> list[ChoiceList]:

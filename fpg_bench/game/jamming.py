@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.link import channel_mhz, teeth
+from fpg_bench.game.link import teeth
 from fpg_bench.game.state import TYPES, Record
 
 
@@ -36,7 +36,7 @@ def covers(
     half, spacing = rules.half_width[jamming_type], rules.tooth_spacing[jamming_type]
     if radio is None:
         return footprint_distance_mhz(frequency_mhz - jamming_mhz, spacing) <= half
-    offset = channel_mhz(frequency_mhz, spreading, radio) - jamming_mhz
+    offset = frequency_mhz - jamming_mhz
     if spacing > 0.0:
         first, end = teeth(jamming_type, jamming_mhz, rules)
         offset -= spacing * min(max(math.floor(offset / spacing + 0.5), first), end - 1)

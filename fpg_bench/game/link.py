@@ -85,12 +85,6 @@ def passed_twice_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
 
 
 @compiled
-def channel_mhz(frequency_mhz: float, spreading: bool, radio: Record) -> float:
-    """Return the centre of the ally's signal; while it spreads, the nearest that keeps it in the band."""
-    return min(max(frequency_mhz, radio.spread_low), radio.spread_high) if spreading else frequency_mhz
-
-
-@compiled
 def teeth(jamming_type: int, jamming_mhz: float, rules: Record) -> tuple[int, int]:
     """Return the first tooth of a comb in the band and the one after its last, counted from f_j."""
     spacing = rules.tooth_spacing[jamming_type]
@@ -115,9 +109,14 @@ def jamming_passed(
     width, rolloff = radio.channel_width[int(spreading)], radio.rolloff
     tooth, spacing = radio.tooth_width[jamming_type], rules.tooth_spacing[jamming_type]
     first, end = teeth(jamming_type, jamming_mhz, rules)
-    offset = jamming_mhz - channel_mhz(frequency_mhz, spreading, radio)
+    offset = jamming_mhz - frequency_mhz
     passed, most, densest = 0.0, -1.0, offset
-    for number in range(first, end):
+    near, far = first, end
+    if spacing > 0.0:  # the teeth that reach into the filter
+        span = 0.5 * ((1.0 + rolloff) * width + tooth)
+        near = max(first, math.ceil((-span - offset) / spacing))
+        far = min(end, math.floor((span - offset) / spacing) + 1)
+    for number in range(near, far):
         centre = offset + number * spacing
         part = passed_mhz(centre + 0.5 * tooth, width, rolloff) - passed_mhz(
             centre - 0.5 * tooth, width, rolloff
@@ -202,6 +201,8 @@ def rate_mbit_s(snr: float, spreading: bool, rules: Record, radio: Record) -> fl
     """Return the rate in Mbit/s at an SNR in dB: the attenuated Shannon bound, 0 below the threshold."""
     if snr < rules.threshold:
         return 0.0
+    if snr > radio.top_snr:
+        return radio.top_rate[int(spreading)]
     efficiency = radio.rate_efficiency * math.log2(1.0 + math.exp((snr - radio.rate_loss) / _DB))
     return radio.rate_bandwidth[int(spreading)] * min(efficiency, radio.rate_top)
 
@@ -209,6 +210,9 @@ def rate_mbit_s(snr: float, spreading: bool, rules: Record, radio: Record) -> fl
 @compiled
 def utility(rate_mbit_s: float, radio: Record) -> float:
     """Return the utility of a rate: the logarithm of 1 + rate / reference, ``reward_scale`` at the top."""
+    for i in range(2):  # most steps have one of the two highest rates
+        if rate_mbit_s == radio.top_rate[i]:
+            return radio.top_utility[i]
     return radio.reward_scale * math.log1p(rate_mbit_s * radio.per_rate_reference)
 
 

@@ -22,11 +22,13 @@ def spread_cost(seconds: float, rules: Record) -> float:
 
 
 @compiled
-def reward(game: Record, rules: Record, radio: Record | None) -> None:
+def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) -> None:
     """Compute the rate and the rewards of the last step (Eq. 5 and 6).
 
-    The link's worth is the SNR up to the cap or, in the model ``link``, the utility of its rate. A hop leaves
-    a part of the step without a link.
+    The link's worth is the SNR up to the cap or, in the model ``link``, the utility of its rate. There a hop
+    leaves a part of the step without a link, and flying costs the third power of the speed, as the parasitic
+    drag of a rotary wing does (Zeng, Xu and Zhang, "Energy minimization for wireless communication with
+    rotary-wing UAV", IEEE Trans. Wireless Commun. 18(4), 2019).
     """
     hop = rules.hop_cost if game.hopped else 0.0
     near = rules.distance_reward if game.distance_m < rules.distance_reward_m else 0.0
@@ -37,6 +39,7 @@ def reward(game: Record, rules: Record, radio: Record | None) -> None:
         game.ally_value, drop, airtime = snr - rules.threshold, clean - snr, 1.0
     else:
         airtime = 1.0 - radio.hop_airtime if game.hopped else 1.0
+        costs += radio.flight_cost * speed_m_s * speed_m_s * speed_m_s
         rate = rate_mbit_s(game.snr_db, game.spreading, rules, radio)
         clean_rate = rate_mbit_s(game.clean_snr_db, game.spreading, rules, radio)
         game.rate_mbit_s = airtime * rate

@@ -80,16 +80,24 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
     row["noise_mw"] = [ratio(noise_dbm(s.noise_density_dbm_hz, b)) for b in row["rate_bandwidth"]]
     row["channel_noise_mw"] = [ratio(noise_dbm(s.noise_density_dbm_hz, b)) for b in row["channel_width"]]
     row["rolloff"], row["stopband"] = s.filter_rolloff, ratio(s.filter_stopband_db)
-    margin = s.spread_bandwidth_mhz / 2
-    row["spread_low"], row["spread_high"] = s.band_low_mhz + margin, s.band_high_mhz - margin
+    last = s.frequency_points - 1
+    margin = math.ceil(last * s.spread_bandwidth_mhz / 2 / (s.band_high_mhz - s.band_low_mhz))
+    margin = min(margin, last // 2)  # the middle, if it fits nowhere
+    row["spread_points"] = margin, last - margin
     row["per_gain"] = 1, s.spread_rate_mhz / s.spread_bandwidth_mhz
     row["tooth_width"] = [2 * half for half in s.footprint_half_widths_mhz]
     row["notch_width"] = s.notch_width_mhz
     row["rate_efficiency"], row["rate_loss"] = s.rate_efficiency, s.rate_loss_db
     row["rate_top"], row["hop_airtime"] = s.rate_top_bit_s_hz, s.hop_airtime_s
+    row["flight_cost"] = s.flight_cost / s.ally_speed_m_s[1] ** 3 if s.flight_cost else 0.0
     row["per_rate_reference"] = 1 / s.rate_reference_mbit_s
     top = s.bandwidth_mhz * s.rate_top_bit_s_hz
     row["reward_scale"] = s.reward_scale / math.log1p(top / s.rate_reference_mbit_s)
+    row["top_snr"] = s.rate_loss_db + 10 * math.log10(2 ** (s.rate_top_bit_s_hz / s.rate_efficiency) - 1)
+    row["top_rate"] = row["rate_bandwidth"] * s.rate_top_bit_s_hz
+    row["top_utility"] = [
+        row["reward_scale"] * math.log1p(rate * row["per_rate_reference"]) for rate in row["top_rate"]
+    ]
     row["ally_emission_mw"] = ratio(s.ally_emission_dbm)
     row["own_jamming_mw"] = ratio(s.opponent_power_dbm - s.jammer_isolation_db)
     row["radiometer_threshold"] = snr_wall(s.noise_uncertainty_db)

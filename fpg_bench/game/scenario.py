@@ -286,6 +286,7 @@ class Scenario:
     rate_loss_db: float = _number(0.0, 0, 30, "SNR that coding loses against the Shannon bound", LINK)
     rate_top_bit_s_hz: float = _number(1000.0, 0.01, 1000, "rate of the highest modulation, per MHz", LINK)
     hop_airtime_s: float = _number(0.0, 0, 1, "part of a step in which a hop leaves no link", LINK)
+    flight_cost: float = _number(0.0, 0, 1e6, "cost per step of flying at the ally's highest speed", LINK)
     rate_reference_mbit_s: float = _number(
         1.0, 1e-6, 1e9, "rate that earns log 2; one far above the top rate pays throughput", LINK
     )

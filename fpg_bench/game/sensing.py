@@ -10,7 +10,7 @@ from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.flight import distance_m
 from fpg_bench.game.jamming import covers
-from fpg_bench.game.link import channel_mhz, is_heard
+from fpg_bench.game.link import is_heard
 from fpg_bench.game.names import DETECTIONS
 from fpg_bench.game.radio import noise_dbm, path_loss_db
 from fpg_bench.game.state import OBSERVATION_SIZE, TYPES, Record
@@ -32,8 +32,6 @@ def check(game: Record, rules: Record, radio: Record | None) -> None:
         return
     if hears(game, rules, radio):
         game.known_mhz = game.frequency_mhz
-        if radio is not None:
-            game.known_mhz = channel_mhz(game.frequency_mhz, game.spreading, radio)
         game.age_s = 0
         game.last_check = 1
     else:

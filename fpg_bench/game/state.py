@@ -185,12 +185,12 @@ RADIO = np.dtype(
         ("channel_width", "f8", (2,)),
         ("rolloff", "f8"),
         ("stopband", "f8"),
-        ("spread_low", "f8"),  # where the centre of the spread signal lies
-        ("spread_high", "f8"),
+        ("spread_points", "i8", (2,)),  # the first and the last at which a spread signal fits into the band
         ("per_gain", "f8", (2,)),  # 1 / processing gain
         ("tooth_width", "f8", (TYPES,)),
         ("notch_width", "f8"),
         ("hop_airtime", "f8"),
+        ("flight_cost", "f8"),  # times the third power of the speed in m/s
         ("per_rate_reference", "f8"),
         ("reward_scale", "f8"),  # divided by the utility of the highest rate
         ("ally_emission_mw", "f8"),
@@ -204,6 +204,9 @@ RADIO = np.dtype(
         ("rate_efficiency", "f8"),
         ("rate_loss", "f8"),
         ("rate_top", "f8"),
+        ("top_snr", "f8"),  # from here on the highest rate
+        ("top_rate", "f8", (2,)),
+        ("top_utility", "f8", (2,)),
     ],
     align=True,
 )

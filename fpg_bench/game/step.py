@@ -72,11 +72,11 @@ def play(
             continue
         point_before = game.point
         _choose_jamming(game, opponent_action, rules)
-        _choose_frequency(game, ally_action, ally_observations[i], rules)
-        _move(game, ally_action, opponent_action, waypoints[i], rules)
+        _choose_frequency(game, ally_action, ally_observations[i], rules, radio)
+        speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], rules)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
         _transmit(game, fading, rules, radio)
-        reward(game, rules, radio)
+        reward(game, speed_m_s, rules, radio)
         check(game, rules, radio)
         sense(game, centre_error, rules)
         game.truncated = game.step + 1 >= game.horizon
@@ -94,12 +94,17 @@ def _choose_jamming(game: Record, action: np.ndarray, rules: Record) -> None:
 
 
 @compiled
-def _choose_frequency(game: Record, action: np.ndarray, observation: np.ndarray, rules: Record) -> None:
+def _choose_frequency(
+    game: Record, action: np.ndarray, observation: np.ndarray, rules: Record, radio: Record | None
+) -> None:
     spread = action[SPREAD_GATE] > 0.0
     game.hopped = rules.always_hops or action[HOP_GATE] > 0.0
     despread = rules.reselect and game.spreading and not spread
     if game.hopped or despread:
         game.point = choose_point(game.point, observation, action, game.round_key, game.step, rules)
+        game.frequency_mhz = point_mhz(game.point, rules)
+    if radio is not None and spread:  # it moves until its signal fits into the band, and stays there
+        game.point = min(max(game.point, radio.spread_points[0]), radio.spread_points[1])
         game.frequency_mhz = point_mhz(game.point, rules)
     game.spreading = spread
     game.spreading_s = game.spreading_s + 1 if spread else 0
@@ -108,11 +113,14 @@ def _choose_frequency(game: Record, action: np.ndarray, observation: np.ndarray,
 @compiled
 def _move(
     game: Record, ally_action: np.ndarray, opponent_action: np.ndarray, waypoints: np.ndarray, rules: Record
-) -> None:
+) -> float:
+    """Move both sides; returns the ally's speed in m/s."""
     slow, fast = rules.ally_speed[0], rules.ally_speed[1]
+    speed_m_s: float = slow + (ally_action[SPEED] + 1.0) / 2.0 * (fast - slow)
     fly_opponent(game, opponent_action, waypoints, rules)  # first: pursuit aims at where the ally was
-    fly_curve(game, slow + (ally_action[SPEED] + 1.0) / 2.0 * (fast - slow), rules)
+    fly_curve(game, speed_m_s, rules)
     keep_inside(game.ally_position, rules)
+    return speed_m_s
 
 
 @compiled

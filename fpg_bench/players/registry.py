@@ -6,13 +6,14 @@ import os
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import NAMED, SCRIPTED, other_side
+from fpg_bench.common.ids import NAMED, SCRIPTED, TACTICS, other_side
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.choosing import as_model_player
 from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
+from fpg_bench.players.tactics import Tactic
 
 
 def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
@@ -35,6 +36,8 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
             return as_model_player(spec, side, scenario)
         raise UserError(f"{side}: expected a player's name or an object with predict, got {spec!r}")
     name = os.fspath(spec)
+    if name in TACTICS[side]:
+        return Tactic(side, name, scenario)
     if name in SCRIPTED[side]:
         return Scripted(side, name, scenario)
     if name in NAMED[side]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from fpg_bench.common.ids import ALLIES, OPPONENTS, SCRIPTED
+from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.game import rng
 from fpg_bench.game.choices import PURSUIT_M
 from fpg_bench.game.compiling import compiled
@@ -34,11 +34,31 @@ TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE, WATCHFUL = 
 SPREAD_S = 8.0  # how long expert-spread spreads after a hop
 
 # Columns of the numbers of the scenario that a script is handed.
-_SNR_SCALE, _THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX, _THREAT, _BROADBAND, _COMB = 0, 1, 2, 3, 4, 7, 8, 9
+SNR_SCALE, THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX, _THREAT, _BROADBAND, _COMB, TUNING_SPAN, SPACING = (
+    0, 1, 2, 3, 4, 7, 8, 9, 10, 11,
+)  # fmt: skip
+
+
+def scenario_scales(scenario: Scenario) -> np.ndarray:
+    """Return the numbers of a scenario that scripts read."""
+    return np.array(
+        [
+            scenario.snr_scale_db,
+            scenario.snr_threshold_db,
+            scenario.spreading_scale_s,
+            scenario.frequency_points,
+            *scenario.box_m,
+            scenario.script_threat_db,
+            scenario.script_broadband_m,
+            scenario.script_comb_m,
+            scenario.tuning_span_mhz,
+            (scenario.band_high_mhz - scenario.band_low_mhz) / (scenario.frequency_points - 1),
+        ]
+    )
 
 
 @compiled
-def _draw(keys: np.ndarray, i: int, step: int, purpose: int) -> float:
+def draw(keys: np.ndarray, i: int, step: int, purpose: int) -> float:
     """Return a uniform number in [-1, 1] from the player's own key."""
     return 2.0 * rng.uniform(keys[i], step, rng.PLAYER_DRAW + purpose) - 1.0
 
@@ -55,12 +75,12 @@ def play_ally(
     """Fill the actions of a scripted ally and count its steps."""
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
-        snr = seen[SNR] * scales[_SNR_SCALE]
+        snr = seen[SNR] * scales[SNR_SCALE]
         hop, spread, expert = False, False, False
         preference = 0.0
         if kind == REACTIVE:
-            hop = snr < scales[_THRESHOLD]
-            preference = _draw(keys, i, steps[i], 3)
+            hop = snr < scales[THRESHOLD]
+            preference = draw(keys, i, steps[i], 3)
         elif kind in (EXPERT, EXPERT_SPREAD):
             expert = seen[SENSED_COVERS] > 0.0 and snr < scales[_THREAT]
             hop = expert
@@ -68,7 +88,7 @@ def play_ally(
             spread = kind == EXPERT_SPREAD and (hop or 0.5 < spread_s < SPREAD_S - 0.5)
         elif kind == ALWAYS_HOP:
             hop = True
-            preference = _draw(keys, i, steps[i], 3)
+            preference = draw(keys, i, steps[i], 3)
         action[0] = 1.0 if hop else -1.0
         action[1] = 1.0 if spread else -1.0
         action[2] = 1.0
@@ -93,7 +113,7 @@ def play_opponent(
     """Fill the actions of a scripted opponent and count its steps."""
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
-        x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
+        x, y, z = away_m(seen, scales, 0), away_m(seen, scales, 1), away_m(seen, scales, 2)
         distance = math.sqrt(x * x + y * y + z * z)
         jamming_type, tuning, in_band = kind, 0.0, False
         if kind == SWEEP:
@@ -101,24 +121,35 @@ def play_opponent(
             jamming_type, in_band = NARROWBAND, True
             tuning = 2.0 * (steps[i] % points) / (points - 1) - 1.0
         elif kind in (ADAPTIVE, WATCHFUL):
-            checked = seen[KNOWN_AGE] <= 0.0
-            if _stayed(seen, checked) if kind == WATCHFUL else checked:
-                jamming_type = TONE
-            elif checked:
-                jamming_type = NARROWBAND
-            elif distance < scales[_BROADBAND]:
-                jamming_type = BROADBAND
-            else:
-                jamming_type = COMB if distance < scales[_COMB] else NARROWBAND
-        for j in range(TYPES):
-            action[j] = 1.0 if j == jamming_type else -1.0
-        action[4] = tuning
-        action[5] = 1.0 if in_band else -1.0
+            jamming_type = fitting_type(kind, seen, distance, scales)
+        jam(action, jamming_type, tuning, in_band)
         reach = max(distance, PURSUIT_M)
         action[6], action[7], action[8] = x / reach, y / reach, z / reach
         if kind == RANDOM_OPPONENT:
             _fill_random(action, keys, i, steps[i])
         steps[i] += 1
+
+
+@compiled
+def jam(action: np.ndarray, jamming_type: int, tuning: float, in_band: bool) -> None:
+    """Fill the first six floats of an opponent."""
+    for j in range(TYPES):
+        action[j] = 1.0 if j == jamming_type else -1.0
+    action[4] = tuning
+    action[5] = 1.0 if in_band else -1.0
+
+
+@compiled
+def fitting_type(kind: int, seen: np.ndarray, distance: float, scales: np.ndarray) -> int:
+    """Return the type that adaptive or watchful jams with."""
+    checked = seen[KNOWN_AGE] <= 0.0
+    if _stayed(seen, checked) if kind == WATCHFUL else checked:
+        return TONE
+    if checked:
+        return NARROWBAND
+    if distance < scales[_BROADBAND]:
+        return BROADBAND
+    return COMB if distance < scales[_COMB] else NARROWBAND
 
 
 @compiled
@@ -130,7 +161,7 @@ def _stayed(seen: np.ndarray, checked: bool) -> bool:
 
 
 @compiled
-def _away_m(seen: np.ndarray, scales: np.ndarray, axis: int) -> float:
+def away_m(seen: np.ndarray, scales: np.ndarray, axis: int) -> float:
     """Return the relative position in m; the observation holds its signed root over the box."""
     root = seen[RELATIVE_POSITION + axis]
     return math.copysign(root * root, root) * scales[_BOX + axis]
@@ -139,7 +170,7 @@ def _away_m(seen: np.ndarray, scales: np.ndarray, axis: int) -> float:
 @compiled
 def _fill_random(action: np.ndarray, keys: np.ndarray, i: int, step: int) -> None:
     for j in range(ACTION_SIZE):
-        action[j] = _draw(keys, i, step, j)
+        action[j] = draw(keys, i, step, j)
 
 
 class Scripted(SeededPolicy):
@@ -147,26 +178,15 @@ class Scripted(SeededPolicy):
 
     Args:
         side: ``ally`` or ``opponent``.
-        name: one of ``SCRIPTED[side]``.
+        name: one of ``ALLIES`` or ``OPPONENTS`` of ``fpg_bench.common.ids``.
         scenario: what is played; gives the scales in which observations are read.
     """
 
     def __init__(self, side: str, name: str, scenario: Scenario) -> None:
         self.side, self.name = side, name
-        self._kind = SCRIPTED[side].index(name)
+        self._kind = (ALLIES if side == "ally" else OPPONENTS).index(name)
         self._play = play_ally if side == "ally" else play_opponent
-        self._scales = np.array(
-            [
-                scenario.snr_scale_db,
-                scenario.snr_threshold_db,
-                scenario.spreading_scale_s,
-                scenario.frequency_points,
-                *scenario.box_m,
-                scenario.script_threat_db,
-                scenario.script_broadband_m,
-                scenario.script_comb_m,
-            ]
-        )
+        self._scales = scenario_scales(scenario)
 
     def _answer(
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None

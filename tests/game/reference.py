@@ -188,18 +188,6 @@ class ReferenceGame:
 
     # -- radio of the model link ------------------------------------------------------------------------
 
-    @property
-    def channel_mhz(self) -> float:
-        """The centre of the ally's signal; a spread one is moved until it fits the band."""
-        s = self.s
-        if s.snr_model != "link" or not self.spreading:
-            return self.frequency_mhz
-        return clip(
-            self.frequency_mhz,
-            s.band_low_mhz + s.spread_bandwidth_mhz / 2,
-            s.band_high_mhz - s.spread_bandwidth_mhz / 2,
-        )
-
     def _teeth(self, kind: int, centre_mhz: float) -> list[tuple[float, float]]:
         """From where to where a jammer radiates, on equal power per MHz."""
         s, half = self.s, self.s.footprint_half_widths_mhz[kind]
@@ -220,7 +208,7 @@ class ReferenceGame:
         width = s.spread_bandwidth_mhz if self.spreading else s.bandwidth_mhz
         density = 1 / sum(high - low for low, high in teeth)
         through = [
-            filtered(low - self.channel_mhz, high - self.channel_mhz, width, s.filter_rolloff)
+            filtered(low - self.frequency_mhz, high - self.frequency_mhz, width, s.filter_rolloff)
             for low, high in teeth
         ]
         most = max(range(len(teeth)), key=lambda i: through[i])
@@ -228,7 +216,7 @@ class ReferenceGame:
 
     def _notched(self, low: float, high: float, density: float) -> tuple[float, float, float]:
         """Shares of a notch in one tooth: signal removed, signal left as noise, jamming removed."""
-        s, here = self.s, self.channel_mhz
+        s, here = self.s, self.frequency_mhz
         low, high, half = low - here, high - here, s.notch_width_mhz / 2
         is_wide = high - low > 2 * half
         middle = clip(0.0, low + half, high - half) if is_wide else (low + high) / 2
@@ -353,6 +341,14 @@ class ReferenceGame:
                 self.point = self._ask_expert(a)
             else:
                 self.point = math.floor((a[3] + 1) / 2 * (s.frequency_points - 1) + 0.5)
+        if spread and s.snr_model == "link":  # the nearest point at which the signal fits into the band
+            spacing = (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
+            fits = [
+                k
+                for k in range(s.frequency_points)
+                if s.spread_bandwidth_mhz / 2 <= spacing * min(k, s.frequency_points - 1 - k)
+            ]
+            self.point = min(fits or [(s.frequency_points - 1) // 2], key=lambda k: abs(k - self.point))
         self.spreading = spread
         self.spreading_s = self.spreading_s + 1 if spread else 0
 
@@ -384,7 +380,8 @@ class ReferenceGame:
         s = self.s
         self.opponent_position = np.clip(self._opponent_goes(o), 0, s.box_m)
         slow, fast = s.ally_speed_m_s
-        self.flown_m += slow + (a[2] + 1) / 2 * (fast - slow)
+        self.speed_m_s = slow + (a[2] + 1) / 2 * (fast - slow)
+        self.flown_m += self.speed_m_s
         self.ally_position = np.clip(self.curve.at(self.flown_m), 0, s.box_m)
         self.distance_m = float(np.linalg.norm(self.ally_position - self.opponent_position))
 
@@ -419,7 +416,7 @@ class ReferenceGame:
     def _covers(self, kind: int, centre_mhz: float) -> bool:
         if self.s.snr_model == "link":
             width = self.s.spread_bandwidth_mhz if self.spreading else self.s.bandwidth_mhz
-            reach, f = width / 2 + self.s.footprint_tolerance_mhz, self.channel_mhz
+            reach, f = width / 2 + self.s.footprint_tolerance_mhz, self.frequency_mhz
             return any(low - reach <= f <= high + reach for low, high in self._teeth(kind, centre_mhz))
         return self._in_footprint(kind, centre_mhz, self.frequency_mhz)
 
@@ -428,6 +425,7 @@ class ReferenceGame:
         worth, clean = self._worth(self.snr_db), self._worth(self.clean_snr_db)
         on_air = 1 - s.hop_airtime_s if self.hopped else 1.0
         cost = eq4(self.spreading_s) if self.spreading and any(s.spread_cost_per_s) else 0.0
+        cost += s.flight_cost * (self.speed_m_s / s.ally_speed_m_s[1]) ** 3
         self.ally_reward = on_air * worth - cost - (s.hop_cost if self.hopped else 0.0)
         near = s.distance_reward if self.distance_m < s.distance_reward_m else 0.0
         self.opponent_reward = near + s.snr_drop_weight * on_air * (clean - worth)
@@ -441,7 +439,7 @@ class ReferenceGame:
             return
         self.last_check = 1 if self._hears() else -1
         if self.last_check == 1:
-            self.known_mhz, self.age_s = self.channel_mhz, 0
+            self.known_mhz, self.age_s = self.frequency_mhz, 0
         low, high = s.check_interval_s
         self.next_check += low + self.chance.whole(self.step_number, rng.CHECK_INTERVAL, high - low + 1)
 

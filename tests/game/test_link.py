@@ -113,7 +113,7 @@ def test_fading_remembers_the_step_before():
 
 
 def test_a_hop_takes_a_part_of_the_reward_and_of_the_rate():
-    here, away = begin(LINK, seed=3), begin(LINK, seed=3)
+    here, away = (begin(dataclasses.replace(LINK, flight_cost=0), seed=3) for _ in range(2))
     point = int(here.games["point"][0])
     jam = opponent(TONE, tuning=1.0 if point < 7 else -1.0, in_band=True)
     here.step(ally(), jam)
@@ -122,13 +122,26 @@ def test_a_hop_takes_a_part_of_the_reward_and_of_the_rate():
         assert away.games[name][0] == pytest.approx(0.7 * here.games[name][0])
 
 
-def test_a_spread_signal_stays_in_the_band_and_gives_away_no_point():
-    batch = begin(dataclasses.replace(LINK, first_check_s=(1, 1), opponent_path="learned", fading_sd_db=0))
-    place(batch, batch.games["ally_position"][0])
-    batch.step(ally(hop=True, preference=-1.0, spread=True), opponent())
-    assert batch.games["last_check"][0] == 1
-    assert batch.games["frequency_mhz"][0] == 2400
-    assert batch.games["known_mhz"][0] == 2437.5
+@pytest.mark.parametrize(("speed", "cost"), [(1.0, 2.0), (0.0, 2 * 0.75**3), (-1.0, 2 * 0.5**3)])
+def test_flying_costs_the_third_power_of_the_speed(speed, cost):
+    free, dear = (begin(dataclasses.replace(LINK, flight_cost=c), seed=3) for c in (0, 2))
+    for batch in (free, dear):
+        batch.step(ally(speed=speed), opponent())
+    assert free.games["ally_reward"] - dear.games["ally_reward"] == pytest.approx(cost)
+    assert free.games["opponent_reward"] == dear.games["opponent_reward"]
+
+
+@pytest.mark.parametrize(("width_mhz", "first", "last"), [(75, 6, 8), (71, 5, 9), (10, 1, 13), (99, 7, 7)])
+def test_a_signal_moves_to_where_it_fits_into_the_band_when_it_spreads_and_stays_there(
+    width_mhz, first, last
+):
+    batch = begin(dataclasses.replace(LINK, spread_bandwidth_mhz=width_mhz))
+    for preference, point in ((-1.0, first), (1.0, last), (to_point(7), 7)):
+        batch.step(ally(hop=True, preference=preference, spread=True), opponent())
+        assert batch.games["point"][0] == point
+        batch.step(ally(), opponent())
+        assert batch.games["point"][0] == point
+        assert batch.games["frequency_mhz"][0] == pytest.approx(2400 + point * 100 / 14)
 
 
 def hears(kind, **changes) -> bool:

@@ -82,6 +82,7 @@ OTHERWISE = {
     "rate_loss_db": (1, LINK),
     "rate_top_bit_s_hz": (5, LINK),
     "hop_airtime_s": (0.4, LINK),
+    "flight_cost": (2, LINK),
     "rate_reference_mbit_s": (0.5, LINK),
     "reward_scale": (11, LINK),
     "noise_uncertainty_db": (12, LINK),

@@ -48,6 +48,19 @@ def test_the_model_flies_as_its_teacher_and_keeps_its_standard_deviation():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("actions", ["discrete", "multi-discrete"])
+def test_a_model_with_a_list_of_choices_learns_its_teachers(actions):
+    parameters = load_hyperparameters(
+        "ppo", OPPONENT, settings("ppo", policy_kwargs=NETS, n_envs=8, imitate=LESSON), actions=actions
+    )
+    games = make_games(OPPONENT, parameters, 0, ally="idle", path="learned", actions=actions)
+    model = make_model("ppo", games, parameters, 0)
+    before, error = flown(model, games), imitate(model, games, parameters.imitate)
+    assert error < 0.3
+    assert flown(model, games) < 0.5 * before
+
+
+@pytest.mark.slow
 def test_a_run_imitates_once_and_reports_the_error(tmp_path):
     words = {"imitate": LESSON | {"steps": 400}}
     options = {"path": "learned", "ally": "idle", "steps": 400}

@@ -1,0 +1,178 @@
+"""Scripts with memory: rules of a few lines that a trained player should be able to meet.
+
+Their constants can be changed, so that a search can look for the worst of a family.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.ids import TACTICS
+from fpg_bench.game.choices import PURSUIT_M
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.sensing import (
+    JAM_CENTRE,
+    JAM_TYPE,
+    KNOWN_AGE,
+    KNOWN_FREQUENCY,
+    SENSED_COVERS,
+    SENSED_TYPE,
+    SNR,
+    SPREADING_TIME,
+)
+from fpg_bench.game.state import ACTION_SIZE, TYPES
+from fpg_bench.players.player import Memory
+from fpg_bench.players.scripted import (
+    BROADBAND,
+    COMB,
+    NARROWBAND,
+    SNR_SCALE,
+    SPACING,
+    TONE,
+    TUNING_SPAN,
+    WATCHFUL,
+    away_m,
+    fitting_type,
+    jam,
+    scenario_scales,
+)
+from fpg_bench.players.seeded import SeededPolicy
+
+SULK, BY_TYPE = range(len(TACTICS["ally"]))
+SCAN, ALTERNATE, GUARD, HERD = range(len(TACTICS["opponent"]))
+
+
+def constants(name: str, scenario: Scenario) -> dict[str, float]:
+    """Return the constants of a script, in the order in which its rule reads them."""
+    threat_db = scenario.script_threat_db
+    known: dict[str, dict[str, float]] = {
+        "sulk": {"below_db": scenario.snr_threshold_db, "patience_hops": 3, "rest_s": 30},
+        "by-type": {"spread_below_db": threat_db, "hop_below_db": threat_db},
+        "scan": {"type": NARROWBAND, "centres": 5, "hold_s": 1},
+        "alternate": {"type": BROADBAND, "centres": 2, "hold_s": 1},
+        "guard": {"comb_m": 89, "beside_mhz": 14, "points": 3},
+        "herd": {"type": BROADBAND, "centres": 2, "hold_s": 1, "moves": 2},
+    }
+    return known[name]
+
+
+@compiled
+def play_ally(
+    kind: int,
+    observations: np.ndarray,
+    actions: np.ndarray,
+    memory: np.ndarray,
+    scales: np.ndarray,
+    constant: np.ndarray,
+) -> None:
+    """Fill the actions of an ally, which flies at full speed and hops by the knowledge base.
+
+    ``memory`` (n, 3): the step, the hops in a row that ended no outage, and the step until which it stays.
+    """
+    for i in range(observations.shape[0]):
+        seen, action = observations[i], actions[i]
+        step, hops, until = memory[i, 0], memory[i, 1], memory[i, 2]
+        snr = seen[SNR] * scales[SNR_SCALE]
+        hop, spread = False, False
+        if kind == SULK:
+            if snr >= constant[0]:
+                hops = 0
+            elif step >= until and hops >= constant[1]:
+                hops, until = 0, step + int(constant[2])
+            elif step >= until:
+                hop = True
+                hops += 1
+        elif seen[SENSED_COVERS] > 0.0:
+            tone = seen[SENSED_TYPE + TONE] > 0.0
+            spread = tone and (snr < constant[0] or seen[SPREADING_TIME] > 0.0)
+            hop = snr < constant[1] and not tone
+        action[:] = 0.0
+        action[0] = 1.0 if hop else -1.0
+        action[1] = 1.0 if spread else -1.0
+        action[2] = 1.0
+        action[4] = action[0]
+        memory[i, 0], memory[i, 1], memory[i, 2] = step + 1, hops, until
+
+
+@compiled
+def play_opponent(
+    kind: int,
+    observations: np.ndarray,
+    actions: np.ndarray,
+    memory: np.ndarray,
+    scales: np.ndarray,
+    constant: np.ndarray,
+) -> None:
+    """Fill the actions of an opponent, which flies at the ally.
+
+    ``memory`` (n, 3): the step, and how often a check found the ally elsewhere than it was jammed.
+    """
+    for i in range(observations.shape[0]):
+        seen, action = observations[i], actions[i]
+        step = memory[i, 0]
+        x, y, z = away_m(seen, scales, 0), away_m(seen, scales, 1), away_m(seen, scales, 2)
+        distance = math.sqrt(x * x + y * y + z * z)
+        checked = seen[KNOWN_AGE] <= 0.0
+        if checked and seen[JAM_TYPE : JAM_TYPE + TYPES].any() and seen[JAM_CENTRE] != seen[KNOWN_FREQUENCY]:
+            memory[i, 1] += 1
+        tuning, in_band = 0.0, False
+        if kind == GUARD and distance < constant[0]:
+            turn = step % int(constant[2]) - (constant[2] - 1.0) / 2.0
+            jamming_type, tuning = COMB, turn * scales[SPACING] / scales[TUNING_SPAN]
+        elif kind == GUARD:
+            jamming_type, tuning = NARROWBAND, constant[1] / scales[TUNING_SPAN]
+        elif kind == HERD and memory[i, 1] < constant[3]:
+            jamming_type = fitting_type(WATCHFUL, seen, distance, scales)
+        else:
+            turn = step // int(constant[2]) % int(constant[1])
+            jamming_type, in_band = int(constant[0]), True
+            tuning = (2.0 * turn + 1.0) / constant[1] - 1.0
+        jam(action, jamming_type, tuning, in_band)
+        reach = max(distance, PURSUIT_M)
+        action[6], action[7], action[8] = x / reach, y / reach, z / reach
+        memory[i, 0] = step + 1
+
+
+class Tactic(SeededPolicy):
+    """A script with memory, compiled over a batch.
+
+    Args:
+        side: ``ally`` or ``opponent``.
+        name: one of ``fpg_bench.common.ids.TACTICS[side]``.
+        scenario: what is played; gives the scales in which observations are read.
+        changes: constants in place of those that :func:`constants` returns.
+
+    Raises:
+        UserError: the script has no such constant.
+    """
+
+    def __init__(self, side: str, name: str, scenario: Scenario, **changes: float) -> None:
+        self.side, self.name = side, name
+        self._kind = TACTICS[side].index(name)
+        known = constants(name, scenario)
+        for key in changes.keys() - known.keys():
+            raise UserError(f"{name}: no constant {key!r}{nearest(key, known)}")
+        self._constants = np.array([float(value) for value in (known | changes).values()])
+        self._scales = scenario_scales(scenario)
+
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
+        count = len(seen)
+        memory = np.zeros((count, 3), np.int64) if state is None else state.copy()
+        if starts is not None:
+            memory[starts] = 0
+        actions = np.empty((count, ACTION_SIZE), np.float32)
+        seen = np.require(seen, np.float32, ("C", "A", "W"))
+        if self.side == "ally":
+            play_ally(self._kind, seen, actions, memory, self._scales, self._constants)
+        else:
+            play_opponent(self._kind, seen, actions, memory, self._scales, self._constants)
+        return actions, memory
+
+    def __repr__(self) -> str:
+        return f"Tactic({self.side!r}, {self.name!r})"

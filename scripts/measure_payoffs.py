@@ -1,0 +1,232 @@
+"""Measure who earns what from whom in a scenario, and what each choice of an agent is worth.
+
+python scripts/measure_payoffs.py [--scenario link] [--matches 100] [--page docs/results/link.md]
+
+Pay-offs: scripts and the zoo's agents of the scenario meet in pursuit. The equilibrium is that of the
+zero-sum game whose pay-off is the ally's reward per step. Levers: the zoo's agents play their public suite
+with one of their choices replaced by a constant. Transfer: agents of ``standard`` play these suites as they
+are. All on evaluation seeds. Each table is put into the page between its marks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import linprog
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.suite import Rival, Suite, load_suite
+from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario, preset
+from fpg_bench.game.state import TYPES
+from fpg_bench.players.player import SIDES, Memory, Player, PlayerSpec
+from fpg_bench.players.registry import as_player
+from fpg_bench.players.seeded import Batched
+
+STANDARD = ("(ally|opponent)-discrete", "ally-population", "(ally|opponent)-scripted", "opponent-pursuit")
+LEAST_SHARE = 0.01  # of a player that the table of the equilibrium names
+Values = dict[int, float]  # of the nine floats, by their index
+
+
+@dataclass(frozen=True)
+class Lever:
+    """One choice of a side, and the constants that may replace it."""
+
+    side: str
+    name: str
+    constants: Mapping[str, Values]
+
+
+def _one_type(kind: int) -> Values:
+    return {index: 1.0 if index == kind else -1.0 for index in range(TYPES)}
+
+
+def levers(scenario: Scenario) -> list[Lever]:
+    """Return the levers of both sides in pursuit."""
+    places = np.linspace(-1, 1, scenario.frequency_points)
+    points = {f"point {k}": {3: float(place), 4: -1.0} for k, place in enumerate(places)}
+    in_band = {f"point {k}": {4: float(place), 5: 1.0} for k, place in enumerate(places)}
+    return [
+        Lever("ally", "hopping", {"never": {0: -1.0}, "always": {0: 1.0}}),
+        Lever("ally", "spreading", {"never": {1: -1.0}, "always": {1: 1.0}}),
+        Lever("ally", "speed", {"least": {2: -1.0}, "mean": {2: 0.0}, "full": {2: 1.0}}),
+        Lever("ally", "point", {"by the knowledge base": {4: 1.0}, **points}),
+        Lever("ally", "knowledge base", {"never": {4: -1.0}}),
+        Lever("opponent", "type", {name: _one_type(kind) for kind, name in enumerate(JAMMING_TYPES)}),
+        Lever("opponent", "tuning", {"known frequency": {4: 0.0, 5: -1.0}, **in_band}),
+    ]
+
+
+class Frozen(Batched):
+    """Player whose actions have some of their nine floats replaced."""
+
+    def __init__(self, player: Player, values: Values) -> None:
+        self._player, self._values = player, values
+        self.reset = getattr(player, "reset", lambda mask, seeds: None)
+
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
+        actions, state = self._player.predict(seen, state, starts)
+        for index, value in self._values.items():
+            actions[:, index] = value
+        return actions, state
+
+
+def mean_reward(player: PlayerSpec, suite: Suite) -> float:
+    """Return the mean reward per step of a player over the rivals of a suite."""
+    return float(np.mean([_reward(player, suite, rival) for rival in suite.rivals]))
+
+
+def _reward(player: PlayerSpec, suite: Suite, rival: Rival) -> float:
+    record = play(player_entry(player, "player"), suite, rival)
+    return float(suite.rewards(record.returns).mean())
+
+
+def payoffs(scenario: Scenario, allies: Sequence[str], opponents: Sequence[str], matches: int) -> np.ndarray:
+    """Return the ally's reward per step ``(allies, opponents)`` in pursuit."""
+    rivals = tuple(Rival(name, (name,), scenario) for name in opponents)
+    suite = Suite("payoffs", "ally", scenario, matches, rivals)
+    return np.array([[_reward(ally, suite, rival) for rival in rivals] for ally in allies])
+
+
+def equilibrium(values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the row player's mixture of a zero-sum game that secures the most, and what it secures.
+
+    Args:
+        values: ``(rows, columns)``, what the row player earns.
+    """
+    rows, columns = values.shape
+    cost = np.append(np.zeros(rows), -1.0)
+    bounds = [(0.0, 1.0)] * rows + [(None, None)]
+    found = linprog(
+        cost,
+        A_ub=np.hstack([-values.T, np.ones((columns, 1))]),
+        b_ub=np.zeros(columns),
+        A_eq=np.append(np.ones(rows), 0.0)[None],
+        b_eq=[1.0],
+        bounds=bounds,
+    )
+    return found.x[:-1], float(found.x[-1])
+
+
+def payoff_table(scenario: Scenario, allies: Sequence[str], opponents: Sequence[str], matches: int) -> str:
+    """Return the pay-offs and the equilibrium as Markdown."""
+    values = payoffs(scenario, allies, opponents, matches)
+    ally_mixture, secured = equilibrium(values)
+    opponent_mixture, _ = equilibrium(-values.T)
+    best = values.max(0)
+    lines = [_row("ally \\ opponent", *opponents), _row(*["---"] * (len(opponents) + 1))]
+    for ally, row in zip(allies, values, strict=True):
+        cells = [
+            f"**{value:.2f}**" if value == top else f"{value:.2f}"
+            for value, top in zip(row, best, strict=True)
+        ]
+        cells[int(row.argmin())] += " ▾"
+        lines.append(_row(ally, *cells))
+    mixtures = ((allies, ally_mixture), (opponents, opponent_mixture))
+    shares = [
+        ", ".join(
+            f"{name} {share:.2f}" for name, share in zip(names, mixture, strict=True) if share > LEAST_SHARE
+        )
+        for names, mixture in mixtures
+    ]
+    note = f"Equilibrium, worth {secured:.2f} to the ally. Allies: {shares[0]}. Opponents: {shares[1]}."
+    return "\n".join([*lines, "", note])
+
+
+def lever_table(scenario: Scenario, suites: Mapping[str, Suite], agents: Mapping[str, Sequence[str]]) -> str:
+    """Return the reward of each side's agents with one lever frozen, as Markdown.
+
+    The cost is the share of the distance between the random player and the agents that is lost.
+    """
+    lines = [_row("side", "frozen", "best constant", "reward per step", "cost"), _row(*["---"] * 5)]
+    for side, suite in suites.items():
+
+        def reward(values: Values, side: str = side, suite: Suite = suite) -> float:
+            frozen = [Frozen(as_player(agent, side, scenario), values) for agent in agents[side]]
+            return float(np.mean([mean_reward(player, suite) for player in frozen]))
+
+        free, zero = reward({}), mean_reward("random", suite)
+        lines.append(_row(side, "nothing", "", f"{free:.2f}", ""))
+        for lever in (one for one in levers(scenario) if one.side == side):
+            rewards = {name: reward(values) for name, values in lever.constants.items()}
+            best = max(rewards, key=rewards.__getitem__)
+            cost = (free - rewards[best]) / (free - zero)
+            lines.append(_row(side, lever.name, best, f"{rewards[best]:.2f}", f"{cost:.1%}"))
+    return "\n".join(lines)
+
+
+def transfer_table(suites: Mapping[str, Suite], agents: Mapping[str, Sequence[str]]) -> str:
+    """Return the scores of players on each side's suite, as Markdown."""
+    lines = [_row("side", "player", "reward per step", "score"), _row(*["---"] * 4)]
+    for side, suite in suites.items():
+        for name in agents[side]:
+            value = mean_reward(name, suite)
+            lines.append(_row(side, f"`{name}`", f"{value:.2f}", f"{suite.scale.score(value):.1f}"))
+    return "\n".join(lines)
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def agents_of(side: str, groups: str) -> list[str]:
+    """Return the shipped agents of the zoo's groups of a side whose names match ``groups``."""
+    return [
+        member.name
+        for member in load_zoo().members()
+        if member.shipped and member.group.side == side and re.fullmatch(groups, member.group.name)
+    ]
+
+
+def main() -> int:
+    """Print the tables, and put them into a page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--scenario", default="link", help="a preset that has public suites of its own")
+    parser.add_argument("--matches", type=int, default=100, help="rounds of each pair")
+    parser.add_argument("--page", type=Path, help="page that the tables are put into")
+    options = parser.parse_args()
+    scenario = preset(options.scenario)
+    suites = {
+        side: replace(load_suite(f"{side}-{options.scenario}-v1"), matches=options.matches) for side in SIDES
+    }
+    own = {side: agents_of(side, f"{side}-{options.scenario}(-.*)?") for side in SIDES}
+    first = {side: [name for name in own[side] if name.endswith("seed_0")] for side in SIDES}
+    strongest = {side: [name for name in own[side] if "/ppo-stack8/" in name] for side in SIDES}
+    players = [[*SCRIPTED[side], *first[side]] for side in SIDES]
+    standard = {side: [*agents_of(side, "|".join(STANDARD)), *SCRIPTED[side]] for side in SIDES}
+    tables = {
+        "payoffs": payoff_table(scenario, *players, options.matches),
+        "levers": lever_table(scenario, suites, strongest),
+        "transfer": transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES}),
+    }
+    for title, text in tables.items():
+        print(f"\n{title}\n\n{text}", flush=True)
+    if options.page:
+        page = options.page.read_text(encoding="utf-8")
+        for title, text in tables.items():
+            marks = rf"(<!-- {title} -->\n).*?(<!-- end -->)"
+            page = re.sub(
+                marks, lambda found, text=text: f"{found[1]}\n{text}\n\n{found[2]}", page, flags=re.DOTALL
+            )
+        write_whole(options.page, page)
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except UserError as error:
+        sys.exit(f"measure_payoffs: {error}")

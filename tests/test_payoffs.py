@@ -1,0 +1,66 @@
+"""The measured pay-offs of a scenario: equilibria of known games, frozen levers, and the page."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.game.scenario import preset
+from fpg_bench.players.registry import as_player
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
+import measure_payoffs
+from measure_payoffs import Frozen, Lever, equilibrium, lever_table, levers, payoff_table
+
+LINK = preset("link")
+SUITE = dataclasses.replace(
+    load_suite("ally-link-v1"), matches=2, rivals=load_suite("ally-link-v1").rivals[:2]
+)
+
+
+@pytest.mark.parametrize(
+    ("values", "mixture", "worth"),
+    [
+        ([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], [1 / 3, 1 / 3, 1 / 3], 0),
+        ([[3, -1], [-2, 1]], [3 / 7, 4 / 7], 1 / 7),
+        ([[2, 5], [1, 9]], [1, 0], 2),
+    ],
+)
+def test_equilibria_of_known_games(values, mixture, worth):
+    found, secured = equilibrium(np.array(values, float))
+    assert found == pytest.approx(mixture, abs=1e-9)
+    assert secured == pytest.approx(worth)
+
+
+def test_the_table_of_payoffs_marks_the_best_answer_and_the_worst_rival():
+    text = payoff_table(LINK, ["idle", "expert"], ["tone", "random"], matches=3)
+    rows = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
+    assert rows["idle"].count("▾") == rows["expert"].count("▾") == 1
+    assert "**" in rows["idle"] + rows["expert"]
+    assert "Allies: " in text.splitlines()[-1]
+
+
+def test_a_frozen_player_does_as_it_did_but_for_the_lever():
+    seen = np.random.default_rng(0).uniform(-1, 1, (6, 15)).astype(np.float32)
+    free = as_player("expert", "ally", LINK).predict(seen)[0]
+    frozen = Frozen(as_player("expert", "ally", LINK), {1: 1.0}).predict(seen)[0]
+    assert (frozen[:, 1] == 1).all()
+    assert np.array_equal(np.delete(frozen, 1, axis=1), np.delete(free, 1, axis=1))
+
+
+def test_a_lever_that_a_player_does_not_use_costs_nothing(monkeypatch):
+    both = [Lever("ally", "spreading", {"never": {1: -1.0}}), Lever("ally", "hopping", {"never": {0: -1.0}})]
+    monkeypatch.setattr(measure_payoffs, "levers", lambda scenario: both)
+    spreading, hopping = lever_table(LINK, {"ally": SUITE}, {"ally": ["expert"]}).splitlines()[-2:]
+    assert "| 0.0% |" in spreading
+    assert "| 0.0% |" not in hopping
+
+
+def test_every_lever_has_constants_and_a_side():
+    assert {lever.side for lever in levers(LINK)} == {"ally", "opponent"}
+    assert all(lever.constants for lever in levers(LINK))
