@@ -39,7 +39,7 @@ class Table(NamedTuple):
         low, high: ``(bins,)`` edges of each bin, the last without an upper one.
         half, spacing, reach, level: ``(4, 1)`` per jamming type: half width of a tooth, distance of teeth,
             farthest centre of a tooth, and level per width that is covered.
-        spread: ``(2,)`` half width of the spread signal, and farthest centre of it.
+        spread: half width of the spread signal.
     """
 
     edges: Any
@@ -93,15 +93,13 @@ class Waterfall:
         width = np.minimum(2 * half, 2 / bins)  # that can be covered in a bin
         teeth = np.maximum(2 / spacing, 1)
         level = np.clip(1 + 10 * np.log10(width / (2 * half * teeth)) / RANGE_DB, 0, 1) / width
-        spread_half = s.spread_bandwidth_mhz / 2 / band_half
-        farthest = max(1 - spread_half, 0) if s.snr_model == "link" else 1
         columns = (np.broadcast_to(each, TYPES)[:, None] for each in (half, spacing, reach, level))
         constants = (
             edges,
             edges[:-1],
             np.append(edges[1:-1], math.inf),
             *columns,
-            [spread_half, farthest],
+            s.spread_bandwidth_mhz / 2 / band_half,
         )
         self.table = Table(*(np.array(each, np.float32) for each in constants))
 
@@ -138,8 +136,7 @@ def waterfall_rows(seen: Any, table: Table) -> Any:
     jamming = (levels * seen[:, SENSED_TYPE : SENSED_TYPE + TYPES, None]).sum(1).clip(0, 1)
 
     frequency = seen[:, OWN_FREQUENCY, None]
-    half, farthest = table.spread[0], table.spread[1]
-    below = (table.edges - frequency.clip(-farthest, farthest)).clip(-half, half)
+    below = (table.edges - frequency).clip(-table.spread, table.spread)
     spread = (below[..., 1:] - below[..., :-1]) / (table.edges[1] - table.edges[0])
     others = jamming - SPREAD_LEVEL * spread * (seen[:, SPREADING_TIME, None] > 0)
     mark = (seen[:, SENSED_COVERS, None] - seen[:, SNR, None] - 2) / 4

@@ -104,7 +104,7 @@ class _Imitation:
         for _ in range(self.length):
             label = np.clip(self._teacher.act(), -1, 1)
             if self._choices is not None:
-                label = self._choices.encode(label, self._core.observations)
+                label = self._choices.encode(label, self._core.numbers)
             all_obs.append(self._obs)
             labels.append(label)
             actions = label.copy()

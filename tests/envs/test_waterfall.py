@@ -82,8 +82,8 @@ def test_the_own_channel_is_negative_deeper_with_snr_and_shallower_where_it_is_c
 def test_a_spread_signal_shows_where_it_is():
     everywhere = row(STANDARD, own_mhz=50.0, spreading=0.1)
     assert everywhere == pytest.approx([*[-0.25] * 10, -0.75, *[-0.25] * 9], abs=1e-6)
-    partly = row(LINK, own_mhz=0.0, spreading=0.1)  # 75 MHz that keep within the band
-    assert partly == pytest.approx([-0.75, *[-0.25] * 14, *[0] * 5], abs=1e-6)
+    partly = row(LINK, own_mhz=42.0, spreading=0.1)  # 75 MHz from 4.5 to 79.5
+    assert partly == pytest.approx([-0.025, *[-0.25] * 7, -0.75, *[-0.25] * 6, -0.225, *[0] * 4], abs=1e-6)
 
 
 def test_the_bins_follow_the_scenario():
