@@ -132,3 +132,11 @@ def test_runs_are_repeatable_and_resume(algorithm, policy_kwargs, tmp_path, monk
     assert (agent / "policy.onnx").read_bytes() == (runs[0] / "policy.onnx").read_bytes()
     with pytest.raises(UserError, match="a waterfall is a stack already; say its history"):
         train_tiny(f"{algorithm}-stack3", tmp_path / "stack", settings(algorithm), **WATERFALL)
+
+
+@pytest.mark.slow
+def test_a_teacher_that_sees_the_numbers_is_imitated_from_the_waterfall(tmp_path):
+    lesson = {"teacher": "idle", "steps": 3000, "learning_rate": 0.003, "batch_size": 128}
+    changes = {"normalize": None, "n_envs": 8, "policy_kwargs": {"net_arch": [32]}, "imitate": lesson}
+    train_tiny("ppo", tmp_path, changes, **WATERFALL)
+    assert json.loads((tmp_path / "run.json").read_text())["imitation_error"] < 0.05  # share of choices
