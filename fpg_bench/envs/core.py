@@ -159,8 +159,7 @@ class SingleAgentGame(Core):
         choices: what the caller chooses from; None where actions are continuous.
         waterfall: what the caller sees; None where it sees the 15 numbers.
         observation_space, action_space: of one game.
-        numbers: ``(N, 15)`` float32, a buffer: the numbers of the caller's side.
-        observations: these, or waterfalls ``(N, history, bins)``, a buffer; copy what you keep.
+        observations: ``(N, 15)`` or ``(N, history, bins)`` float32, a buffer; copy what you keep.
         truncated: ``(N,)`` bool, a buffer.
         policies: SHA-256 of the policies of the other side's agents, by name.
 
@@ -250,8 +249,8 @@ class SingleAgentGame(Core):
     def _bind(self) -> None:
         """Keep the buffers of the caller's side at hand."""
         batch = self.duel.batch
-        self.numbers = batch.ally_observations if self.side == "ally" else batch.opponent_observations
-        self.observations = self.numbers if self.waterfall is None else self._windows
+        self._numbers = batch.ally_observations if self.side == "ally" else batch.opponent_observations
+        self.observations = self._numbers if self.waterfall is None else self._windows
         self.truncated = batch.games["truncated"]
 
     @property
@@ -279,7 +278,7 @@ class SingleAgentGame(Core):
     def _begin(self, mask: np.ndarray) -> None:
         self._runner.begin(mask)
         if self.waterfall is not None:
-            seen = self.numbers[mask]
+            seen = self._numbers[mask]
             self._windows[mask] = self.waterfall.pushed(self.waterfall.empty(len(seen)), seen)
 
     def step(self, actions: np.ndarray) -> None:
@@ -298,7 +297,7 @@ class SingleAgentGame(Core):
         else:
             self.duel.batch.step(other, actions)
         if self.waterfall is not None:
-            self._windows[:] = self.waterfall.pushed(self._windows, self.numbers)
+            self._windows[:] = self.waterfall.pushed(self._windows, self._numbers)
 
     def action_masks(self, game: int = 0) -> np.ndarray:
         """Return the choices that the scenario allows, ``(n,)`` bool, as sb3-contrib's MaskablePPO asks.

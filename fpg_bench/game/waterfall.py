@@ -138,7 +138,7 @@ def waterfall_rows(seen: Any, table: Table) -> Any:
     frequency = seen[:, OWN_FREQUENCY, None]
     below = (table.edges - frequency).clip(-table.spread, table.spread)
     spread = (below[..., 1:] - below[..., :-1]) / (table.edges[1] - table.edges[0])
-    others = jamming - SPREAD_LEVEL * spread * (seen[:, SPREADING_TIME, None] > 0)
+    others = jamming - (seen[:, SPREADING_TIME, None] > 0) * spread * SPREAD_LEVEL
     mark = (seen[:, SENSED_COVERS, None] - seen[:, SNR, None] - 2) / 4
-    is_own = (frequency >= table.low) * (frequency < table.high)
+    is_own = (frequency >= table.low) & (frequency < table.high)
     return is_own * mark + ~is_own * others

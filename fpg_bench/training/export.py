@@ -330,67 +330,61 @@ class _Graph:
 
 
 class _Value:
-    """Value of a graph with those operators of an array that :func:`waterfall_rows` uses.
-
-    Args:
-        graph: which operators are added to.
-        name: of the value.
-        is_bool: true for a mask.
-    """
+    """Value of a graph with those operators of an array that :func:`waterfall_rows` uses."""
 
     __array_ufunc__ = None  # an array on the left leaves the operator to this class
 
-    def __init__(self, graph: _Graph, name: str, is_bool: bool = False) -> None:
-        self.graph, self.name, self.is_bool = graph, name, is_bool
+    def __init__(self, graph: _Graph, name: str) -> None:
+        self.graph, self.name = graph, name
 
-    def _add(self, kind: str, *inputs: Any, is_bool: bool = False, **attributes: Any) -> _Value:
+    def _apply(self, kind: str, *inputs: Any) -> str:
+        """Add an operator to the graph; returns the name of its output."""
         names = [
             each.name if isinstance(each, _Value) else self.graph.constant(np.asarray(each, np.float32))
             for each in inputs
         ]
-        return _Value(self.graph, self.graph.add(kind, *names, **attributes), is_bool)
+        return self.graph.add(kind, *names)
+
+    def _value(self, kind: str, *inputs: Any) -> _Value:
+        return _Value(self.graph, self._apply(kind, *inputs))
+
+    def _mask(self, kind: str, *inputs: Any) -> _Mask:
+        return _Mask(self.graph, self._apply(kind, *inputs))
 
     def __add__(self, other: Any) -> _Value:
-        return self._add("Add", self, other)
+        return self._value("Add", self, other)
 
     def __sub__(self, other: Any) -> _Value:
-        return self._add("Sub", self, other)
+        return self._value("Sub", self, other)
 
     def __rsub__(self, other: Any) -> _Value:
-        return self._add("Sub", other, self)
+        return self._value("Sub", other, self)
 
     def __mul__(self, other: Any) -> _Value:
-        if not self.is_bool:
-            return other * self if getattr(other, "is_bool", False) else self._add("Mul", self, other)
-        if getattr(other, "is_bool", False):
-            return self._add("And", self, other, is_bool=True)
-        return self._add("Where", self, other, 0.0)
+        return self._value("Mul", self, other)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> _Value:
-        return self._add("Div", self, other)
+        return self._value("Div", self, other)
 
     def __floordiv__(self, one: int) -> _Value:
-        return self._add("Floor", self)
+        return self._value("Floor", self)
 
     def __neg__(self) -> _Value:
-        return self._add("Neg", self)
+        return self._value("Neg", self)
 
-    def __invert__(self) -> _Value:
-        return self._add("Not", self, is_bool=True)
+    def __gt__(self, other: Any) -> _Mask:
+        return self._mask("Greater", self, other)
 
-    def __gt__(self, other: Any) -> _Value:
-        return self._add("Greater", self, other, is_bool=True)
+    def __ge__(self, other: Any) -> _Mask:
+        return self._mask("GreaterOrEqual", self, other)
 
-    def __ge__(self, other: Any) -> _Value:
-        return self._add("GreaterOrEqual", self, other, is_bool=True)
-
-    def __lt__(self, other: Any) -> _Value:
-        return self._add("Less", self, other, is_bool=True)
+    def __lt__(self, other: Any) -> _Mask:
+        return self._mask("Less", self, other)
 
     def clip(self, low: Any, high: Any) -> _Value:
-        return self._add("Min", self._add("Max", self, low), high)
+        return self._value("Min", self._value("Max", self, low), high)
 
     def sum(self, axis: int) -> _Value:
         total = self.graph.add("ReduceSum", self.name, self.graph.constant([axis]), keepdims=0)
@@ -407,6 +401,19 @@ class _Value:
         if new:
             name = self.graph.add("Unsqueeze", name, self.graph.constant(list(range(2, 2 + len(new)))))
         return _Value(self.graph, name)
+
+
+class _Mask(_Value):
+    """Value of a graph that is true or false; a product with it is 0 where it is false."""
+
+    def __and__(self, other: Any) -> _Mask:
+        return self._mask("And", self, other)
+
+    def __invert__(self) -> _Mask:
+        return self._mask("Not", self)
+
+    def __mul__(self, other: Any) -> _Value:
+        return self._value("Where", self, other, 0.0)
 
 
 def _rows(name: str, size: int) -> Any:
