@@ -55,7 +55,8 @@ def envs(
         name_all(f"{side} chooses", (f"{k} {name}" for k, name in enumerate(CHOSEN[side])))
     typer.echo(
         "Choices from a list: actions='discrete' or 'multi-discrete', or an id such as "
-        "FPG/AllyVsScriptedDiscrete-v0;\n    fpg-bench envs ID lists them."
+        "FPG/AllyVsScriptedDiscrete-v0;\n    fpg-bench envs ID lists them.\n"
+        "The ally's spectrum in place of the numbers: observation='waterfall'."
     )
 
 

@@ -22,10 +22,12 @@ from fpg_bench.cli.options import (
     BackendOption,
     CallsOption,
     DeadlineOption,
+    HistoryOption,
     HyperparamsOption,
     JammingTypesOption,
     JobsOption,
     KnowledgeOption,
+    ObservationOption,
     PathOption,
     PlannerOption,
     PlayersOption,
@@ -128,6 +130,8 @@ def train(
     knowledge: KnowledgeOption = None,
     jamming_types: JammingTypesOption = None,
     actions: ActionsOption = None,
+    observation: ObservationOption = None,
+    history: HistoryOption = None,
     n_jobs: JobsOption = 2,
     backend: BackendOption = "loky",
     address: AddressOption = None,
@@ -165,6 +169,8 @@ def train(
         jamming_types=listed(jamming_types),
         reward=reward,
         actions=actions,
+        observation=observation,
+        history=history,
     )
     if against == ZOO and opponent is None and ally is None:
         mixture = load_zoo().mixture(env_id, game.path, game.scenario)

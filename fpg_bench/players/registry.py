@@ -10,7 +10,7 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import NAMED, SCRIPTED, TACTICS, other_side
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.choosing import with_floats
+from fpg_bench.players.choosing import as_model_player
 from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
@@ -37,7 +37,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     """
     if not isinstance(spec, str | os.PathLike):
         if callable(getattr(spec, "predict", None)):
-            return with_floats(spec, side, scenario)
+            return as_model_player(spec, side, scenario)
         raise UserError(f"{side}: expected a player's name or an object with predict, got {spec!r}")
     name = os.fspath(spec)
     if variant := _VARIANT.fullmatch(name):
