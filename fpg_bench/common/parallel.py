@@ -7,6 +7,7 @@ import contextlib
 import functools
 import logging
 import multiprocessing
+import multiprocessing.resource_tracker
 import os
 import signal
 import socket
@@ -213,7 +214,10 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
     need("evaluate", "joblib")
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky import get_reusable_executor
+    from joblib.externals.loky.backend import resource_tracker
 
+    for tracker in (multiprocessing.resource_tracker, resource_tracker):
+        tracker.ensure_running()  # now: it lets Ctrl-C through when it has started, and workers inherit that
     with parallel_config(backend="loky", n_jobs=n_jobs, inner_max_num_threads=1):
         parallel = Parallel(
             return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1, max_nbytes=None
