@@ -124,10 +124,8 @@ def _check_same(folder: Path, recipe: dict[str, Any]) -> None:
             f"{where}: was begun by fpg-bench {known.get('version')}, this is {recipe['version']}; "
             "delete it, or choose another folder"
         )
-    if different := [key for key in recipe if known.get(key) != recipe[key]]:
-        specs = [each.get("spec") for each in (known, recipe)]
-        if different == ["spec"] and isinstance(specs[0], dict):
-            different = [key for key in specs[1] if specs[0].get(key) != specs[1][key]]
+    before, now = ({**each.get("spec", {}), **each, "spec": None} for each in (known, recipe))
+    if different := [key for key, value in now.items() if before.get(key) != value]:
         raise UserError(f"{where}: has another {', '.join(different)}; delete it, or choose another folder")
 
 

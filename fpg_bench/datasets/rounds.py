@@ -48,7 +48,7 @@ def round_digest(observations: np.ndarray, actions: np.ndarray, rewards: np.ndar
     """Return the SHA-256 of one round: its observations, actions and rewards, as little-endian bytes."""
     digest = hashlib.sha256()
     for array in (observations, actions, rewards):
-        digest.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")))
+        digest.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
     return digest.digest()
 
 
