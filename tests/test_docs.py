@@ -30,6 +30,7 @@ RUN = [
         *(
             "guides/beat-reactive",
             "guides/benchmark",
+            "guides/datasets",
             "guides/frameworks",
             "guides/language-model",
             "guides/opponent",

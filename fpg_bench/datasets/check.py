@@ -126,6 +126,7 @@ def _compare(spec: DatasetSpec, episodes: list[minari.EpisodeData], where: str) 
     played = play_rounds(spec, [spec.first_seed + int(episode.id) for episode in episodes])
     for k, episode in enumerate(episodes):
         for name in _ARRAYS:
-            now = getattr(played, name)[k]
-            if not np.array_equal(getattr(episode, name), now):
-                raise UserError(f"{where}: round {episode.id}: {name} are not those that its seed gives")
+            kept, now = getattr(episode, name), getattr(played, name)[k]
+            if not np.array_equal(kept, now):
+                by = f" (by up to {np.abs(kept - now).max():.1g})" if kept.shape == now.shape else ""
+                raise UserError(f"{where}: round {episode.id}: {name} are not those that its seed gives{by}")
