@@ -35,6 +35,7 @@ from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import Batched
 
 STANDARD = ("(ally|opponent)-discrete", "ally-population", "(ally|opponent)-scripted", "opponent-pursuit")
+BEST_SCRIPTS = {"ally": ["by-type"], "opponent": ["watchful"]}
 LEAST_SHARE = 0.01  # of a player that the table of the equilibrium names
 Values = dict[int, float]  # of the nine floats, by their index
 
@@ -94,11 +95,13 @@ def _reward(player: PlayerSpec, suite: Suite, rival: Rival) -> float:
     return float(suite.rewards(record.returns).mean())
 
 
-def payoffs(scenario: Scenario, allies: Sequence[str], opponents: Sequence[str], matches: int) -> np.ndarray:
-    """Return the ally's reward per step ``(allies, opponents)`` in pursuit."""
-    rivals = tuple(Rival(name, (name,), scenario) for name in opponents)
+def payoffs(
+    scenario: Scenario, allies: Mapping[str, str], opponents: Mapping[str, str], matches: int
+) -> np.ndarray:
+    """Return the ally's reward per step ``(allies, opponents)`` in pursuit, of players by their labels."""
+    rivals = tuple(Rival(label, (name,), scenario) for label, name in opponents.items())
     suite = Suite("payoffs", "ally", scenario, matches, rivals)
-    return np.array([[_reward(ally, suite, rival) for rival in rivals] for ally in allies])
+    return np.array([[_reward(ally, suite, rival) for rival in rivals] for ally in allies.values()])
 
 
 def equilibrium(values: np.ndarray) -> tuple[np.ndarray, float]:
@@ -121,7 +124,9 @@ def equilibrium(values: np.ndarray) -> tuple[np.ndarray, float]:
     return found.x[:-1], float(found.x[-1])
 
 
-def payoff_table(scenario: Scenario, allies: Sequence[str], opponents: Sequence[str], matches: int) -> str:
+def payoff_table(
+    scenario: Scenario, allies: Mapping[str, str], opponents: Mapping[str, str], matches: int
+) -> str:
     """Return the pay-offs and the equilibrium as Markdown."""
     values = payoffs(scenario, allies, opponents, matches)
     ally_mixture, secured = equilibrium(values)
@@ -196,6 +201,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenario", default="link", help="a preset that has public suites of its own")
     parser.add_argument("--matches", type=int, default=100, help="rounds of each pair")
+    for side in SIDES:
+        text = f"LABEL=FOLDER of one more {side} of the pay-offs, a best response for instance"
+        parser.add_argument(f"--{side}", action="append", default=[], metavar="LABEL=FOLDER", help=text)
     parser.add_argument("--page", type=Path, help="page that the tables are put into")
     options = parser.parse_args()
     scenario = preset(options.scenario)
@@ -205,11 +213,16 @@ def main() -> int:
     own = {side: agents_of(side, f"{side}-{options.scenario}(-.*)?") for side in SIDES}
     first = {side: [name for name in own[side] if name.endswith("seed_0")] for side in SIDES}
     strongest = {side: [name for name in own[side] if "/ppo-stack8/" in name] for side in SIDES}
-    players = [[*SCRIPTED[side], *first[side]] for side in SIDES]
+    players = [
+        {name: name for name in (*SCRIPTED[side], *first[side])}
+        | dict(word.split("=", 1) for word in getattr(options, side))
+        for side in SIDES
+    ]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *SCRIPTED[side]] for side in SIDES}
     tables = {
         "payoffs": payoff_table(scenario, *players, options.matches),
         "levers": lever_table(scenario, suites, strongest),
+        "script levers": lever_table(scenario, suites, BEST_SCRIPTS),
         "transfer": transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES}),
     }
     for title, text in tables.items():

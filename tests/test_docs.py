@@ -26,7 +26,12 @@ RUN = [
     DOCS / f"{page}.md"
     for page in (
         *("start/first-game", "start/train-compare-enter"),
-        *("environments/discrete-actions", "environments/knowledge-base", "environments/scenario"),
+        *(
+            "environments/discrete-actions",
+            "environments/knowledge-base",
+            "environments/scenario",
+            "environments/waterfall",
+        ),
         *(
             "guides/beat-reactive",
             "guides/benchmark",

@@ -38,10 +38,12 @@ def test_equilibria_of_known_games(values, mixture, worth):
 
 
 def test_the_table_of_payoffs_marks_the_best_answer_and_the_worst_rival():
-    text = payoff_table(LINK, ["idle", "expert"], ["tone", "random"], matches=3)
+    text = payoff_table(
+        LINK, {"idle": "idle", "mine": "expert"}, {"tone": "tone", "random": "random"}, matches=3
+    )
     rows = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
-    assert rows["idle"].count("▾") == rows["expert"].count("▾") == 1
-    assert "**" in rows["idle"] + rows["expert"]
+    assert rows["idle"].count("▾") == rows["mine"].count("▾") == 1
+    assert "**" in rows["idle"] + rows["mine"]
     assert "Allies: " in text.splitlines()[-1]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from fpg_bench.common.ids import ACTION_MODES, ENVS, NAMED, id_with
@@ -46,7 +47,7 @@ def complete_algorithm(incomplete: str) -> list[str]:
     from fpg_bench.players.agent import baselines_folder
 
     names = (path.stem for path in (baselines_folder() / "hyperparams").glob("*.yml"))
-    return _beginning(incomplete, (name for name in names if not name.endswith(("-learned", "-discrete"))))
+    return _beginning(incomplete, (name for name in names if not re.search("-(learned|discrete)", name)))
 
 
 def _beginning(incomplete: str, names: Iterable[str]) -> list[str]:

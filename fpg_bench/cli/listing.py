@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +16,8 @@ from fpg_bench.common.output import print_line
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.suite import Suite
-    from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup
+    from fpg_bench.evaluation.summary import Summary
+    from fpg_bench.evaluation.zoo import ZooAgent
 
 
 def envs(
@@ -55,7 +56,8 @@ def envs(
         name_all(f"{side} chooses", (f"{k} {name}" for k, name in enumerate(CHOSEN[side])))
     typer.echo(
         "Choices from a list: actions='discrete' or 'multi-discrete', or an id such as "
-        "FPG/AllyVsScriptedDiscrete-v0;\n    fpg-bench envs ID lists them."
+        "FPG/AllyVsScriptedDiscrete-v0;\n    fpg-bench envs ID lists them.\n"
+        "The ally's spectrum in place of the numbers: observation='waterfall'."
     )
 
 
@@ -76,12 +78,16 @@ def _print_choices(env_id: str, path: str | None) -> None:
             typer.echo(f"{index:5}  {name:{width}}  {' '.join(f'{value:5.2f}' for value in row)}")
 
 
-def zoo() -> None:
+def zoo(
+    every: Annotated[bool, typer.Option("--all", help="A line per training seed.")] = False,
+) -> None:
     """List the shipped agents with their training steps and scores, and check their files.
 
     Example: fpg-bench zoo
     """
     need("evaluate", "scipy")
+    from fpg_bench.evaluation.suite import load_suite
+    from fpg_bench.evaluation.summary import summarise
     from fpg_bench.evaluation.zoo import load_zoo
 
     shipped = load_zoo()
@@ -89,30 +95,38 @@ def zoo() -> None:
     if not members:
         typer.echo("no agents are shipped; python scripts/train_zoo.py trains them")
         return
-    typer.echo(f"{'agent':36} {'steps':>12} {'score':>7}  policy")
+    typer.echo(f"{'agent':40} {'seeds':>5} {'steps':>10} {'score':>6} {'95 % interval':>14}  suite")
     for group in shipped.groups:
-        scores = _scores(shipped, group)
-        for member in members:
-            if member.group == group:
-                typer.echo(_line(member, scores.get((member.algorithm, member.seed))))
+        suite = load_suite(group.suites[0])
+        summaries = {s.entry: s for s in summarise(shipped.read_records(group, suite), suite)}
+        for algorithm in group.steps:
+            own = [m for m in members if m.group == group and m.algorithm == algorithm]
+            if own:
+                for line in _lines(own, summaries.get(algorithm), every):
+                    typer.echo(f"{line}  {suite.name}")
+    damaged = [member.name for member in members if not member.is_whole()]
+    for name in damaged:
+        typer.echo(f"CHANGED: {name}: not the policy that agent.json describes")
     size = sum(file.stat().st_size for member in members for file in member.folder.iterdir())
-    typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; scores over the first suite of its environment")
+    whole = "all policies are whole" if not damaged else f"{len(damaged)} policies are changed"
+    typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; {whole}")
 
 
-def _scores(shipped: Zoo, group: ZooGroup) -> dict[tuple[str, int | None], float]:
-    """Return the score of each agent of an environment over its public suite, by algorithm and seed."""
-    from fpg_bench.evaluation.suite import load_suite
-    from fpg_bench.evaluation.summary import summarise
+def _lines(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[str]:
+    """Yield a line for an algorithm's training seeds together, or one for each."""
+    from fpg_bench.evaluation.table import bounds, number
 
-    suite = load_suite(group.suites[0])
-    summaries = summarise(shipped.read_records(group, suite), suite)
-    return {(s.entry, seed): score for s in summaries for seed, score in s.seed_scores().items()}
-
-
-def _line(member: ZooAgent, score: float | None) -> str:
-    state = "whole" if member.is_whole() else "CHANGED: not the file that agent.json describes"
-    mean = "-" if score is None else f"{score:.1f}"
-    return f"{member.name:36} {member.about()['training_steps']:12,} {mean:>7}  {state}"
+    steps = agents[0].about()["training_steps"]
+    if not every:
+        name = f"{agents[0].group.name}/{agents[0].algorithm}"
+        score, interval = "-", "-"
+        if summary is not None:
+            score, interval = number(summary.score.value), bounds(summary.score)
+        yield f"{name:40} {len(agents):5} {steps:10,} {score:>6} {interval:>14}"
+        return
+    scores = {} if summary is None else summary.seed_scores()
+    for agent in agents:
+        yield f"{agent.name:40} {'':5} {steps:10,} {number(scores.get(agent.seed)):>6} {'':14}"
 
 
 def players() -> None:

@@ -87,6 +87,15 @@ ActionsOption = Annotated[
     ),
 ]
 
+ObservationOption = Annotated[
+    str | None,
+    typer.Option(help="What the ally sees: numbers or waterfall. Default: numbers.", rich_help_panel=GAME),
+]
+
+HistoryOption = Annotated[
+    int | None, typer.Option(min=1, help="Rows of the waterfall. Default: 16.", rich_help_panel=GAME)
+]
+
 HyperparamsOption = Annotated[
     Path | None,
     typer.Option(

@@ -6,7 +6,7 @@ import dataclasses
 import re
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,10 +22,12 @@ from fpg_bench.cli.options import (
     BackendOption,
     CallsOption,
     DeadlineOption,
+    HistoryOption,
     HyperparamsOption,
     JammingTypesOption,
     JobsOption,
     KnowledgeOption,
+    ObservationOption,
     PathOption,
     PlannerOption,
     PlayersOption,
@@ -128,6 +130,8 @@ def train(
     knowledge: KnowledgeOption = None,
     jamming_types: JammingTypesOption = None,
     actions: ActionsOption = None,
+    observation: ObservationOption = None,
+    history: HistoryOption = None,
     n_jobs: JobsOption = 2,
     backend: BackendOption = "loky",
     address: AddressOption = None,
@@ -165,6 +169,8 @@ def train(
         jamming_types=listed(jamming_types),
         reward=reward,
         actions=actions,
+        observation=observation,
+        history=history,
     )
     if against == ZOO and opponent is None and ally is None:
         mixture = load_zoo().mixture(env_id, game.path, game.scenario)
@@ -336,28 +342,41 @@ def best_response(
             help="zero_sum: lower the player's return; own: raise the response's.", rich_help_panel=TRAINING
         ),
     ] = "zero_sum",
+    actions: ActionsOption = None,
+    search: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Number of scripts with random constants to try, too.", rich_help_panel=TRAINING
+        ),
+    ] = 0,
+    full: Annotated[
+        bool,
+        typer.Option(
+            help="The full recipe instead: SAC, PPO with frames in both action modes and from the strongest, "
+            "two seeds each, and a search; about an hour.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = False,
 ) -> None:
     """Train best responses to a fixed player and report its return against each.
 
     Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
     """
     check_writable(out)
+    from fpg_bench.training.league import FULL_RECIPE, response_label
     from fpg_bench.training.league import best_responses as respond
-    from fpg_bench.training.league import response_label
 
-    row = respond(
-        agent,
-        out,
-        steps=[whole_number(word) for word in steps.split(",")],
-        n_seeds=n_seeds,
-        algorithm=algorithm.split(","),
-        start=start.split(","),
-        hyperparams=hyperparams,
-        side=side,
-        scenario=scenario,
-        path=listed(path),
-        reward=reward,
-    )
+    recipe: dict[str, Any] = {
+        "steps": [whole_number(word) for word in steps.split(",")],
+        "n_seeds": n_seeds,
+        "algorithm": algorithm.split(","),
+        "start": start.split(","),
+        "hyperparams": hyperparams,
+        "actions": actions,
+        "search": search,
+    }
+    for one in [{"n_seeds": 2, **each} for each in FULL_RECIPE] if full else [recipe]:
+        row = respond(agent, out, side=side, scenario=scenario, path=listed(path), reward=reward, **one)
     for response in row["responses"]:
         print_line(
             f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}"

@@ -75,7 +75,7 @@ def play_rounds(spec: DatasetSpec, seeds: Sequence[int] | np.ndarray) -> Rounds:
             (spec.other_side, spec.rivals, rng.PLAYER_CHOICE),
         )
     }
-    seen = batch.ally_observations if side == "ally" else batch.opponent_observations
+    seen = runners[side].observations
     steps = scenario.steps_per_round
     observations = np.empty((count, steps + 1, OBSERVATION_SIZE), np.float32)
     actions = np.empty(

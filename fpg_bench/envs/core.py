@@ -18,6 +18,7 @@ from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.game.waterfall import HISTORY, Waterfall
 from fpg_bench.planning import LLM_CONTROLS, Planner, as_planner
 from fpg_bench.planning.planner import planner_name
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
@@ -26,6 +27,7 @@ from fpg_bench.players.population import with_members
 from fpg_bench.players.registry import as_player, player_name, policy_hash
 
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
+OBSERVATIONS = ("numbers", "waterfall")
 
 
 class GameOptions(CommonOptions, total=False):
@@ -35,17 +37,23 @@ class GameOptions(CommonOptions, total=False):
     ally: PlayerSpec | Sequence[PlayerSpec] | None
     reward: str | None
     actions: str | None
+    observation: str | None
+    history: int | None
 
 
-def observation_space() -> spaces.Box:
-    """Observation space of either side: ``Box(-1, 1, (15,), float32)``.
+def observation_space(waterfall: Waterfall | None = None) -> spaces.Box:
+    """Observation space of either side: ``Box(-1, 1, (15,), float32)``, or that of a waterfall.
 
     Both sides see their own position (0-2) and the other's position relative to it (3-5). The ally sees its
     frequency, its spreading time, its SNR, and centre, type (10-13) and cover of the sensed jamming. The
     opponent sees the frequency that it knows, its age, the time to the next check, centre and type (10-13)
     of its own jamming, and the result of the last check. ``fpg_bench.game.names.OBSERVED`` names each.
+
+    Args:
+        waterfall: of the ally; None for the 15 numbers.
     """
-    return spaces.Box(-1.0, 1.0, (OBSERVATION_SIZE,), np.float32)
+    shape = (OBSERVATION_SIZE,) if waterfall is None else waterfall.shape
+    return spaces.Box(-1.0, 1.0, shape, np.float32)
 
 
 def action_space(choices: Choices | None = None) -> spaces.Space[Any]:
@@ -141,14 +149,17 @@ class SingleAgentGame(Core):
         reward: ``own`` (None), the reward of the rules, or ``zero_sum``, ``jamming``, ``overlap``,
             ``ally_cost``; see :func:`compute_reward`.
         actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``; None takes that of the id.
+        observation: what the ally sees: its 15 ``numbers`` (None), or a spectrum ``waterfall``.
+        history: number of rows of the waterfall; None: 16.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
 
     Attributes:
         config: the configuration of the id.
         duel: the games of both sides.
         choices: what the caller chooses from; None where actions are continuous.
+        waterfall: what the caller sees; None where it sees the 15 numbers.
         observation_space, action_space: of one game.
-        observations: ``(N, 15)`` float32, a buffer; copy what you keep.
+        observations: ``(N, 15)`` or ``(N, history, bins)`` float32, a buffer; copy what you keep.
         truncated: ``(N,)`` bool, a buffer.
         policies: SHA-256 of the policies of the other side's agents, by name.
 
@@ -170,6 +181,8 @@ class SingleAgentGame(Core):
         jamming_types: Sequence[str] | None = None,
         reward: str | None = None,
         actions: str | None = None,
+        observation: str | None = None,
+        history: int | None = None,
         threads: int | None = None,
         **unknown: object,
     ) -> None:
@@ -202,7 +215,9 @@ class SingleAgentGame(Core):
         self.duel = TwoPlayerBatch(played, games, self.planner, threads, modes)
         self.scenario, self.count = played, self.duel.count
         self.choices = self.duel.choices[self.side]
-        self.observation_space, self.action_space = observation_space(), action_space(self.choices)
+        self.waterfall = self._waterfall(observation, history)
+        self.observation_space = observation_space(self.waterfall)
+        self.action_space = action_space(self.choices)
         self._runner = PolicyRunner(other_side, self._others(), self.duel.batch)
         hashes = map(policy_hash, self._runner.players)
         self.policies = {
@@ -210,12 +225,32 @@ class SingleAgentGame(Core):
             for spec, policy in zip(self.other_specs, hashes, strict=True)
             if policy is not None
         }
+        if self.waterfall is not None:
+            self._windows = self.waterfall.empty(self.count)
         self._bind()
+
+    def _waterfall(self, observation: str | None, history: int | None) -> Waterfall | None:
+        """Return the waterfall that the caller asks for; None for the 15 numbers."""
+        if observation not in (None, *OBSERVATIONS):
+            raise UserError(
+                f"observation: expected one of {', '.join(OBSERVATIONS)}, got {observation!r}"
+                f"{nearest(str(observation), OBSERVATIONS)}"
+            )
+        if observation != "waterfall":
+            if history is not None:
+                raise UserError("history: counts the rows of a waterfall; add observation='waterfall'")
+            return None
+        if self.side != "ally":
+            raise UserError(
+                f"observation: the waterfall is the ally's; in {self.config.id} you play the opponent"
+            )
+        return Waterfall(self.scenario, HISTORY if history is None else history)
 
     def _bind(self) -> None:
         """Keep the buffers of the caller's side at hand."""
         batch = self.duel.batch
-        self.observations = batch.ally_observations if self.side == "ally" else batch.opponent_observations
+        self._numbers = batch.ally_observations if self.side == "ally" else batch.opponent_observations
+        self.observations = self._numbers if self.waterfall is None else self._windows
         self.truncated = batch.games["truncated"]
 
     @property
@@ -242,6 +277,9 @@ class SingleAgentGame(Core):
 
     def _begin(self, mask: np.ndarray) -> None:
         self._runner.begin(mask)
+        if self.waterfall is not None:
+            seen = self._numbers[mask]
+            self._windows[mask] = self.waterfall.pushed(self.waterfall.empty(len(seen)), seen)
 
     def step(self, actions: np.ndarray) -> None:
         """Play one step with the caller's actions; the other side's player chooses its own.
@@ -258,6 +296,8 @@ class SingleAgentGame(Core):
             self.duel.batch.step(actions, other)
         else:
             self.duel.batch.step(other, actions)
+        if self.waterfall is not None:
+            self._windows[:] = self.waterfall.pushed(self._windows, self._numbers)
 
     def action_masks(self, game: int = 0) -> np.ndarray:
         """Return the choices that the scenario allows, ``(n,)`` bool, as sb3-contrib's MaskablePPO asks.

@@ -21,7 +21,8 @@ class FPGEnv(gymnasium.Env):
     A step lasts one second.
 
     **Observation space**: ``Box(-1, 1, (15,), float32)``; see
-    :func:`fpg_bench.envs.core.observation_space`.
+    :func:`fpg_bench.envs.core.observation_space`. With ``observation="waterfall"`` the ally sees
+    ``Box(-1, 1, (history, bins), float32)`` instead; see :class:`fpg_bench.game.waterfall.Waterfall`.
 
     **Action space**: ``Box(-1, 1, (9,), float32)``; see :func:`fpg_bench.envs.core.action_space`. Values
     beyond the bounds are clipped; NaN and infinity are refused. With ``actions="discrete"`` (and the ids

@@ -162,8 +162,8 @@ def make_sb3(
 ) -> FPGVecEnv:
     """Make a native SB3 ``VecEnv`` of N games of an id.
 
-    Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1] or choices from a list, rewards
-    ``(N,)`` float32.
+    Observations are ``(N, 15)`` float32 or a waterfall, actions ``(N, 9)`` floats in [-1, 1] or choices from
+    a list, rewards ``(N,)`` float32.
 
     Args:
         env_id: ``FPG/AllyVsScripted-v0`` and the like.
@@ -173,7 +173,7 @@ def make_sb3(
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
         **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`: ``scenario``, ``opponent`` or
             ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``reward``, ``actions``,
-            ``threads``.
+            ``observation``, ``history``, ``threads``.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.

@@ -28,7 +28,7 @@ def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) 
     The link's worth is the SNR up to the cap or, in the model ``link``, the utility of its rate. There a hop
     leaves a part of the step without a link, and flying costs the third power of the speed, as the parasitic
     drag of a rotary wing does (Zeng, Xu and Zhang, "Energy minimization for wireless communication with
-    rotary-wing UAV", IEEE Trans. Wireless Commun. 18(4), 2019).
+    rotary-wing UAV", IEEE Transactions on Wireless Communications 18(4), 2019).
     """
     hop = rules.hop_cost if game.hopped else 0.0
     near = rules.distance_reward if game.distance_m < rules.distance_reward_m else 0.0

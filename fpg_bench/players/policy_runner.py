@@ -31,6 +31,7 @@ class PolicyRunner:
             draw the same numbers.
 
     Attributes:
+        observations: ``(N, 15)`` float32 of the side, the batch's buffer.
         choice: ``(N,)`` int64, the index of the player that plays in each game.
     """
 
@@ -42,7 +43,7 @@ class PolicyRunner:
         self.choice = np.zeros(batch.count, np.int64)
         self._batch = batch
         self._purpose = purpose
-        self._observations = batch.ally_observations if side == "ally" else batch.opponent_observations
+        self.observations = batch.ally_observations if side == "ally" else batch.opponent_observations
         self._abilities = [Abilities.of(player) for player in self.players]
         self._callers = np.array([self._caller(index) for index in range(len(self.players))])
         self._memories: list[Memory] = [None] * len(self.players)
@@ -110,7 +111,7 @@ class PolicyRunner:
     def _predict(self, index: int, rows: np.ndarray | None) -> np.ndarray:
         """Call a player for the games ``rows`` if it has ``predict_rows``, otherwise for all games."""
         player, abilities = self.players[index], self._abilities[index]
-        seen = full_state(self._batch) if abilities.sees_state else self._observations
+        seen = full_state(self._batch) if abilities.sees_state else self.observations
         arguments = (seen, self._memories[index], self._starts, True)
         count = self._batch.count
         try:

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import NAMED, SCRIPTED, TACTICS, other_side
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.choosing import with_floats
+from fpg_bench.players.choosing import as_model_player
 from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
 from fpg_bench.players.tactics import Tactic
+
+_VARIANT = re.compile(r"([a-z-]+)\((.*)\)")
 
 
 def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     """Return the player that ``spec`` names.
 
     Args:
-        spec: a script (``expert``), a learner (``ucb``), ``oracle``, a shipped agent
+        spec: a script (``expert``), a script with memory and other constants than its own
+            (``alternate(centres=3)``), a learner (``ucb``), ``oracle``, a shipped agent
             (``ally-scripted/ppo/seed_0``), an agent folder, a member of a suite (``suite:NAME/MEMBER``),
             ``package.module:object`` (a player, or a class or function that makes one, called with the
             scenario if it takes an argument), or any object with ``predict``. Whole numbers that a model
@@ -33,9 +37,11 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     """
     if not isinstance(spec, str | os.PathLike):
         if callable(getattr(spec, "predict", None)):
-            return with_floats(spec, side, scenario)
+            return as_model_player(spec, side, scenario)
         raise UserError(f"{side}: expected a player's name or an object with predict, got {spec!r}")
     name = os.fspath(spec)
+    if variant := _VARIANT.fullmatch(name):
+        return _script_with(variant[1], variant[2], side, scenario)
     if name in TACTICS[side]:
         return Tactic(side, name, scenario)
     if name in SCRIPTED[side]:
@@ -58,6 +64,20 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     if name in NAMED[other_side(side)]:
         raise UserError(f"unknown {side} {name!r}: it plays the {other_side(side)}")
     raise UserError(f"unknown {side} {name!r}{nearest(name, [*NAMED[side], *ORACLES])}")
+
+
+def _script_with(name: str, values: str, side: str, scenario: Scenario) -> Tactic:
+    """Return a script with the constants of a text such as ``centres=3, hold_s=2``."""
+    if name not in TACTICS[side]:
+        raise UserError(f"{side} {name!r}: no script with constants{nearest(name, TACTICS[side])}")
+    changes = {}
+    for text in filter(None, map(str.strip, values.split(","))):
+        key, _, number = text.partition("=")
+        try:
+            changes[key.strip()] = float(number)
+        except ValueError:
+            raise UserError(f"{name}: expected NAME=NUMBER, got {text!r}") from None
+    return Tactic(side, name, scenario, **changes)
 
 
 def policy_hash(player: object) -> str | None:

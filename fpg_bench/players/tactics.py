@@ -6,6 +6,7 @@ Their constants can be changed, so that a search can look for the worst of a fam
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,18 +47,61 @@ SULK, BY_TYPE = range(len(TACTICS["ally"]))
 SCAN, ALTERNATE, GUARD, HERD = range(len(TACTICS["opponent"]))
 
 
-def constants(name: str, scenario: Scenario) -> dict[str, float]:
+@dataclass(frozen=True)
+class Constant:
+    """A constant of a script, with the least and the greatest value that it may take."""
+
+    default: float
+    low: float
+    high: float
+    is_whole: bool = False
+
+
+def constants(name: str, scenario: Scenario) -> dict[str, Constant]:
     """Return the constants of a script, in the order in which its rule reads them."""
-    threat_db = scenario.script_threat_db
-    known: dict[str, dict[str, float]] = {
-        "sulk": {"below_db": scenario.snr_threshold_db, "patience_hops": 3, "rest_s": 30},
-        "by-type": {"spread_below_db": threat_db, "hop_below_db": threat_db},
-        "scan": {"type": NARROWBAND, "centres": 5, "hold_s": 1},
-        "alternate": {"type": BROADBAND, "centres": 2, "hold_s": 1},
-        "guard": {"comb_m": 89, "beside_mhz": 14, "points": 3},
-        "herd": {"type": BROADBAND, "centres": 2, "hold_s": 1, "moves": 2},
+    threat = Constant(scenario.script_threat_db, -10, 60)
+    centres, hold = Constant(2, 1, 15, True), Constant(1, 1, 10, True)
+    known = {
+        "sulk": {
+            "below_db": Constant(scenario.snr_threshold_db, -10, 60),
+            "patience_hops": Constant(3, 1, 20, True),
+            "rest_s": Constant(30, 1, 300, True),
+        },
+        "by-type": {"spread_below_db": threat, "hop_below_db": threat},
+        "scan": {
+            "type": Constant(NARROWBAND, 0, TYPES - 1, True),
+            "centres": replace(centres, default=5),
+            "hold_s": hold,
+        },
+        "alternate": {"type": Constant(BROADBAND, 0, TYPES - 1, True), "centres": centres, "hold_s": hold},
+        "guard": {
+            "comb_m": Constant(89, 0, 1000),
+            "beside_mhz": Constant(14, -50, 50),
+            "points": Constant(3, 1, 15, True),
+        },
+        "herd": {
+            "type": Constant(BROADBAND, 0, TYPES - 1, True),
+            "centres": centres,
+            "hold_s": hold,
+            "moves": Constant(2, 1, 20, True),
+        },
     }
     return known[name]
+
+
+def draw_variants(side: str, count: int, scenario: Scenario, seed: int = 0) -> list[str]:
+    """Return the names of so many scripts of a side with constants drawn at random, each script in turn."""
+    rng, names = np.random.default_rng(seed), TACTICS[side]
+    variants = []
+    for name in (names[i % len(names)] for i in range(count)):
+        values = {
+            key: rng.integers(int(each.low), int(each.high) + 1)
+            if each.is_whole
+            else rng.uniform(each.low, each.high)
+            for key, each in constants(name, scenario).items()
+        }
+        variants.append(f"{name}({', '.join(f'{key}={value:.4g}' for key, value in values.items())})")
+    return variants
 
 
 @compiled
@@ -144,19 +188,26 @@ class Tactic(SeededPolicy):
         side: ``ally`` or ``opponent``.
         name: one of ``fpg_bench.common.ids.TACTICS[side]``.
         scenario: what is played; gives the scales in which observations are read.
-        changes: constants in place of those that :func:`constants` returns.
+        changes: constants in place of the default ones of :func:`constants`.
 
     Raises:
-        UserError: the script has no such constant.
+        UserError: the script has no such constant, or it may not take this value.
     """
 
     def __init__(self, side: str, name: str, scenario: Scenario, **changes: float) -> None:
         self.side, self.name = side, name
         self._kind = TACTICS[side].index(name)
         known = constants(name, scenario)
-        for key in changes.keys() - known.keys():
-            raise UserError(f"{name}: no constant {key!r}{nearest(key, known)}")
-        self._constants = np.array([float(value) for value in (known | changes).values()])
+        for key, value in changes.items():
+            if key not in known:
+                raise UserError(f"{name}: no constant {key!r}{nearest(key, known)}")
+            of = known[key]
+            if not of.low <= value <= of.high or (of.is_whole and value % 1):
+                kind = "a whole number" if of.is_whole else "a number"
+                raise UserError(
+                    f"{name}: {key}: expected {kind} from {of.low:g} to {of.high:g}, got {value:g}"
+                )
+        self._constants = np.array([changes.get(key, each.default) for key, each in known.items()], float)
         self._scales = scenario_scales(scenario)
 
     def _answer(

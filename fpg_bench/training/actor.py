@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from typing import Any, cast
 
 import numpy as np
@@ -21,6 +22,7 @@ from fpg_bench.envs.core import Core, action_space
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
 from fpg_bench.players.player import Memory
 from fpg_bench.players.seeded import Batched
 
@@ -31,8 +33,8 @@ Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
 class Actor(nn.Module):
     """The computation of ``predict``, from ``observation`` (n, 15) and a flat ``state`` (n, S).
 
-    The state is zero at a round's start. It holds the last k - 1 observations, the oldest first, where frames
-    are stacked, and then the hidden and the cell state of an LSTM, layer by layer.
+    The state is zero at a round's start. It holds the last k - 1 observations, or rows of a waterfall, the
+    oldest first, where frames are stacked, and then the hidden and the cell state of an LSTM, layer by layer.
 
     Args:
         model: a trained model; its weights are copied.
@@ -40,6 +42,8 @@ class Actor(nn.Module):
 
     Attributes:
         choices: None where actions are continuous.
+        waterfall: None where the policy sees the 15 numbers.
+        frame_size, frames_size: numbers of one frame, and of those that the state holds.
         penalty: ``(choices,)`` float32, added to the values of all choices: forbidden ones never come first.
 
     Raises:
@@ -59,7 +63,12 @@ class Actor(nn.Module):
         has_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
         self.squash = self.choices is None and bool(policy.squash_output) and not has_tanh
         self._set_normalization(model)
-        self.frames_size = cast(tuple[int, ...], model.observation_space.shape)[0] - OBSERVATION_SIZE
+        self.waterfall = waterfall_of(model)
+        self.frame_size = OBSERVATION_SIZE
+        if self.waterfall is not None:
+            self.frame_size = self.waterfall.shape[1]
+            self.table = Table(*map(torch.from_numpy, self.waterfall.table))
+        self.frames_size = math.prod(cast(tuple[int, ...], model.observation_space.shape)) - self.frame_size
         self.state_size = self.frames_size
         if self.lstm is not None:
             self.state_size += 2 * self.lstm.num_layers * self.lstm.hidden_size
@@ -79,17 +88,20 @@ class Actor(nn.Module):
 
     def forward(self, observation: torch.Tensor, state: torch.Tensor | None = None) -> Any:
         """Return the action (n, 9), and the next state where a state is given."""
+        frame = observation if self.waterfall is None else waterfall_rows(observation, self.table)
         if state is None:
-            return self._action(self.features(self._normalize(observation)), observation)
-        obs = torch.cat((state[:, : self.frames_size], observation), 1)
+            return self._action(self.features(self._normalize(frame)), observation)
+        obs = torch.cat((state[:, : self.frames_size], frame), 1)
         latent = self.features(self._normalize(obs))
-        next_state = [obs[:, OBSERVATION_SIZE:]]
+        next_state = [obs[:, self.frame_size :]]
         if self.lstm is not None:
             latent, memory = self._forward_lstm(latent, state[:, self.frames_size :])
             next_state.append(memory)
         return self._action(latent, observation), torch.cat(next_state, 1)
 
     def _normalize(self, obs: torch.Tensor) -> torch.Tensor:
+        if self.waterfall is not None:
+            obs = obs.reshape(-1, *self.waterfall.shape)
         if not np.isfinite(self.clip):
             return obs
         return ((obs - self.mean) / self.scale).clamp(-self.clip, self.clip)
@@ -127,6 +139,24 @@ def core_of(model: BaseAlgorithm) -> Core | None:
     """Return the core of the games that a model has; None if it has no games of this package."""
     env = model.get_env()
     return env.get_attr("core")[0] if env is not None and env.has_attr("core") else None
+
+
+def waterfall_of(model: BaseAlgorithm) -> Waterfall | None:
+    """Return the waterfall that a model sees; None for a model of the 15 numbers, stacked or not.
+
+    Raises:
+        UserError: a waterfall, and no games that say how it is drawn, or frames of waterfalls.
+    """
+    shape = cast(tuple[int, ...], model.observation_space.shape)
+    if len(shape) == 1:
+        return None
+    waterfall: Waterfall | None = getattr(core_of(model), "waterfall", None)
+    if waterfall is None or waterfall.shape != shape:
+        raise UserError(
+            f"the model sees {model.observation_space}, no waterfall of games that it has; give it games of "
+            "fpg_bench by set_env, without stacked frames"
+        )
+    return waterfall
 
 
 def _choices(model: BaseAlgorithm, choices: Choices | None) -> Choices | None:

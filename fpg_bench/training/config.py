@@ -33,6 +33,8 @@ class GameOptions:
         jamming_types: the jamming types that are allowed.
         reward: reward of the learner; see :func:`fpg_bench.envs.core.compute_reward`.
         actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``.
+        observation: what the ally sees, ``numbers`` or ``waterfall``.
+        history: rows of the waterfall.
     """
 
     scenario: Scenario | str | Path | None = None
@@ -44,6 +46,8 @@ class GameOptions:
     jamming_types: str | Sequence[str] | None = None
     reward: str | None = None
     actions: str | None = None
+    observation: str | None = None
+    history: int | None = None
 
     @classmethod
     def parse(cls, content: Mapping[str, Any], where: str) -> GameOptions:

@@ -36,9 +36,10 @@ from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.game.waterfall import waterfall_rows
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, stripped
 from fpg_bench.players.player import Player
-from fpg_bench.training.actor import Actor, core_of
+from fpg_bench.training.actor import Actor, core_of, waterfall_of
 
 OPSET = 20
 GREATEST_DIFFERENCE = 1e-4
@@ -219,13 +220,14 @@ def largest_difference(
     stand for choices may differ, and is left out.
 
     Args:
-        model: its ``predict`` gets stacked and normalized observations, as in training.
+        model: its ``predict`` gets stacked and normalized observations or waterfalls, as in training.
         player: its ``predict`` gets the observations themselves, which are uniformly random.
         steps: steps of each game.
         games: number of games; each restarts every twenty steps on average.
         choices: what the model chooses from; None where its actions are continuous.
     """
     rng, normalize = np.random.default_rng(0), model.get_vec_normalize_env()
+    waterfall = waterfall_of(model)
     stack = np.zeros((games, *cast(tuple[int, ...], model.observation_space.shape)), np.float32)
     model_state = player_state = None
     starts, differences = np.ones(games, bool), []
@@ -235,7 +237,10 @@ def largest_difference(
     for _ in range(steps):
         observation = rng.uniform(-1, 1, (games, OBSERVATION_SIZE)).astype(np.float32)
         stack[starts] = 0
-        stack = np.concatenate((stack[:, OBSERVATION_SIZE:], observation), axis=1)
+        if waterfall is None:
+            stack = np.concatenate((stack[:, OBSERVATION_SIZE:], observation), axis=1)
+        else:
+            stack = waterfall.pushed(stack, observation)
         model_obs = stack if normalize is None else normalize.normalize_obs(stack.copy())
         expected, model_state = model.predict(cast(np.ndarray, model_obs), model_state, starts, True, **masks)
         if choices is not None:
@@ -259,9 +264,11 @@ def plain_onnx(actor: Actor) -> bytes | None:
     inputs = [_rows("observation", OBSERVATION_SIZE)]
     outputs = [_rows("action", ACTION_SIZE)]
     obs, next_state = "observation", []
+    if actor.waterfall is not None:
+        obs = waterfall_rows(_Value(graph, obs), actor.waterfall.table).name
     if actor.frames_size:
         obs = graph.add("Concat", graph.columns("state", 0, actor.frames_size), obs, axis=1)
-        next_state.append(graph.columns(obs, OBSERVATION_SIZE, OBSERVATION_SIZE + actor.frames_size))
+        next_state.append(graph.columns(obs, actor.frame_size, actor.frame_size + actor.frames_size))
     latent = _layer(graph, actor.features, _normalize(graph, actor, obs))
     if actor.lstm is not None:
         latent, memory = _lstm(graph, actor.lstm, latent, actor.frames_size)
@@ -322,6 +329,93 @@ class _Graph:
         return data
 
 
+class _Value:
+    """Value of a graph with those operators of an array that :func:`waterfall_rows` uses."""
+
+    __array_ufunc__ = None  # an array on the left leaves the operator to this class
+
+    def __init__(self, graph: _Graph, name: str) -> None:
+        self.graph, self.name = graph, name
+
+    def _apply(self, kind: str, *inputs: Any) -> str:
+        """Add an operator to the graph; returns the name of its output."""
+        names = [
+            each.name if isinstance(each, _Value) else self.graph.constant(np.asarray(each, np.float32))
+            for each in inputs
+        ]
+        return self.graph.add(kind, *names)
+
+    def _value(self, kind: str, *inputs: Any) -> _Value:
+        return _Value(self.graph, self._apply(kind, *inputs))
+
+    def _mask(self, kind: str, *inputs: Any) -> _Mask:
+        return _Mask(self.graph, self._apply(kind, *inputs))
+
+    def __add__(self, other: Any) -> _Value:
+        return self._value("Add", self, other)
+
+    def __sub__(self, other: Any) -> _Value:
+        return self._value("Sub", self, other)
+
+    def __rsub__(self, other: Any) -> _Value:
+        return self._value("Sub", other, self)
+
+    def __mul__(self, other: Any) -> _Value:
+        return self._value("Mul", self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> _Value:
+        return self._value("Div", self, other)
+
+    def __floordiv__(self, one: int) -> _Value:
+        return self._value("Floor", self)
+
+    def __neg__(self) -> _Value:
+        return self._value("Neg", self)
+
+    def __gt__(self, other: Any) -> _Mask:
+        return self._mask("Greater", self, other)
+
+    def __ge__(self, other: Any) -> _Mask:
+        return self._mask("GreaterOrEqual", self, other)
+
+    def __lt__(self, other: Any) -> _Mask:
+        return self._mask("Less", self, other)
+
+    def clip(self, low: Any, high: Any) -> _Value:
+        return self._value("Min", self._value("Max", self, low), high)
+
+    def sum(self, axis: int) -> _Value:
+        total = self.graph.add("ReduceSum", self.name, self.graph.constant([axis]), keepdims=0)
+        return _Value(self.graph, total)
+
+    def __getitem__(self, index: tuple[Any, ...]) -> _Value:
+        """Return columns: ``[:, 3, None]``, ``[:, 3:7, None]`` or ``[..., 1:]``."""
+        first, chosen, *new = index
+        if isinstance(chosen, int):
+            chosen, new = slice(chosen, chosen + 1), new[1:]
+        end = np.iinfo(np.int64).max if chosen.stop is None else chosen.stop
+        limits = ([chosen.start or 0], [end], [-1 if first is ... else 1])
+        name = self.graph.add("Slice", self.name, *map(self.graph.constant, limits))
+        if new:
+            name = self.graph.add("Unsqueeze", name, self.graph.constant(list(range(2, 2 + len(new)))))
+        return _Value(self.graph, name)
+
+
+class _Mask(_Value):
+    """Value of a graph that is true or false; a product with it is 0 where it is false."""
+
+    def __and__(self, other: Any) -> _Mask:
+        return self._mask("And", self, other)
+
+    def __invert__(self) -> _Mask:
+        return self._mask("Not", self)
+
+    def __mul__(self, other: Any) -> _Value:
+        return self._value("Where", self, other, 0.0)
+
+
 def _rows(name: str, size: int) -> Any:
     return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
 
@@ -329,8 +423,8 @@ def _rows(name: str, size: int) -> Any:
 def _normalize(graph: _Graph, actor: Actor, obs: str) -> str:
     if not np.isfinite(actor.clip):
         return obs
-    centred = graph.add("Sub", obs, graph.constant(actor.mean))
-    scaled = graph.add("Div", centred, graph.constant(actor.scale))
+    centred = graph.add("Sub", obs, graph.constant(actor.mean.flatten()))
+    scaled = graph.add("Div", centred, graph.constant(actor.scale.flatten()))
     return graph.clip(scaled, -actor.clip, actor.clip)
 
 

@@ -90,7 +90,7 @@ class _Imitation:
         config: ImitationConfig,
     ) -> None:
         self._model, self._env, self._teacher, self._config = model, env, teacher, config
-        self._core, self._choices = games.core, games.core.duel.choices[games.core.side]
+        self._choices = games.core.duel.choices[games.core.side]
         self._policy: Any = model.policy
         self._gamma: float = getattr(model, "gamma", 0.99)
         self._optimizer = torch.optim.Adam(self._policy.parameters(), lr=config.learning_rate)
@@ -104,7 +104,7 @@ class _Imitation:
         for _ in range(self.length):
             label = np.clip(self._teacher.act(), -1, 1)
             if self._choices is not None:
-                label = self._choices.encode(label, self._core.observations)
+                label = self._choices.encode(label, self._teacher.observations)
             all_obs.append(self._obs)
             labels.append(label)
             actions = label.copy()

@@ -36,6 +36,7 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.population import with_members
 from fpg_bench.players.registry import as_player, policy_hash
+from fpg_bench.players.tactics import draw_variants
 from fpg_bench.training.config import GameOptions, RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line
@@ -108,6 +109,15 @@ def _check_same(file: Path, kind: str, about: Row) -> Row:
 
 # Best responses
 
+# Calls of best_responses whose lowest return is called the lowest known. Each finds what others miss: SAC
+# with few steps, PPO with memory and with lists of choices, a pupil of the strongest, and unlearnt scripts.
+FULL_RECIPE: tuple[dict[str, Any], ...] = (
+    {"algorithm": "sac", "steps": 200_000, "search": 100},
+    {"algorithm": "ppo-stack8", "steps": 3_000_000},
+    {"algorithm": "ppo-stack8", "steps": 3_000_000, "actions": "discrete"},
+    {"algorithm": "ppo-stack8", "steps": 3_000_000, "start": "strongest"},
+)
+
 
 def best_responses(
     agent: str,
@@ -122,6 +132,8 @@ def best_responses(
     side: str | None = None,
     scenario: str | Path | None = None,
     path: str | Sequence[str] | None = None,
+    actions: str | None = None,
+    search: int = 0,
     progress: bool = True,
 ) -> Row:
     """Train best responses to a fixed player, and evaluate the player against them.
@@ -132,7 +144,8 @@ def best_responses(
 
     Args:
         agent: the player: a shipped agent, a folder, a script, or ``package.module:object``.
-        out: a folder for ``best_responses.json`` and the runs, ``<start>-<algorithm>-<steps>/seed_<k>``.
+        out: a folder for ``best_responses.json`` and the runs, ``<start>-<algorithm>-<steps>/seed_<k>``, with
+            the action mode behind the algorithm where it is not continuous.
         algorithm: algorithm of the responses, or several; see
             :class:`fpg_bench.training.config.RunConfig`.
         steps: training budget of each response, or several.
@@ -145,6 +158,8 @@ def best_responses(
         side: side of the player; None takes that of the agent or the script.
         scenario: the scenario; None takes that of the agent's training.
         path: flight path of the opponent; None chooses it as described above.
+        actions: action mode of the responses; None for continuous.
+        search: number of scripts with constants drawn at random that are tried beside the scripts.
         progress: show the progress of each training.
 
     Returns:
@@ -167,6 +182,7 @@ def best_responses(
         whole(value, name)
     if hyperparams is not None and len(algorithms) > 1:
         raise UserError("hyperparams: are those of one algorithm; name one")
+    whole(search, "search", least=0)
     target = _find_target(agent, side, scenario, path)
     env_id, file = policy_env(other_side(target.side)).id, Path(out) / RESULT
     about = {
@@ -178,14 +194,18 @@ def best_responses(
         "protocol": PROTOCOL,
     }
     check_own_folder(file.parent, RESULT, "best responses")
+    other = other_side(target.side)
+    names = [*SCRIPTED[other], *draw_variants(other, search, target.scenario)]
+    result: Row = {"agent": agent, **about, "scripts": {}, "responses": []}
     if file.exists():
         result = _check_same(file, "best responses", about)
-    else:
-        scripts = {name: target.evaluate(name) for name in SCRIPTED[other_side(target.side)]}
-        result = {"agent": agent, **about, "scripts": scripts, "responses": []}
+    if missing := [name for name in names if name not in result["scripts"]]:
+        result["scripts"] |= {name: target.evaluate(name) for name in missing}
         write_json(file, result | {"lowest": _lowest(result)})  # the folder is taken before any training
     for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
-        values = load_hyperparameters(name, env_id, hyperparams, path=target.game.path).entry()
+        values = load_hyperparameters(
+            name, env_id, hyperparams, path=target.game.path, actions=actions or "continuous"
+        ).entry()
         if kind == "strongest":
             values |= {"imitate": {"teacher": _strongest(result, Path(out))}}
         recipe: Row = {
@@ -194,10 +214,12 @@ def best_responses(
             "start": kind,
             "training_seed": seed,
             "reward": reward,
+            **({} if actions in (None, "continuous") else {"actions": actions}),
             "hyperparameters": json.loads(json.dumps(values, default=str)),  # as they are read again
         }
-        if not any(recipe.items() <= response.items() for response in result["responses"]):
-            game = dataclasses.replace(target.game, reward=reward)
+        same = [r for r in result["responses"] if r.get("actions") == recipe.get("actions")]
+        if not any(recipe.items() <= response.items() for response in same):
+            game = dataclasses.replace(target.game, reward=reward, actions=actions)
             run = RunConfig(name, env_id, seed, budget, values, game, against=agent)
             folder = Path(out) / response_folder(recipe)
             response = train(run, folder, evaluations=0, progress=progress, resume=True)
@@ -211,14 +233,17 @@ def best_responses(
 
 def response_folder(response: Row) -> str:
     """Return the folder of a response's run, relative to the folder of all responses."""
-    parts = (response["start"], response["algorithm"], response["steps"])
+    parts = [response["start"], response["algorithm"], response["steps"]]
+    parts[2:2] = [response["actions"]] if "actions" in response else []
     return f"{'-'.join(map(str, parts))}/seed_{response['training_seed']}"
 
 
 def response_label(response: Row) -> str:
     """Return a description of how a response was made."""
     start = "" if response["start"] == "nothing" else ", from the strongest"
-    return f"{response['algorithm']}, {response['steps']:,} steps{start}, seed {response['training_seed']}"
+    actions = f" {response['actions']}" if "actions" in response else ""
+    steps = f"{response['steps']:,} steps"
+    return f"{response['algorithm']}{actions}, {steps}{start}, seed {response['training_seed']}"
 
 
 def _as_list(value: T | Sequence[T]) -> list[T]:

@@ -19,7 +19,7 @@ from torch import nn
 from fpg_bench.common.checks import check_keys, flag, mapping
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import sides_of
-from fpg_bench.common.imports import reason
+from fpg_bench.common.imports import imported, reason
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv, make_sb3, make_sb3_duel
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
@@ -114,9 +114,11 @@ def _wrapped(games: VecEnv, parameters: Hyperparameters, where: str) -> VecEnv:
     that has to be the whole stack. Without ``norm_obs`` both orders are the same.
 
     Raises:
-        UserError: an argument that ``VecNormalize`` does not have.
+        UserError: an argument that ``VecNormalize`` does not have, or stacked frames of a waterfall.
     """
     if parameters.frame_stack is not None:
+        if len(games.observation_space.shape or ()) > 1:
+            raise UserError(f"{where}: frame_stack: a waterfall is a stack already; say its history instead")
         games = VecFrameStack(games, parameters.frame_stack)
     if parameters.normalize is None:
         return games
@@ -164,6 +166,8 @@ def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: 
     policy: Any = mapping(arguments.get("policy_kwargs", {}), f"{where}: policy_kwargs")
     if isinstance(policy.get("log_std_init"), list):  # one for each action
         policy["log_std_init"] = torch.tensor(_per_action(policy["log_std_init"], f"{where}: log_std_init"))
+    if isinstance(name := policy.get("features_extractor_class"), str):
+        policy["features_extractor_class"] = imported(name, f"{where}: features_extractor_class")
     if "activation_fn" in policy:
         policy["activation_fn"] = as_activation(policy["activation_fn"], f"{where}: activation_fn")
     for name in _SCHEDULED:

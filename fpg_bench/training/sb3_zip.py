@@ -78,6 +78,9 @@ def _policy_kwargs(data: dict[str, Any], weights: dict[str, torch.Tensor]) -> di
     saved = data.get("policy_kwargs") or {}
     if other := sorted(set(saved) - _HARMLESS):
         raise UserError(f"export: its policy_kwargs name {', '.join(other)}; {INSTEAD}")
+    seen = (data.get("observation_space") or {}).get("_shape", ())
+    if len(seen) > 1:
+        raise UserError(f"export: it sees a waterfall of {tuple(seen)}; {INSTEAD}")
     if data.get("use_sde") or saved.get("use_sde"):
         raise UserError(f"export: it was trained with use_sde; {INSTEAD}")
     kwargs: dict[str, Any] = {"net_arch": _sizes(weights)}

@@ -18,6 +18,7 @@ from .playing import ALLY, ALLY_POLICY, IDS, OPPONENT_POLICY, PLANNED, SHORT, ST
 
 GAMES = 3
 BATCHED = {"batch": partial(gymnasium.make_vec, num_envs=GAMES), "sb3": partial(make_sb3, n_envs=GAMES)}
+WATERFALL = {"observation": "waterfall", "history": 4}
 BOTH_SIDES = {
     "sb3 of both sides": partial(make_sb3_duel, GAMES, scenario=SHORT),
     "duel": partial(make_duel, GAMES, scenario=SHORT),
@@ -26,6 +27,8 @@ BOTH_SIDES = {
 ENVS = {
     **{f"single {name}": partial(gymnasium.make, name, scenario=SHORT) for name in IDS},
     **{f"{kind} {name}": partial(of, name, scenario=SHORT) for kind, of in BATCHED.items() for name in IDS},
+    "single waterfall": partial(gymnasium.make, ALLY, scenario=SHORT, **WATERFALL),
+    **{f"{kind} waterfall": partial(of, ALLY, scenario=SHORT, **WATERFALL) for kind, of in BATCHED.items()},
     **BOTH_SIDES,
     "duel with a planner": partial(make_duel, GAMES, scenario=SHORT, planner="random"),
 }
@@ -50,7 +53,7 @@ def assert_game(batch, alone, game):
 
 
 @pytest.mark.parametrize("kind", BATCHED)
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", [*IDS, "waterfall"])
 def test_game_i_of_a_batch_is_the_single_game_of_its_seed(env_id, kind):
     batch = shown_by(ENVS[f"{kind} {env_id}"])
     for game in range(GAMES):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,9 @@ from fpg_bench.common.ids import TACTICS
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, preset
 from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import SeededPolicy
-from fpg_bench.players.tactics import Tactic
+from fpg_bench.players.tactics import Tactic, draw_variants
 
 from .playing import ally_sees, mean, opponent_sees
 
@@ -142,9 +145,38 @@ def test_all_opponents_fly_at_the_ally():
         np.testing.assert_allclose(action[6:], (0.6, 0, -0.8), atol=1e-6)
 
 
-def test_an_unknown_constant_is_named():
-    with pytest.raises(UserError, match="sulk: no constant 'rest'; did you mean 'rest_s'"):
-        Tactic("ally", "sulk", STANDARD, rest=3)
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("sulk(rest=3)", "sulk: no constant 'rest'; did you mean 'rest_s'"),
+        ("sulk(rest_s=0)", "sulk: rest_s: expected a whole number from 1 to 300, got 0"),
+        ("sulk(rest_s=2.5)", "expected a whole number from 1 to 300, got 2.5"),
+        ("sulk(rest_s=nan)", "got nan"),
+        ("sulk(rest_s)", "sulk: expected NAME=NUMBER, got 'rest_s'"),
+        ("sulc(rest_s=3)", "ally 'sulc': no script with constants; did you mean 'sulk'"),
+        ("alternate(centres=3)", "ally 'alternate': no script with constants"),
+    ],
+)
+def test_constants_that_cannot_be_had_are_named(name, message):
+    with pytest.raises(UserError, match=re.escape(message)):
+        as_player(name, "ally", STANDARD)
+
+
+def test_a_script_is_named_with_its_constants():
+    slow = jams(
+        as_player("alternate(type=1, centres=4, hold_s=2)", "opponent", STANDARD), [opponent_sees()] * 3
+    )
+    assert slow == [("narrowband", place, True) for place in (-0.75, -0.75, -0.25)]
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_variants_are_scripts_that_can_be_played_and_a_seed_gives_the_same(side):
+    names = draw_variants(side, 40, LINK, seed=3)
+    assert names == draw_variants(side, 40, LINK, seed=3)
+    assert len(set(names)) == 40
+    assert {name.split("(")[0] for name in names} == set(TACTICS[side])
+    for name in names:
+        as_player(name, side, LINK)
 
 
 def test_herd_earns_more_than_watchful_from_an_ally_that_hops_and_as_much_from_one_that_stays():

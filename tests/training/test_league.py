@@ -6,6 +6,7 @@ import json
 import pytest
 import yaml
 
+from fpg_bench.cli.training import best_response
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.rows import RowFile
@@ -15,6 +16,7 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import Rival, Scale, load_suite
 from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
 from fpg_bench.players.agent import load_agent
+from fpg_bench.players.tactics import draw_variants
 from fpg_bench.training import league
 from fpg_bench.training.callbacks import GameMeasuresCallback
 from tests.logged import logged
@@ -122,6 +124,42 @@ def lowest(result):
     rows |= result["scripts"]
     name = min(rows, key=lambda name: rows[name]["return"])
     return {"return": rows[name]["return"], "against": name}
+
+
+def test_the_full_recipe_tries_every_kind_of_response_with_two_seeds(tmp_path, monkeypatch):
+    calls = []
+    measures = {"return": 0.0, "measures": {"jamming_success_rate": 0.0}}
+    row = {"responses": [], "scripts": {"tone": measures}, "lowest": {"return": 0.0, "against": "tone"}}
+    monkeypatch.setattr(league, "best_responses", lambda agent, out, **given: calls.append(given) or row)
+    best_response("expert", tmp_path / "out", full=True)
+    assert [call["algorithm"] for call in calls] == ["sac", "ppo-stack8", "ppo-stack8", "ppo-stack8"]
+    assert {call["n_seeds"] for call in calls} == {2}
+    assert [call.get("actions") for call in calls] == [None, None, "discrete", None]
+    assert calls[0]["search"] == 100
+    assert calls[3]["start"] == "strongest"
+
+
+@pytest.mark.slow
+def test_scripts_with_other_constants_are_tried_beside_the_scripts(ally, tmp_path):
+    out = tmp_path / "responses"
+    few = respond(ally, out, search=2)
+    more = respond(ally, out, search=5)
+    variants = list(more["scripts"])[len(SCRIPTED["opponent"]) :]
+    assert variants == draw_variants("opponent", 5, STANDARD)
+    assert few["scripts"].items() <= more["scripts"].items()
+    assert more["lowest"] == lowest(more)
+
+
+@pytest.mark.slow
+def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result, tmp_path):
+    out = tmp_path / "responses"
+    respond(ally, out)
+    found = respond(ally, out, actions="discrete")
+    assert [row.get("actions") for row in found["responses"]] == [None, "discrete"]
+    agent = load_agent(out / "nothing-ppo-discrete-400" / "seed_0" / "agent", "opponent")
+    assert agent.about["options"]["actions"] == "discrete"
+    assert respond(ally, out, actions="discrete") == found
+    assert league.response_label(found["responses"][1]) == "ppo discrete, 400 steps, seed 0"
 
 
 @pytest.mark.slow

@@ -1,0 +1,141 @@
+"""Agents that see a waterfall: exported, evaluated, trained, resumed and submitted as others are."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from sb3_contrib import MaskablePPO, RecurrentPPO
+from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.vec_env import VecNormalize
+
+from fpg_bench import evaluate, export_agent, load_agent, make_sb3
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.checkers import check_player
+from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.leaderboard.playing import smoke_test
+from fpg_bench.players.registry import as_player
+from fpg_bench.training import train
+from fpg_bench.training.actor import ActorPlayer
+from fpg_bench.training.sb3_zip import load_zip
+from fpg_bench.training.waterfall_cnn import WaterfallCNN
+from tests.leaderboard.making import as_policy
+from tests.training.tiny import ALLY, settings, train_tiny
+
+CNN = {"features_extractor_class": "fpg_bench.training.waterfall_cnn:WaterfallCNN"}
+WATERFALL = {"observation": "waterfall", "history": 6, "actions": "discrete"}
+
+
+def make_model(algorithm, policy="MlpPolicy", norm_obs=False, policy_kwargs=None, **options):
+    """A model with random weights that are large enough for its choices to vary."""
+    games = make_sb3(ALLY, 4, seed=1, **(WATERFALL | options))
+    if norm_obs:
+        games = VecNormalize(games)
+        games.reset()
+        for _ in range(30):
+            games.step(np.array([games.action_space.sample() for _ in range(4)]))
+    model = algorithm(policy, games, seed=0, device="cpu", policy_kwargs=policy_kwargs)
+    for parameter in model.policy.parameters():
+        noise = np.random.default_rng(1).normal(size=parameter.shape)
+        parameter.data += 0.5 * parameter.data.new_tensor(noise)
+    return model
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("algorithm", "options"),
+    [
+        (DQN, {}),
+        (DQN, {"scenario": "link"}),
+        (PPO, {"policy_kwargs": {"features_extractor_class": WaterfallCNN}}),
+        (PPO, {"actions": "continuous", "norm_obs": True}),
+        (MaskablePPO, {"scenario": as_scenario(None, knowledge="none"), "history": 1}),
+        (RecurrentPPO, {"policy": "MlpLstmPolicy", "policy_kwargs": {"lstm_hidden_size": 6}}),
+    ],
+    ids=["dqn", "dqn-link", "ppo-cnn", "ppo-continuous", "masked", "lstm"],
+)
+def test_agents_play_as_the_model_does_in_its_own_games(algorithm, options, tmp_path):
+    """Over rounds that end at different steps; through onnxruntime, through torch and as the model itself."""
+    model = make_model(algorithm, **options)
+    assert export_agent(model, tmp_path, training_seed=0) < 1e-5
+    agent = load_agent(tmp_path)
+    assert agent.row_wise
+    words = {name: options[name] for name in ("scenario", "actions", "history") if name in options}
+    games = make_sb3(ALLY, 4, seed=5, stagger=True, **(WATERFALL | words))
+    core = games.core
+    players = [agent, ActorPlayer(model)]
+    if not options.get("norm_obs"):  # predict itself does not normalize
+        players.append(as_player(model, "ally", core.scenario))
+    normalize = model.get_vec_normalize_env()
+    masks = {"action_masks": np.tile(core.choices.mask, (4, 1))} if algorithm is MaskablePPO else {}
+    window, memory, memories, starts = games.reset(), None, [None] * len(players), np.ones(4, bool)
+    rounds, spread = 0, []
+    for _ in range(160):
+        numbers = core.duel.batch.ally_observations.copy()
+        seen = window if normalize is None else normalize.normalize_obs(window)
+        actions, memory = model.predict(seen, memory, starts, deterministic=True, **masks)
+        expected = actions if core.choices is None else core.choices.decode(actions, numbers)
+        for index, player in enumerate(players):
+            answer, memories[index] = player.predict(numbers, memories[index], starts)
+            assert np.abs(answer - expected).max() < 1e-4
+        spread.append(expected)
+        window, _, starts, _ = games.step(actions)
+        rounds += starts.sum()
+    assert rounds == 2
+    assert np.ptp(spread, axis=0).max() > 0.01
+
+
+def test_a_model_and_its_agent_score_the_same_and_the_agent_may_be_submitted(tmp_path):
+    model = make_model(DQN)
+    export_agent(model, tmp_path / "agent", training_seed=0)
+    agent = load_agent(tmp_path / "agent")
+    scores = [row.score for row in evaluate({"model": model, "agent": agent}, "ally-v1", matches=2)]
+    assert scores[0] == scores[1]
+    check_player(agent, "ally")
+    check_player(as_player(model, "ally", as_scenario(None)), "ally")
+    assert smoke_test(as_policy((tmp_path / "agent" / "policy.onnx").read_bytes())) == []
+
+
+def test_models_that_see_something_else_are_refused(tmp_path):
+    model, continuous = make_model(DQN), make_model(PPO, actions="continuous")
+    with pytest.raises(UserError, match=r"opponent: PPO sees \(6, 20\), the opponent here 15 numbers"):
+        as_player(continuous, "opponent", as_scenario(None))
+    with pytest.raises(UserError, match=r"DQN sees \(6, 20\), the ally here a waterfall of \(6, 10\)"):
+        as_player(model, "ally", dataclasses.replace(STANDARD, bandwidth_mhz=10.0))
+    model.save(tmp_path / "model.zip")
+    with pytest.raises(UserError, match="no waterfall of games that it has"):
+        export_agent(
+            DQN.load(tmp_path / "model.zip"), tmp_path, training_seed=0, id=f"{ALLY[:-3]}Discrete-v0"
+        )
+    continuous.save(tmp_path / "ppo.zip")
+    with pytest.raises(UserError, match=r"it sees a waterfall of \(6, 20\)"):
+        load_zip(tmp_path / "ppo.zip", "ppo", ALLY)
+
+
+@pytest.mark.slow
+def test_runs_are_repeatable_and_resume(tmp_path, monkeypatch):
+    changes = {"normalize": None, "policy_kwargs": {"net_arch": [8]}}
+    runs = [train_tiny("dqn", tmp_path / name, changes, **WATERFALL) for name in ("a", "b")]
+    assert len({(run / "policy.onnx").read_bytes() for run in runs}) == 1
+    about = json.loads((tmp_path / "a" / "run.json").read_text())
+    assert about["options"] == WATERFALL
+    assert "--observation waterfall --history 6" in about["command"]
+    stopped = tmp_path / "stopped"
+    monkeypatch.setattr(train._Run, "finish", lambda run: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        train_tiny("dqn", stopped, changes, **WATERFALL)
+    monkeypatch.undo()
+    agent = train_tiny("dqn", stopped, changes, resume=True, **WATERFALL)
+    assert (agent / "policy.onnx").read_bytes() == (runs[0] / "policy.onnx").read_bytes()
+    with pytest.raises(UserError, match="a waterfall is a stack already; say its history"):
+        train_tiny("dqn-stack3", tmp_path / "stack", settings("dqn"), **WATERFALL)
+
+
+@pytest.mark.slow
+def test_a_teacher_that_sees_the_numbers_is_imitated_from_the_waterfall(tmp_path):
+    lesson = {"teacher": "idle", "steps": 3000, "learning_rate": 0.003, "batch_size": 128}
+    changes = {"normalize": None, "n_envs": 8, "policy_kwargs": {"net_arch": [32]}, "imitate": lesson}
+    train_tiny("ppo", tmp_path, changes, **WATERFALL)
+    assert json.loads((tmp_path / "run.json").read_text())["imitation_error"] < 0.05  # share of choices
