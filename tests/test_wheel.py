@@ -144,7 +144,15 @@ EXTRAS = {
     ),
 }
 PLAYS = (
-    *("envs", "dataset list", "players", "suites", "play --every 100", "play --out round.html", "plan replay match.jsonl"),
+    *(
+        "envs",
+        "dataset list",
+        "players",
+        "suites",
+        "play --every 100",
+        "play --out round.html",
+        "plan replay match.jsonl",
+    ),
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "leaderboard init own",
 )

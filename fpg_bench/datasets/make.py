@@ -21,6 +21,7 @@ from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, check_writable, read_json, write_json
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
+from fpg_bench.datasets.croissant import croissant
 from fpg_bench.datasets.rounds import play_rounds
 from fpg_bench.datasets.spec import NAMESPACE, DatasetSpec
 from fpg_bench.datasets.storage import BYTES_PER_STEP, link_parts, part_digests, part_path, write_part
@@ -94,6 +95,7 @@ def make_dataset(
     _check_room(data, spec, missing=sum(not job.done() for job in jobs) / len(jobs))
     check_all_done(run_jobs(jobs, n_jobs, level=logging.DEBUG))
     _finish(data, spec, [end - first for first, end in pairwise(cuts)])
+    write_json(unfinished / "croissant.json", croissant(spec, unfinished))
     os.rename(unfinished, folder)
     return folder
 

@@ -1,6 +1,7 @@
 """Data sets: what Minari reads is what was played, however it was made, and nothing half is left."""
 
 import errno
+import hashlib
 import json
 import shutil
 import time
@@ -19,7 +20,7 @@ from fpg_bench.datasets.rounds import play_rounds
 from fpg_bench.datasets.spec import load_spec, spec_names
 from fpg_bench.players.agent import baselines_folder
 from tests.datasets.making import AGENT, ALLIES, OPPONENTS, metadata, sha256, tiny
-from tests.programs import started
+from tests.programs import ROOT, started
 
 
 @cache
@@ -136,6 +137,25 @@ def test_metadata_say_who_played_and_how_good_that_is(tmp_path):
     attributes = list(dataset.storage.get_episode_metadata(range(2)))
     assert [each["player"] for each in attributes] == played.players
     assert [each["rival"] for each in attributes] == played.rivals
+
+
+def test_croissant_names_every_file_with_its_hash(tmp_path):
+    folder = make_dataset(tiny(), tmp_path, rounds_per_part=2)
+    about = json.loads((folder / "croissant.json").read_text())
+    assert (about["@type"], about["name"], about["version"]) == ("sc:Dataset", "tiny-v0", "0.0.0")
+    files = {each["contentUrl"]: each["sha256"] for each in about["distribution"]}
+    data = sorted((folder / "data").iterdir())
+    assert files == {f"data/{path.name}": hashlib.sha256(path.read_bytes()).hexdigest() for path in data}
+    assert len(files) == 5
+    seeds = f"{tiny().first_seed} to {tiny().first_seed + 4}:"
+    assert seeds in about["rai:dataCollection"]
+    assert about["rai:personalSensitiveInformation"]
+
+
+def test_the_page_lists_every_shipped_data_set():
+    page = (ROOT / "docs/guides/datasets.md").read_text()
+    table = page.split("<!-- data sets -->")[1].split("<!-- end -->")[0]
+    assert [name for name in spec_names() if f"| `{name}` |" not in table] == []
 
 
 def test_a_stopped_making_goes_on_with_the_parts_that_are_there(tmp_path, monkeypatch):
