@@ -82,6 +82,7 @@ def make_dataset(
     else:
         check_own_folder(data, METADATA, "data set")
         write_json(data / METADATA, _metadata(spec, recipe))
+    _check_room(data, spec)
     cuts = [*range(0, spec.episodes, rounds_per_part), spec.episodes]
     jobs = [
         Job(
@@ -92,7 +93,6 @@ def make_dataset(
         )
         for part, ends in enumerate(pairwise(cuts))
     ]
-    _check_room(data, spec, missing=sum(not job.done() for job in jobs) / len(jobs))
     check_all_done(run_jobs(jobs, n_jobs, level=logging.DEBUG))
     _finish(data, spec, [end - first for first, end in pairwise(cuts)])
     write_json(unfinished / "croissant.json", croissant(spec, unfinished))
@@ -131,8 +131,9 @@ def _check_same(folder: Path, recipe: dict[str, Any]) -> None:
         raise UserError(f"{where}: has another {', '.join(different)}; delete it, or choose another folder")
 
 
-def _check_room(data: Path, spec: DatasetSpec, missing: float) -> None:
-    needed = missing * spec.episodes * spec.load_scenario().steps_per_round * BYTES_PER_STEP
+def _check_room(data: Path, spec: DatasetSpec) -> None:
+    finished = sum(path.stat().st_size for path in data.iterdir())
+    needed = spec.episodes * spec.load_scenario().steps_per_round * BYTES_PER_STEP - finished
     free = shutil.disk_usage(data).free
     if needed > free:
         raise UserError(

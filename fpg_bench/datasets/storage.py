@@ -17,7 +17,7 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.datasets.rounds import Rounds
 
 MAIN = "main_data.hdf5"
-BYTES_PER_STEP = 113  # of continuous actions
+BYTES_PER_STEP = 113  # with continuous actions
 _DIGESTS = "sha256"  # in a part, of each of its rounds
 
 

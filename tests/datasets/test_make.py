@@ -215,6 +215,8 @@ def test_a_data_set_that_does_not_fit_on_the_disk_is_not_begun(tmp_path, monkeyp
     monkeypatch.setattr(make.shutil, "disk_usage", lambda path: SimpleNamespace(free=10**6))
     with pytest.raises(UserError, match=r"needs 34 MB .* 1 MB are free"):
         make_dataset(tiny(1000), tmp_path)
+    with pytest.raises(UserError, match="needs 113,000,000 MB"):
+        make_dataset(tiny(name="huge-v0", steps=10**12), tmp_path)
 
 
 def test_a_finished_data_set_stays_and_another_is_refused(tmp_path, monkeypatch):
