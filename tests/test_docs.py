@@ -35,6 +35,7 @@ RUN = [
         *(
             "guides/beat-reactive",
             "guides/benchmark",
+            "guides/datasets",
             "guides/frameworks",
             "guides/language-model",
             "guides/opponent",

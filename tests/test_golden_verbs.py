@@ -76,6 +76,11 @@ CASES = {
         "plan compare circle pursuit --suite planner-v1 --matches 1 --out comparison",
         ("comparison/*.jsonl", "comparison/*.csv"),
     ),
+    "dataset-list": Case("dataset list"),
+    "dataset-make": Case(
+        "dataset make ally-random-v0 --steps 600 --out datasets", ("datasets/fpg/*/data/metadata.json",)
+    ),
+    "dataset-check": Case("dataset check datasets"),
     "train": Case(
         "train ppo FPG/AllyVsScripted-v0 --hyperparams tiny.yml --steps @steps --n-evals 0 --out run",
         ("run/run.json", "run/agent/agent.json"),

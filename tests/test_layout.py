@@ -29,6 +29,7 @@ FLOORS = {
     "rendering": 2,
     "envs": 3,
     "evaluation": 4,
+    "datasets": 5,
     "training": 5,
     "leaderboard": 5,
     "paper": 6,

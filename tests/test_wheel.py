@@ -100,6 +100,7 @@ EXTRAS = {
             "fpg_bench.write_agent('nowhere', b'')",
         ),
     ),
+    "datasets": Extra(("dataset make ally-random-v0 --steps 300 --out datasets", "dataset check datasets")),
     "leaderboard": Extra(("leaderboard build --folder board --out site",), ("leaderboard serve nowhere",)),
     "video": Extra(
         (
@@ -143,7 +144,15 @@ EXTRAS = {
     ),
 }
 PLAYS = (
-    *("envs", "players", "suites", "play --every 100", "play --out round.html", "plan replay match.jsonl"),
+    *(
+        "envs",
+        "dataset list",
+        "players",
+        "suites",
+        "play --every 100",
+        "play --out round.html",
+        "plan replay match.jsonl",
+    ),
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "leaderboard init own",
 )

@@ -35,6 +35,13 @@ def complete_suite(incomplete: str) -> list[str]:
     return _beginning(incomplete, (path.stem for path in suites_folder().glob("*.yml")))
 
 
+def complete_dataset(incomplete: str) -> list[str]:
+    """Return the data sets that begin so."""
+    from fpg_bench.players.agent import baselines_folder
+
+    return _beginning(incomplete, (path.stem for path in (baselines_folder() / "datasets").glob("*.yml")))
+
+
 def complete_algorithm(incomplete: str) -> list[str]:
     """Return the algorithms with shipped hyper-parameters that begin so."""
     from fpg_bench.players.agent import baselines_folder

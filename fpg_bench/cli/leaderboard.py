@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption
-from fpg_bench.common.errors import UserError
+from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, share
 from fpg_bench.common.extras import need
 from fpg_bench.common.output import print_line
 
@@ -135,7 +134,7 @@ def verify(
     verdicts = verify_all(
         folder,
         names or (),
-        sample=None if sample is None else _share(sample),
+        sample=None if sample is None else share(sample),
         sample_seed=sample_seed,
         update=update,
         since=since,
@@ -175,19 +174,11 @@ def crossplay(
         failed = play_missing(folder, trusted=trusted, n_jobs=n_jobs, backend=backend, address=address)
     else:
         failed = check_pairs(
-            folder, _share(check), sample_seed, n_jobs=n_jobs, backend=backend, address=address
+            folder, share(check), sample_seed, n_jobs=n_jobs, backend=backend, address=address
         )
     for line in failed:
         print_line(line)
     raise typer.Exit(1 if failed else 0)
-
-
-def _share(text: str) -> float:
-    """The share that a percentage says, as ``5%``."""
-    try:
-        return float(text.strip().removesuffix("%")) / 100
-    except ValueError:
-        raise UserError(f"expected a percentage as 5%, got {text!r}") from None
 
 
 @leaderboard.command()

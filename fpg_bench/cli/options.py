@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from fpg_bench.cli.completion import complete_player, complete_suite
+from fpg_bench.common.errors import UserError
 
 # Panels of long lists of options, in the order in which they are shown.
 GAME = "Game"
@@ -34,6 +35,14 @@ def whole_number(text: str) -> int:
     except InvalidOperation:
         pass
     raise typer.BadParameter(f"expected a whole number above 0, 2000000 or 2e6 for instance, got {text!r}")
+
+
+def share(text: str) -> float:
+    """Return the share that a percentage says, as ``5%``; raises UserError for anything else."""
+    try:
+        return float(text.strip().removesuffix("%")) / 100
+    except ValueError:
+        raise UserError(f"expected a percentage as 5%, got {text!r}") from None
 
 
 def steps_option(help: str) -> Any:

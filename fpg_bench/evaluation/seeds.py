@@ -1,8 +1,8 @@
-"""Ranges of seeds for training, tuning and evaluation, which never meet, and the keys of seasons.
+"""Ranges of seeds for training, tuning, evaluation and data sets, which never meet, and the keys of seasons.
 
-A training run of seed k takes [k * 10^6, (k + 1) * 10^6); tuning seeds begin at 2^40 and evaluation
-seeds at 2^41. Evaluation seeds follow from the protocol version and a season key by a public hash, so
-they can be changed each season.
+A training run of seed k takes [k * 10^6, (k + 1) * 10^6); tuning seeds begin at 2^40, evaluation seeds at
+2^41, and those of data sets at 2^42, where data set k has 2^32 of them. Evaluation seeds follow from the
+protocol version and a season key by a public hash, so they can be changed each season.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ SEASON = "0"
 TRAINING_STRIDE = 10**6
 TUNING_START = 2**40
 EVALUATION_START = 2**41
+DATASET_START = 2**42
 _BLOCK = 2**20
+_DATASET_BLOCK = 2**32
+_MOST_DATASETS = 2**30
 
 
 def training_seed(k: int) -> int:
@@ -57,6 +60,17 @@ def tuning_seeds(count: int) -> list[int]:
     if not 0 <= count <= EVALUATION_START - TUNING_START:
         raise UserError(f"tuning seeds: there are {EVALUATION_START - TUNING_START}, asked for {count}")
     return list(range(TUNING_START, TUNING_START + count))
+
+
+def dataset_seed(k: int) -> int:
+    """Return the first of the 2^32 environment seeds of data set k.
+
+    Raises:
+        UserError: k is negative, or 2^30 or more.
+    """
+    if not 0 <= k < _MOST_DATASETS:
+        raise UserError(f"seed of a data set: expected 0 to {_MOST_DATASETS - 1}, got {k}")
+    return DATASET_START + k * _DATASET_BLOCK
 
 
 @dataclass(frozen=True)

@@ -131,8 +131,9 @@ class Choices:
         """
         _, rows, allowed, homing, box_m = self._table
         towards = np.zeros((len(actions), ACTION_SIZE), np.float32)
-        for seen, velocity in zip(observations, towards, strict=True):
-            _home(seen, 1.0, box_m, velocity)
+        if self.is_homing:
+            for seen, velocity in zip(observations, towards, strict=True):
+                _home(seen, 1.0, box_m, velocity)
         away = actions[:, None] - rows - homing[:, None] * towards[:, None]
         distances = np.where(allowed, np.square(away).sum(axis=2), np.inf)
         chosen = distances.argmin(axis=1)

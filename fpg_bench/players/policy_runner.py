@@ -27,17 +27,22 @@ class PolicyRunner:
         side: ``ally`` or ``opponent``.
         players: at least one.
         batch: the games.
+        purpose: of the draws of players, in :mod:`fpg_bench.game.rng`; sides that draw for the same purpose
+            draw the same numbers.
 
     Attributes:
         observations: ``(N, 15)`` float32 of the side, the batch's buffer.
         choice: ``(N,)`` int64, the index of the player that plays in each game.
     """
 
-    def __init__(self, side: str, players: Sequence[Player], batch: GameBatch) -> None:
+    def __init__(
+        self, side: str, players: Sequence[Player], batch: GameBatch, purpose: int = rng.PLAYER_CHOICE
+    ) -> None:
         self.side = side
         self.players = tuple(players)
         self.choice = np.zeros(batch.count, np.int64)
         self._batch = batch
+        self._purpose = purpose
         self.observations = batch.ally_observations if side == "ally" else batch.opponent_observations
         self._abilities = [Abilities.of(player) for player in self.players]
         self._callers = np.array([self._caller(index) for index in range(len(self.players))])
@@ -55,7 +60,7 @@ class PolicyRunner:
         keys = np.ascontiguousarray(self._batch.games["round_key"])
         if len(self.players) > 1:
             drawn = np.empty_like(self.choice)
-            rng.derived_integers(drawn, keys, rng.PLAYER_CHOICE, len(self.players))
+            rng.derived_integers(drawn, keys, self._purpose, len(self.players))
             self.choice[mask] = drawn[mask]
             self._calls = self._rows_by_player()
         for index, abilities in enumerate(self._abilities):

@@ -1,7 +1,13 @@
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.seeds import TUNING_START, evaluation_seeds, training_seed, tuning_seeds
+from fpg_bench.evaluation.seeds import (
+    TUNING_START,
+    dataset_seed,
+    evaluation_seeds,
+    training_seed,
+    tuning_seeds,
+)
 
 LAST_TRAINING = TUNING_START // 10**6 - 1
 
@@ -28,3 +34,12 @@ def test_seeds_out_of_range_are_refused():
     for k in (-1, LAST_TRAINING + 1):
         with pytest.raises(UserError, match="training seed"):
             training_seed(k)
+
+
+def test_data_sets_have_seeds_above_all_others():
+    last_evaluation = 2**41 + 2**20 * 2**20
+    assert last_evaluation <= dataset_seed(0) < dataset_seed(1) < dataset_seed(2**30 - 1) < 2**63
+    assert dataset_seed(1) - dataset_seed(0) == 2**32
+    for k in (-1, 2**30):
+        with pytest.raises(UserError, match="seed of a data set"):
+            dataset_seed(k)

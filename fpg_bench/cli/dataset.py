@@ -1,0 +1,92 @@
+"""The verbs of data sets for offline learning: list, make, check."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fpg_bench.cli.completion import complete_dataset
+from fpg_bench.cli.evaluation import shown_progress
+from fpg_bench.cli.options import JobsOption, name_all, share, whole_number
+from fpg_bench.common.extras import need
+from fpg_bench.common.output import print_line
+
+app = typer.Typer(help="Make data sets for offline reinforcement learning.")
+
+
+@app.command("list")
+def list_datasets() -> None:
+    """List the data sets that can be made, with who plays in them.
+
+    Example: fpg-bench dataset list
+    """
+    from fpg_bench.datasets.spec import load_spec, spec_names
+
+    for spec in map(load_spec, spec_names()):
+        typer.echo(f"{spec.name}: {spec.description}")
+        typer.echo(f"    {spec.env_id}, scenario {spec.scenario}, {spec.steps:,} steps")
+        name_all("", spec.players)
+    typer.echo("Your own: a YAML file of the same form, see docs/guides/datasets.md")
+
+
+@app.command()
+def make(
+    name: Annotated[str, typer.Argument(help="A data set, or a YAML file.", autocompletion=complete_dataset)],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of data sets. Default: Minari's, ~/.minari/datasets.")
+    ] = None,
+    steps: Annotated[
+        int | None,
+        typer.Option(
+            parser=whole_number,
+            metavar="STEPS",
+            help="Number of transitions, 1e6 for instance. Default: its own.",
+        ),
+    ] = None,
+    n_jobs: JobsOption = 1,
+) -> None:
+    """Make a data set in Minari's format; run it again to go on after a stop.
+
+    Example: fpg-bench dataset make ally-expert-v0 --out datasets --steps 1e6
+    """
+    need("datasets", "minari", "h5py", "PIL")
+    from fpg_bench.datasets.make import make_dataset
+    from fpg_bench.datasets.spec import load_spec
+
+    spec = load_spec(name, steps)
+    with shown_progress() as show:
+        folder = make_dataset(
+            spec,
+            out,
+            n_jobs=n_jobs,
+            progress=lambda done, total: show(f"{spec.name}: {done:,} of {total:,} rounds"),
+        )
+    print_line(f"written: {folder}")
+
+
+@app.command()
+def check(
+    folder: Annotated[Path, typer.Argument(help="A data set, or a folder with several.")],
+    sample: Annotated[
+        str, typer.Option(help="Share of rounds to play again, as 5%, drawn at random; at least one.")
+    ] = "1%",
+    sample_seed: Annotated[int, typer.Option(min=0, help="Seed of the draw.")] = 0,
+) -> None:
+    """Compare a data set with its hash, play a sample of its rounds again, and compare these to the bit.
+
+    Example: fpg-bench dataset check datasets --sample 1%
+    """
+    need("datasets", "minari", "h5py", "PIL")
+    from fpg_bench.datasets.check import check_dataset, find_datasets
+
+    with shown_progress() as show:
+        for data in find_datasets(folder):
+            line = check_dataset(
+                data,
+                share(sample),
+                sample_seed,
+                progress=lambda done, total: show(f"{data}: {done:,} of {total:,} rounds"),  # noqa: B023
+            )
+            print_line(line)

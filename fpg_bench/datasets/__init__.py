@@ -1,0 +1,1 @@
+"""Data sets for offline reinforcement learning: specifications, their making and their check."""

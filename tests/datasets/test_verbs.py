@@ -1,0 +1,33 @@
+"""The verbs ``dataset list``, ``make`` and ``check``."""
+
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from fpg_bench.cli import app
+from fpg_bench.common.errors import UserError
+from fpg_bench.datasets.spec import spec_names
+
+
+def run(*words):
+    return CliRunner().invoke(app, ["dataset", *map(str, words)], catch_exceptions=False).output
+
+
+def test_a_data_set_is_listed_made_and_checked(tmp_path):
+    assert [name for name in spec_names() if f"{name}: " not in run("list")] == []
+    output = run("make", "opponent-link-mixed-v0", "--steps", "600", "--out", tmp_path)
+    folder = tmp_path / "fpg/opponent-link-mixed-v0"
+    assert output.endswith(f"written: {folder}\n")
+    for place in (tmp_path, folder, folder / "data"):
+        line = run("check", place, "--sample", "100%")
+        assert "fpg/opponent-link-mixed-v0: 2 rounds of 300 steps" in line
+        assert "2 played again, all identical" in line
+
+
+def test_what_needs_the_extra_names_it(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "minari", None)
+    for words in (("make", "ally-random-v0"), ("check", tmp_path)):
+        with pytest.raises(UserError, match=r'minari is not installed: pip install "fpg-bench\[datasets\]"'):
+            run(*words)
+    assert "ally-random-v0" in run("list")
