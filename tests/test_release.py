@@ -27,12 +27,12 @@ HASHES = {
     "standard": "60e61eb0686fbb75cef62d67fae4cd8a922bdae74d0af4607cf2a59020fe65d8",
     "paper": "0fd90129e192bbf7840e0f374000c4a3e08ee74b060810bb728bf284eec8863e",
     "figures": "c95abd590ba8255df1280371f3ab5e96ab49f633afcb3294df06d9e831b318f3",
-    "link": "c2d6530856a37ee33e9ec0ecdd8320394395996d2f01cdb4cf1f91e49ea86fc3",
-    "link-fast-hop": "2b4a283c121c6615edec2127dcdf5fc3c58cfcc7e7cf56e2d8bdb161bf92ddae",
-    "link-quick-check": "e14d391b07a5006657c814c588615f3f877ac0e0b8f9659ffc73dbb4627e380b",
-    "link-slow-check": "91544bfc6292aaa5dddf3d1576c8e0097354a845cd2ec4d70426d135426cd154",
-    "link-slow-hop": "13765a15f9e15ba35da842c16a0076ad9f5e3b5cadcb95d4edf4427902406ed5",
-    "link-throughput": "d8bedbc6b4a205fdcbb6fd02f6b0bad4efb28068955d2a6bbf0edca3b41348e4",
+    "link": "e2349145bb09e0dafd958fbc571d2801439cb29474c5a08e90fb128233f92062",
+    "link-fast-hop": "ac8e6f703fd37e43b3a263dce45714011922ca9be8a23da0890371ab28613899",
+    "link-quick-check": "0485f460e5b86c5dcd2e1bcdf0b4f29fe9441943ced0fec597f1c65d6feda6b2",
+    "link-slow-check": "7767b448f6e238142f4ca43528592c4c8925ff85b2485f996ab99f1b6fd7697e",
+    "link-slow-hop": "2f907b75d1025a41be83637c6de0c32f6a10926dad705047efee4eb021a4db56",
+    "link-throughput": "29f3d89e52f52c834ec32f290209d6b5c9593d03717024d5e94e6ced4b766f91",
 }
 SEASONS = {"season-1": "0f8e36742a9772d6a2c0cc26bbff9dff286edc94164772012543dedfd77ee27c"}
 
