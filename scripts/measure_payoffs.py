@@ -174,12 +174,16 @@ def lever_table(scenario: Scenario, suites: Mapping[str, Suite], agents: Mapping
 
 
 def transfer_table(suites: Mapping[str, Suite], agents: Mapping[str, Sequence[str]]) -> str:
-    """Return the scores of players on each side's suite, as Markdown."""
-    lines = [_row("side", "player", "reward per step", "score"), _row(*["---"] * 4)]
+    """Return the scores of players on each side's suite as Markdown, means over training seeds."""
+    lines = [_row("side", "player", "seeds", "reward per step", "score"), _row(*["---"] * 5)]
     for side, suite in suites.items():
+        seeds: dict[str, list[float]] = {}
         for name in agents[side]:
-            value = mean_reward(name, suite)
-            lines.append(_row(side, f"`{name}`", f"{value:.2f}", f"{suite.scale.score(value):.1f}"))
+            seeds.setdefault(name.partition("/seed_")[0], []).append(mean_reward(name, suite))
+        for name, values in sorted(seeds.items(), key=lambda item: -np.mean(item[1])):
+            count = str(len(values)) if "/" in name else "-"
+            value = float(np.mean(values))
+            lines.append(_row(side, f"`{name}`", count, f"{value:.2f}", f"{suite.scale.score(value):.1f}"))
     return "\n".join(lines)
 
 
