@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fpg_bench.cli.completion import complete_id, complete_suite
-from fpg_bench.cli.options import PathOption, listed, name_all
+from fpg_bench.cli.options import PathOption, ScenarioOption, listed, name_all
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import need
 from fpg_bench.common.output import print_line
@@ -30,6 +30,7 @@ def envs(
         ),
     ] = None,
     path: PathOption = None,
+    scenario: ScenarioOption = None,
 ) -> None:
     """List the environment ids with their defaults, observations and actions, or the choices of one id.
 
@@ -40,7 +41,7 @@ def envs(
     from fpg_bench.players.player import SIDES
 
     if env_id is not None:
-        _print_choices(env_id, path)
+        _print_choices(env_id, path, scenario)
         return
     for group in ENVS.values():
         flown = f"planned by {group.planner}" if group.planner else group.path
@@ -61,7 +62,7 @@ def envs(
     )
 
 
-def _print_choices(env_id: str, path: str | None) -> None:
+def _print_choices(env_id: str, path: str | None, scenario: str | None) -> None:
     """Print what each choice of an id does, with the nine floats that it stands for."""
     from fpg_bench.common.ids import find_env, id_with
     from fpg_bench.game.choices import Choices
@@ -70,8 +71,8 @@ def _print_choices(env_id: str, path: str | None) -> None:
     config = find_env(env_id)
     if config.actions == "continuous":
         raise UserError(f"envs: {config.id} has no choices; {id_with(config.id, 'discrete')} has")
-    scenario = as_scenario(None, opponent_path=listed(path) or config.path)
-    for of in Choices(config.side, config.actions, scenario).lists:
+    played = as_scenario(scenario, opponent_path=listed(path) or config.path)
+    for of in Choices(config.side, config.actions, played).lists:
         typer.echo(f"{of.name}: {len(of)}")
         width = max(map(len, of.names))
         for index, (name, row) in enumerate(zip(of.names, of.rows.tolist(), strict=True)):
@@ -89,6 +90,7 @@ def zoo(
     from fpg_bench.evaluation.suite import load_suite
     from fpg_bench.evaluation.summary import summarise
     from fpg_bench.evaluation.zoo import load_zoo
+    from fpg_bench.players.player import SIDES
 
     shipped = load_zoo()
     members = [member for member in shipped.members() if member.shipped]
@@ -110,6 +112,7 @@ def zoo(
     size = sum(file.stat().st_size for member in members for file in member.folder.iterdir())
     whole = "all policies are whole" if not damaged else f"{len(damaged)} policies are changed"
     typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; {whole}")
+    typer.echo(f"champions: {', '.join(name for side in SIDES for name in _champions(side))}")
 
 
 def _lines(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[str]:
@@ -145,6 +148,7 @@ def players() -> None:
         if side == "ally":
             name_all("learn within a round, ally", LEARNERS)
         name_all(f"agents, {side}", _agents(member for member in members if member.group.side == side))
+        name_all(f"champions, {side}", _champions(side))
         name_all(f"populations, {side}", _populations(side))
     name_all("either side", ["oracle: sees the full state, so it is in no suite"])
     for tier, names in _planners().items():
@@ -189,6 +193,14 @@ def _described(suite: Suite) -> str:
     rounds = f" of {suite.rounds_per_match} rounds" if suite.rounds_per_match > 1 else ""
     met = f"{suite.matches} matches{rounds} per rival"
     return f"measures the {suite.side}, {met}\n    {suite.scale.description}"
+
+
+def _champions(side: str) -> list[str]:
+    """Return the names of the shipped champions of a side, which no group of the zoo holds."""
+    from fpg_bench.players.agent import baselines_folder
+
+    folder = baselines_folder() / "agents" / f"{side}-champion"
+    return [f"{folder.name}/{path.parent.name}/{path.name}" for path in sorted(folder.glob("*/seed_*"))]
 
 
 def _agents(members: Iterable[ZooAgent]) -> list[str]:

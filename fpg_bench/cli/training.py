@@ -331,7 +331,7 @@ def best_response(
     start: Annotated[
         str,
         typer.Option(
-            help="nothing, strongest (imitate the strongest known rival first), or both.",
+            help="nothing, strongest (imitate the strongest known rival first), or nothing,strongest.",
             rich_help_panel=TRAINING,
         ),
     ] = "nothing",

@@ -128,7 +128,7 @@ def _check_same(folder: Path, recipe: dict[str, Any]) -> None:
         )
     before, now = ({**each.get("spec", {}), **each, "spec": None} for each in (known, recipe))
     if different := [key for key, value in now.items() if before.get(key) != value]:
-        raise UserError(f"{where}: has another {', '.join(different)}; delete it, or choose another folder")
+        raise UserError(f"{where}: differs in {', '.join(different)}; delete it, or choose another folder")
 
 
 def _check_room(data: Path, spec: DatasetSpec) -> None:

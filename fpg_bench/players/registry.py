@@ -62,14 +62,19 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
 
         return load_agent(name, side)
     if name in NAMED[other_side(side)]:
-        raise UserError(f"unknown {side} {name!r}: it plays the {other_side(side)}")
+        raise _of_other_side(name, side)
     raise UserError(f"unknown {side} {name!r}{nearest(name, [*NAMED[side], *ORACLES])}")
 
 
 def _script_with(name: str, values: str, side: str, scenario: Scenario) -> Tactic:
     """Return a script with the constants of a text such as ``centres=3, hold_s=2``."""
+    if name in NAMED[other_side(side)]:
+        raise _of_other_side(name, side)
     if name not in TACTICS[side]:
-        raise UserError(f"{side} {name!r}: no script with constants{nearest(name, TACTICS[side])}")
+        known = ", ".join(TACTICS[side])
+        raise UserError(
+            f"{side} {name!r} has no constants{nearest(name, TACTICS[side])}; these have: {known}"
+        )
     changes = {}
     for text in filter(None, map(str.strip, values.split(","))):
         key, _, number = text.partition("=")
@@ -78,6 +83,10 @@ def _script_with(name: str, values: str, side: str, scenario: Scenario) -> Tacti
         except ValueError:
             raise UserError(f"{name}: expected NAME=NUMBER, got {text!r}") from None
     return Tactic(side, name, scenario, **changes)
+
+
+def _of_other_side(name: str, side: str) -> UserError:
+    return UserError(f"{name!r} plays the {other_side(side)}; name a player of the {side}")
 
 
 def policy_hash(player: object) -> str | None:

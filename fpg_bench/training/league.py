@@ -330,10 +330,10 @@ def _side_of(agent: str) -> str:
         about = load_agent(agent).about
         sides = [str(about.get("side") or sides_of(about["id"])[0])]
     if len(sides) != 1:
-        hint = "" if sides else nearest(agent, [name for side in SIDES for name in SCRIPTED[side]])
-        raise UserError(
-            f"player {agent!r}: no agent, and no script of one side alone{hint}; say which side it plays"
-        )
+        if sides:
+            raise UserError(f"player {agent!r} plays both sides; say side ally or opponent")
+        hint = nearest(agent, [name for side in SIDES for name in SCRIPTED[side]])
+        raise UserError(f"player {agent!r}: no agent and no script{hint}")
     return sides[0]
 
 

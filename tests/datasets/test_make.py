@@ -223,9 +223,9 @@ def test_a_finished_data_set_stays_and_another_is_refused(tmp_path, monkeypatch)
     folder = make_dataset(tiny(), tmp_path)
     monkeypatch.setattr(make, "run_jobs", None)  # nothing is played any more
     assert make_dataset(tiny(), tmp_path) == folder
-    with pytest.raises(UserError, match="has another steps; delete it"):
+    with pytest.raises(UserError, match="differs in steps; delete it"):
         make_dataset(tiny(6), tmp_path)
-    with pytest.raises(UserError, match="has another rivals, identities; delete it"):
+    with pytest.raises(UserError, match="differs in rivals, identities; delete it"):
         make_dataset(tiny(rivals=("tone",)), tmp_path)
     monkeypatch.setattr("fpg_bench.datasets.spec.__version__", "9.9")
     with pytest.raises(UserError, match=r"was begun by fpg-bench 0\..*, this is 9.9"):
@@ -294,7 +294,7 @@ def test_shipped_data_sets_have_seeds_of_their_own():
         ("seed: 9999999999", "seed of a data set: expected 0 to"),
         ("speed: 1", "unknown key 'speed'"),
         ("rivals: [nobody]", "unknown opponent 'nobody'"),
-        ("rivals: [expert]", "unknown opponent 'expert'"),
+        ("rivals: [expert]", "'expert' plays the ally"),
         ("scenario: nowhere", "nowhere"),
     ],
 )

@@ -104,7 +104,7 @@ def test_a_name_for_several_entries_or_of_a_script_is_refused(suite, agent):
 def test_oracles_wrong_sides_and_unknown_players_never_enter(suite):
     for spec, message in (
         ("oracle", "sees the full state, which no suite allows"),
-        ("adaptive", "unknown ally 'adaptive'"),
+        ("adaptive", "'adaptive' plays the opponent"),
         ("expertt", "did you mean 'expert'"),
         (5, "expected a player's name or an object with predict"),
     ):

@@ -23,7 +23,7 @@ def observation(snr_db, frequency=0.0, sensed=NOTHING_SENSED, spreading_s=0.0):
 @pytest.mark.parametrize("name", LEARNERS)
 def test_it_keeps_the_contract_of_players(name, capsys):
     check_player(name, "ally")  # one game or many, the same bits; draws from the round's own stream
-    with pytest.raises(UserError, match="it plays the ally"):
+    with pytest.raises(UserError, match="plays the ally"):
         as_player(name, "opponent", STANDARD)
 
 

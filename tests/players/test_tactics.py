@@ -153,8 +153,8 @@ def test_all_opponents_fly_at_the_ally():
         ("sulk(rest_s=2.5)", "expected a whole number from 1 to 300, got 2.5"),
         ("sulk(rest_s=nan)", "got nan"),
         ("sulk(rest_s)", "sulk: expected NAME=NUMBER, got 'rest_s'"),
-        ("sulc(rest_s=3)", "ally 'sulc': no script with constants; did you mean 'sulk'"),
-        ("alternate(centres=3)", "ally 'alternate': no script with constants"),
+        ("sulc(rest_s=3)", "ally 'sulc' has no constants; did you mean 'sulk'?; these have: sulk, by-type"),
+        ("alternate(centres=3)", "'alternate' plays the opponent; name a player of the ally"),
     ],
 )
 def test_constants_that_cannot_be_had_are_named(name, message):

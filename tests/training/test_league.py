@@ -280,7 +280,7 @@ def test_a_scenario_file_that_has_changed_since_the_training_is_refused(tmp_path
 @pytest.mark.slow
 def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
     for options, message in (
-        ({}, "no script of one side alone"),
+        ({}, "plays both sides; say side ally or opponent"),
         ({"side": "alli"}, "expected ally or opponent, got 'alli'"),
         ({"side": "ally", "start": "weakest"}, "start: expected nothing or strongest, got 'weakest'"),
     ):
