@@ -195,7 +195,7 @@ def test_an_opponent_with_nan_actions_is_not_called_divergence(tmp_path):
 
 
 def test_unknown_and_impossible_options_are_refused(tmp_path):
-    imitating = settings("ppo", imitate={"teacher": "expert"})
+    imitating = settings("dqn", imitate={"teacher": "expert"})
     for algorithm, env_id, options, message in (
         ("pppo", ALLY, {}, "did you mean 'ppo'"),
         ("ppo", "FPG/AllyVsScript-v0", {}, "did you mean 'FPG/AllyVsScripted-v0'"),
@@ -206,7 +206,7 @@ def test_unknown_and_impossible_options_are_refused(tmp_path):
         ("dqn", ALLY, {"steps": 1000}, "add --actions discrete"),
         ("stable_baselines3:DQN", ALLY, {"steps": 1, "actions": "multi-discrete"}, "add --actions discrete"),
         ("sac", ALLY, {"steps": 1000, "actions": "discrete"}, "add --actions continuous"),
-        ("ppo", ALLY, {"hyperparams": imitating, "actions": "discrete"}, "the model chooses from a list"),
+        ("dqn", ALLY, {"hyperparams": imitating, "actions": "discrete"}, "PPO and its kind, without an LSTM"),
     ):
         with pytest.raises(UserError, match=message):
             train(algorithm, env_id, tmp_path / "run", **options)
