@@ -52,5 +52,5 @@ def test_tables_are_played_together_as_they_would_be_alone():
 
 def test_players_of_the_wrong_side_get_no_runner():
     for players in (("tone", "adaptive"), ("expert", "expert"), ("expert", "nobody")):
-        with pytest.raises(UserError, match="plays the|unknown opponent"):
+        with pytest.raises(UserError, match=r"plays the|unknown opponent"):
             table(*players)
