@@ -229,7 +229,7 @@ def main() -> int:
         "The base station's beam": list(beams(scenario)),
     }
     texts = [table(title, ("closed form", "waveform"), rows) for title, rows in bounded.items()]
-    steps = list(played_steps(waves, scenario, options.steps, 3000))
+    steps = list(played_steps(waves, scenario, options.steps, 12_000))
     texts.append(grouped(steps))
     bounded["steps"] = steps
     texts.append(
