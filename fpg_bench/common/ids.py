@@ -97,7 +97,10 @@ _MODE = re.compile(r"(FPG/\w+?)(MultiDiscrete|Discrete)-v0")
 DUEL = "FPG/duel_v0"
 ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
 OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
-TACTICS = {"ally": ("sulk", "by-type"), "opponent": ("scan", "alternate", "guard", "herd")}  # have memory
+TACTICS = {
+    "ally": ("sulk", "by-type"),
+    "opponent": ("scan", "alternate", "guard", "herd"),
+}  # with constants to change
 LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
 SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
 # All players of the package without a policy.

@@ -113,8 +113,7 @@ def play_opponent(
     """Fill the actions of a scripted opponent and count its steps."""
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
-        x, y, z = away_m(seen, scales, 0), away_m(seen, scales, 1), away_m(seen, scales, 2)
-        distance = math.sqrt(x * x + y * y + z * z)
+        distance = fly_at_ally(seen, action, scales)
         jamming_type, tuning, in_band = kind, 0.0, False
         if kind == SWEEP:
             points = int(scales[_POINTS])
@@ -123,8 +122,6 @@ def play_opponent(
         elif kind in (ADAPTIVE, WATCHFUL):
             jamming_type = fitting_type(kind, seen, distance, scales)
         jam(action, jamming_type, tuning, in_band)
-        reach = max(distance, PURSUIT_M)
-        action[6], action[7], action[8] = x / reach, y / reach, z / reach
         if kind == RANDOM_OPPONENT:
             _fill_random(action, keys, i, steps[i])
         steps[i] += 1
@@ -161,7 +158,17 @@ def _stayed(seen: np.ndarray, checked: bool) -> bool:
 
 
 @compiled
-def away_m(seen: np.ndarray, scales: np.ndarray, axis: int) -> float:
+def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: np.ndarray) -> float:
+    """Fill the velocity of an opponent that flies at the ally; returns their distance in m."""
+    x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
+    distance = math.sqrt(x * x + y * y + z * z)
+    reach = max(distance, PURSUIT_M)
+    action[6], action[7], action[8] = x / reach, y / reach, z / reach
+    return distance
+
+
+@compiled
+def _away_m(seen: np.ndarray, scales: np.ndarray, axis: int) -> float:
     """Return the relative position in m; the observation holds its signed root over the box."""
     root = seen[RELATIVE_POSITION + axis]
     return math.copysign(root * root, root) * scales[_BOX + axis]

@@ -1,18 +1,16 @@
-"""Scripts with memory: rules of a few lines that a trained player should be able to meet.
+"""Scripts whose constants can be changed, so that a search can look for the worst of a family.
 
-Their constants can be changed, so that a search can look for the worst of a family.
+Most of them remember earlier steps of the round.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import TACTICS
-from fpg_bench.game.choices import PURSUIT_M
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import (
@@ -36,8 +34,8 @@ from fpg_bench.players.scripted import (
     TONE,
     TUNING_SPAN,
     WATCHFUL,
-    away_m,
     fitting_type,
+    fly_at_ally,
     jam,
     scenario_scales,
 )
@@ -158,8 +156,7 @@ def play_opponent(
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
         step = memory[i, 0]
-        x, y, z = away_m(seen, scales, 0), away_m(seen, scales, 1), away_m(seen, scales, 2)
-        distance = math.sqrt(x * x + y * y + z * z)
+        distance = fly_at_ally(seen, action, scales)
         checked = seen[KNOWN_AGE] <= 0.0
         if checked and seen[JAM_TYPE : JAM_TYPE + TYPES].any() and seen[JAM_CENTRE] != seen[KNOWN_FREQUENCY]:
             memory[i, 1] += 1
@@ -176,13 +173,11 @@ def play_opponent(
             jamming_type, in_band = int(constant[0]), True
             tuning = (2.0 * turn + 1.0) / constant[1] - 1.0
         jam(action, jamming_type, tuning, in_band)
-        reach = max(distance, PURSUIT_M)
-        action[6], action[7], action[8] = x / reach, y / reach, z / reach
         memory[i, 0] = step + 1
 
 
 class Tactic(SeededPolicy):
-    """A script with memory, compiled over a batch.
+    """A script whose constants can be changed, compiled over a batch.
 
     Args:
         side: ``ally`` or ``opponent``.
