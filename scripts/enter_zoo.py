@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import yaml
 
@@ -20,13 +21,34 @@ from fpg_bench.leaderboard.submission import seed_folders
 from fpg_bench.players.agent import baselines_folder
 
 AUTHORS = ["fpg-bench maintainers"]
-Place = tuple[str, str | None]  # track, path
-# Track and path by the public suite of a group. Agents of other scenarios are not entered.
-TRACKS: dict[str, Place] = {
-    "ally-v1": ("ally", None),
-    "ally-planner-v1": ("ally", None),
-    "opponent-v1": ("opponent", "pursuit"),
-    "opponent-learned-v1": ("opponent", "learned"),
+
+
+class Place(NamedTuple):
+    """Table of the board, in the words of a submission."""
+
+    track: str
+    path: str | None = None
+    scenario: str = "standard"
+
+
+ALLY, PURSUIT, LEARNED = Place("ally"), Place("opponent", "pursuit"), Place("opponent", "learned")
+ALLY_LINK, OPPONENT_LINK = Place("ally", None, "link"), Place("opponent", "pursuit", "link")
+# Table by the public suite of a group. Agents of other scenarios are not entered.
+PLACES = {
+    "ally-v1": ALLY,
+    "ally-planner-v1": ALLY,
+    "opponent-v1": PURSUIT,
+    "opponent-learned-v1": LEARNED,
+    "ally-link-v1": ALLY_LINK,
+    "opponent-link-v1": OPPONENT_LINK,
+}
+# What tells a script's entry from that in the first table of its side: end of the folder's name, and remark.
+SCRIPT_PLACES = {
+    ALLY: ("", ""),
+    PURSUIT: ("", ""),
+    LEARNED: ("-learned", " (flies itself)"),
+    ALLY_LINK: ("-link", ""),
+    OPPONENT_LINK: ("-link", ""),
 }
 # Role and training partners by the group's name.
 GROUPS = {
@@ -66,11 +88,19 @@ GROUPS = {
         "opponent, discrete actions",
         "five scripted allies, and every sixteenth round those of the public population training-1",
     ),
+    "ally-link": ("ally on a radio link", "ten scripted opponents, drawn anew every round"),
+    "opponent-link": ("opponent on a radio link", "seven scripted allies, drawn anew every round"),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
-# Track and path by the champion's folder.
-CHAMPIONS: dict[str, Place] = {"ally-champion": ("ally", None), "opponent-champion": ("opponent", "learned")}
+# Champion and table by the entry's name.
+CHAMPIONS = {
+    "ally-champion": ("ally-champion", ALLY),
+    "ally-champion-2": ("ally-champion-2", ALLY),
+    "opponent-champion": ("opponent-champion", LEARNED),
+    "opponent-champion-2": ("opponent-champion-2", LEARNED),
+    "opponent-champion-2-pursuit": ("opponent-champion-2", PURSUIT),
+}
 NO_MEMORY = "It has no memory: it acts on the present observation alone."
 SMALL_BUDGET = "It has no memory, and its budget of steps is much smaller than PPO's."
 # Title, paper on arXiv, and limitations.
@@ -125,29 +155,31 @@ PAPERS = {
 
 def entry(name: str, algorithm: str, place: Place, **others: object) -> str:
     """Return the text of a submission.yaml."""
-    track, path = place
     content = {"name": name, "authors": AUTHORS, "algorithm": algorithm, "reference": None, "licence": "MIT"}
-    content |= {"track": track} | ({} if path is None else {"path": path}) | others
+    content |= {"track": place.track}
+    content |= {} if place.path is None else {"path": place.path}
+    content |= {} if place.scenario == "standard" else {"scenario": place.scenario}
+    content |= others
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
 def scripts() -> dict[str, str]:
-    """Return the submissions of all scripts by track and name; opponents are entered with both paths."""
+    """Return the submissions of all scripts by track and name; each is entered in all tables of its side."""
     entries = {}
-    for track, path in (("ally", None), ("opponent", "pursuit"), ("opponent", "learned")):
-        for script in NAMED[track]:
-            is_learned, paper = path == "learned", PAPERS.get(script)
-            entries[f"{track}/{script}{'-learned' if is_learned else ''}"] = entry(
-                f"{script} (flies itself)" if is_learned else script,
+    for place, (end, remark) in SCRIPT_PLACES.items():
+        for script in NAMED[place.track]:
+            paper = PAPERS.get(script)
+            entries[f"{place.track}/{script}{end}"] = entry(
+                f"{script}{remark}",
                 "script",
-                (track, path),
+                place,
                 reference=paper,
                 training=None,
                 saw="Nothing: it learns within a round."
                 if paper
                 else "Nothing: it is a script, written by hand.",
                 unable="It forgets what it learned when a round ends." if paper else "It does not learn.",
-                description=f"A scripted {track}: it {SCRIPTS[script]}.",
+                description=f"A scripted {place.track}: it {SCRIPTS[script]}.",
                 script=script,
             )
     return entries
@@ -159,22 +191,22 @@ def agents() -> dict[str, str]:
     for group in zoo.groups:
         for algorithm in group.steps:
             members = zoo.members(f"{group.name}/{algorithm}")
-            if group.suites[0] in TRACKS and all(member.shipped for member in members):
-                place, folder = TRACKS[group.suites[0]], members[0].folder.parent
+            if group.suites[0] in PLACES and all(member.shipped for member in members):
+                place, folder = PLACES[group.suites[0]], members[0].folder.parent
                 command = f"python scripts/train_zoo.py --only {group.name}/{algorithm}"
                 text = trained(folder, place, *GROUPS[group.name], f"From the zoo; trained by {command}.")
-                entries[f"{place[0]}/{group.name}-{algorithm}"] = text
+                entries[f"{place.track}/{group.name}-{algorithm}"] = text
     return entries
 
 
 def champions() -> dict[str, str]:
     """Return the submissions of all shipped champions by track and name."""
     entries = {}
-    for name, place in CHAMPIONS.items():
+    for slug, (name, place) in CHAMPIONS.items():
         for folder in sorted((baselines_folder() / "agents" / name).glob("*")):
             text = f"Made to be hard to beat; trained by python scripts/train_champions.py --only {name}."
             saw = "scripts, agents of the zoo, and those who had learned to beat it"
-            entries[f"{place[0]}/{name}"] = trained(folder, place, f"{place[0]} champion", saw, text)
+            entries[f"{place.track}/{slug}"] = trained(folder, place, name.replace("-", " "), saw, text)
     return entries
 
 

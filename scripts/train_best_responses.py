@@ -29,7 +29,7 @@ from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.folders import short_path, submission_folders
 from fpg_bench.leaderboard.submission import load_submission
-from fpg_bench.leaderboard.tracks import TRACKS, track_of
+from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.league import best_responses, response_folder
@@ -87,11 +87,12 @@ def targets(board: Path, only: str | None = None) -> Iterator[Target]:
     for folder in submission_folders(board, [] if only is None else [only]):
         if folder.parent.name in SIDES:
             entry = load_submission(folder, contract=False)
-            if entry.policies:
+            if entry.policies and entry.scenario == SCENARIO:
                 first = min(entry.policies, key=lambda policy: policy.seed)
                 agent = f"{entry.zoo or short_path(folder)}/seed_{first.seed}"
-                track = track_of(entry.track, entry.path).key
-                yield Target(track, entry.track, entry.slug, agent, first.sha256, entry.path or PURSUIT)
+                yield Target(
+                    entry.table.key, entry.track, entry.slug, agent, first.sha256, entry.path or PURSUIT
+                )
 
 
 def parse_recipe(text: str) -> Recipe:
@@ -156,7 +157,7 @@ def write_suites(board: Path) -> Iterator[Path]:
                 "scale": {"zero": public.scale.zero, "top": public.scale.top},
                 "rivals": [_rival(target, public.other_side) for target in own],
             }
-            path = suites_folder() / f"{track.public.removesuffix('-v1')}-{FOLDER}.yml"
+            path = suites_folder() / f"{track.public.rpartition('-v')[0]}-{FOLDER}.yml"
             write_whole(path, _HEAD + yaml.safe_dump(content, sort_keys=False, width=110))
             yield path
 

@@ -251,6 +251,9 @@ def close_season(
     size: Annotated[
         int | None, typer.Option(min=1, help="Number of members of each side. Default: the recipe's.")
     ] = None,
+    scenario: Annotated[
+        str, typer.Option(help="The preset whose entries it is closed over: standard or link.")
+    ] = "standard",
     n_jobs: JobsOption = 2,
     backend: BackendOption = "loky",
     address: AddressOption = None,
@@ -265,7 +268,7 @@ def close_season(
     from fpg_bench.players.agent import baselines_folder
     from fpg_bench.players.player import SIDES
 
-    closing = make_closing(name, folder, work, n_candidates or CANDIDATES, size or SIZE)
+    closing = make_closing(name, folder, work, n_candidates or CANDIDATES, size or SIZE, scenario=scenario)
     season = closing_season.close_season(
         closing,
         out or baselines_folder() / "suites" / closing.name,
@@ -301,7 +304,7 @@ def audit_season(
 
     season = load_season(name)
     for audited in auditing.audit_season(
-        season, read_entries(folder), work, member, n_members, n_jobs=n_jobs
+        season, read_entries(folder, scenario=season.scenario), work, member, n_members, n_jobs=n_jobs
     ):
         policies = "the same policy" if audited.is_same else "another policy"
         print_line(

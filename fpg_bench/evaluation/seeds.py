@@ -82,11 +82,13 @@ class SeasonKey:
         seed: its seed, which nobody knew before it was closed.
         entries: the hashes of each entry's policies when it was closed, by ``track/name``. The seed follows
             from them, so another entry would have changed it.
+        scenario: the preset that it is played in; each has a closing of its own.
     """
 
     number: int
     seed: str
     entries: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    scenario: str = "standard"
 
     def met(self, name: str, policies: Sequence[str]) -> bool:
         """Return True if the entry had just these policies when the season was closed."""
@@ -94,7 +96,12 @@ class SeasonKey:
 
     def suite_name(self, public: str) -> str:
         """Return the name of a track's season suite: ``ally-v1`` becomes ``ally-season-1``."""
-        return f"{public.removesuffix('-v1')}-season-{self.number}"
+        return f"{public.rpartition('-v')[0]}-season-{self.number}"
+
+
+def season_word(number: int, scenario: str) -> int | str:
+    """Return the word for a season in its seed and its folder's name: 2, or ``2-link``."""
+    return number if scenario == "standard" else f"{number}-{scenario}"
 
 
 def seed_from(protocol: str, number: int | str, hashes: Iterable[str]) -> str:
@@ -106,14 +113,19 @@ def seed_from(protocol: str, number: int | str, hashes: Iterable[str]) -> str:
     return hashlib.sha256("/".join(map(str, words)).encode()).hexdigest()
 
 
-def current_season() -> SeasonKey | None:
-    """Return the newest season that is closed; None before the first.
+def current_seasons() -> dict[str, SeasonKey]:
+    """Return the newest closed season of each scenario that has one.
 
     Raises:
-        UserError: its file cannot be read, or its seed does not follow from its entries.
+        UserError: a file cannot be read, or a seed does not follow from the entries.
     """
     closed = [_key(file.parent.name) for file in suites_folder().glob("season-*/season.yml")]
-    return max(closed, key=lambda key: key.number, default=None)
+    return {key.scenario: key for key in sorted(closed, key=lambda key: key.number)}
+
+
+def current_season(scenario: str = "standard") -> SeasonKey | None:
+    """Return the newest closed season of a scenario; None before the first. Raises as the above."""
+    return current_seasons().get(scenario)
 
 
 def season_key(number: int) -> SeasonKey:
@@ -131,11 +143,12 @@ def _key(name: str) -> SeasonKey:
     if not sound or not isinstance(content.get("seed"), str):
         raise UserError(f"season {name}: season.yml lacks its number, seed or entries")
     number, seed, entries = (content[key] for key in ("number", "seed", "entries"))
+    scenario = str(content.get("scenario", "standard"))
     try:
         hashes = [of for listed in entries.values() for of in listed]
-        follows = seed_from(content.get("protocol", ""), number, hashes) == seed
+        follows = seed_from(content.get("protocol", ""), season_word(number, scenario), hashes) == seed
     except TypeError:  # no lists
         follows = False
     if not follows:
         raise UserError(f"season {name}: its seed does not follow from the entries that season.yml lists")
-    return SeasonKey(number, seed, entries)
+    return SeasonKey(number, seed, entries, scenario)

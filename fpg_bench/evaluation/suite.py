@@ -67,6 +67,7 @@ class Rival:
         players: the other side's players, one drawn per round; in a suite of planners the allies.
         scenario: what is played, path included.
         planner: planner of the opponent's path between rounds, if any.
+        group: the group of rivals of its kind, of which results are shown by themselves, if any.
         identities: per player the hash of an agent's policy, or a script's name.
     """
 
@@ -74,6 +75,7 @@ class Rival:
     players: tuple[str, ...]
     scenario: Scenario
     planner: str | None = None
+    group: str | None = None
     identities: tuple[str, ...] = dataclasses.field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -137,6 +139,15 @@ class Suite:
         rivals = [[c.name, c.identities, c.scenario.hash, c.planner] for c in self.rivals]
         content = [self.side, self.matches, self.season, self.opponent, self.last_rounds, rivals]
         return hashlib.sha256(json.dumps([*content, self.scale.zero, self.scale.top]).encode()).hexdigest()
+
+    @property
+    def groups(self) -> dict[str, list[str]]:
+        """The names of the rivals of each group; empty where they have none."""
+        groups: dict[str, list[str]] = {}
+        for rival in self.rivals:
+            if rival.group is not None:
+                groups.setdefault(rival.group, []).append(rival.name)
+        return groups
 
     def named(self, name: str) -> Rival:
         """Return the rival of this name; raises UserError for an unknown one."""
@@ -223,6 +234,7 @@ class _RivalFile(Strict):
     opponent: str | Items[str] | None = None
     path: str | Items[str] | None = None
     planner: str | None = None
+    group: str | None = None
     changes: dict[str, Any] | None = None
 
 
@@ -294,7 +306,7 @@ class _SuiteFile(Strict):
         is_planned = file.planner is not None or self.side == PLANNER
         played = as_scenario(scenario, opponent_path="waypoints" if is_planned else file.path)
         name = file.name or "/".join(filter(None, ("+".join(players), file.planner or "+".join(paths))))
-        return Rival(name, players, as_scenario(played, **changes), file.planner)
+        return Rival(name, players, as_scenario(played, **changes), file.planner, file.group)
 
 
 def load_suite(name: str, side: str | None = None, shipped: bool = False) -> Suite:

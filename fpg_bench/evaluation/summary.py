@@ -86,6 +86,18 @@ class Summary:
             for k, rival in enumerate(self.suite.rivals)
         }
 
+    @cached_property
+    def by_group(self) -> dict[str, Interval]:
+        """The score over each group of rivals, with its interval; empty where the suite has no groups."""
+        names = [rival.name for rival in self.suite.rivals]
+        return {
+            group: mean_interval(
+                self.suite.scale.score(self.units(self.rewards[:, [names.index(name) for name in members]])),
+                self.over,
+            )
+            for group, members in self.suite.groups.items()
+        }
+
     @property
     def worst(self) -> str:
         """The name of the rival that it earns least against."""

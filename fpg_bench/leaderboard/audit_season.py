@@ -13,8 +13,8 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
-from fpg_bench.evaluation.seeds import PROTOCOL
-from fpg_bench.leaderboard.close_season import ROUNDS, mean_returns, shuffled, train_candidate
+from fpg_bench.evaluation.seeds import PROTOCOL, season_word
+from fpg_bench.leaderboard.close_season import ROUNDS, play_candidate, shuffled, train_candidate
 from fpg_bench.leaderboard.season import (
     Recipe,
     Season,
@@ -78,7 +78,7 @@ def audit_season(
     chosen = _choose_members(season, members, count, work)
     for side, _ in chosen:
         (work / side).mkdir(parents=True, exist_ok=True)
-    check_all_done(run_jobs([_training_job(work, member) for _, member in chosen], n_jobs))
+    check_all_done(run_jobs([_training_job(work, member, season.scenario) for _, member in chosen], n_jobs))
     return [_compare(season, entries, work, side, member, rounds) for side, member in chosen]
 
 
@@ -90,8 +90,8 @@ def check_entries(season: Season, entries: list[SeasonEntry]) -> None:
             raise UserError(f"season {season.name}: was closed over the entry {name}, which is missing")
         if list(by_name[name].hashes) != hashes:
             raise UserError(f"season {season.name}: the entry {name} has changed since it was closed")
-    number = season.name if season.number is None else season.number
-    if season_seed(season.protocol, number, [by_name[name] for name in season.entries]) != season.seed:
+    word = season.name if season.number is None else season_word(season.number, season.scenario)
+    if season_seed(season.protocol, word, [by_name[name] for name in season.entries]) != season.seed:
         raise UserError(f"season {season.name}: its seed does not follow from its entries")
     if season.protocol != PROTOCOL:
         raise UserError(
@@ -112,12 +112,12 @@ def _choose_members(
     return [by_name[name] for name in names]
 
 
-def _training_job(work: Path, recipe: Recipe) -> Job:
+def _training_job(work: Path, recipe: Recipe, scenario: str) -> Job:
     folder = work / recipe.side / recipe.name
     return folder_job(
         f"{recipe.side}/{recipe.name}",
         folder,
-        partial(train_candidate, recipe),
+        partial(train_candidate, recipe, scenario=scenario),
         RunFolder(folder).is_finished,
     )
 
@@ -130,13 +130,14 @@ def _compare(
     returns = np.array(
         [
             [
-                mean_returns(
+                play_candidate(
                     player,
                     other,
                     str(agent),
                     member.path if side == "opponent" else entry.path,
                     season.seed,
                     rounds,
+                    season.scenario,
                 )[other]
                 for agent in (published, again)
             ]
@@ -152,7 +153,11 @@ def _compare(
 
 def late_entries(season: Season, entries: list[SeasonEntry]) -> list[str]:
     """Return the names of entries that came or changed after a season was closed."""
-    return [e.name for e in entries if season.entries.get(e.name) != list(e.hashes)]
+    return [
+        entry.name
+        for entry in entries
+        if entry.scenario == season.scenario and season.entries.get(entry.name) != list(entry.hashes)
+    ]
 
 
 def describe_season(name: str | Path, board: str | Path) -> Iterator[str]:
@@ -178,7 +183,7 @@ def describe_season(name: str | Path, board: str | Path) -> Iterator[str]:
             )
     yield ""
     try:
-        late = late_entries(season, read_entries(board, contract=False))
+        late = late_entries(season, read_entries(board, contract=False, scenario=season.scenario))
     except UserError:
         yield f"No board at {board}: its late entries are unknown."
         return

@@ -50,7 +50,6 @@ from fpg_bench.leaderboard.tracks import (
     Track,
     TrackSuites,
     ranked_by,
-    track_of,
 )
 from fpg_bench.leaderboard.trail import first_returns, play_options, player_of, training_of
 from fpg_bench.leaderboard.verification import Case, load_entry, make_case
@@ -89,6 +88,7 @@ class BoardSuite:
         role: see :meth:`fpg_bench.leaderboard.tracks.TrackSuites.of`.
         rounds: against each rival, per training seed.
         rivals: their names.
+        groups: the rivals of each group, where they have groups.
         trained: how each trained rival was trained, by name.
         play: options of ``fpg-bench play`` for an entry's first round against a rival, by the rival's name;
             without those whose game it does not offer.
@@ -99,6 +99,7 @@ class BoardSuite:
     hash: str
     rounds: int
     rivals: tuple[str, ...]
+    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     trained: Mapping[str, str] = field(default_factory=dict)
     play: Mapping[str, str] = field(default_factory=dict)
 
@@ -176,6 +177,7 @@ class Figures:
         score: over the suite that ranks the track, else over the public one.
         scores: by role of the suite.
         by_rival: scores by role and rival.
+        by_group: scores over each group of rivals of the suite that ranks the track; empty without groups.
         first_rounds: return of the first round of the first training seed, by role and rival.
         units: by role.
         seeds: the score of each training seed.
@@ -192,6 +194,7 @@ class Figures:
     scores: Mapping[str, Score]
     worst: WorstCase
     by_rival: Mapping[str, Mapping[str, Score]]
+    by_group: Mapping[str, Score]
     first_rounds: Mapping[str, Mapping[str, float]]
     units: Mapping[str, Units]
     seeds: Mapping[int, float]
@@ -358,6 +361,11 @@ class Board:
             entry.slug: entry.name for track in self.tracks if track.side == side for entry in track.entries
         }
 
+    @property
+    def has_groups(self) -> bool:
+        """True if rivals of a suite are of several kinds."""
+        return any(suite.groups for track in self.tracks for suite in track.suites)
+
     def to_json(self) -> str:
         """Return the board as one line of JSON."""
         return TypeAdapter(Board).dump_json(self).decode() + "\n"
@@ -392,7 +400,7 @@ def make_board(folder: str | Path = "leaderboard") -> Board:
         UserError: no such folder, or a file of it that cannot be read.
     """
     folder, suites = Path(folder), TrackSuites()
-    season = suites.season
+    season = suites.seasons.get("standard")
     cases, rejected = _read_submissions(folder, suites)
     pairs = read_pairs(folder, players_of(cases))
     verified = [
@@ -460,7 +468,7 @@ def _make_track(
 ) -> BoardTrack:
     suites = loader.of(track)
     role = ranked_by(suites)
-    verified = [item for item in all_verified if _track_of(item.submission) is track]
+    verified = [item for item in all_verified if item.submission.table is track]
     ranked = sorted(
         (item for item in verified if role in item.summaries),
         key=lambda item: (-item.summaries[role].score.value, item.slug),
@@ -478,15 +486,13 @@ def _make_track(
                 worst_case(item.slug, track.side, item.summaries, pairs),
                 rank=ranks.get(item.slug),
                 seeds_gap=gaps.get(item.slug),
-                is_late=_is_late(item.submission, loader.season),
+                is_late=_is_late(item.submission, loader.season(track)),
             ),
         )
         for item in verified
     ]
     entries += [
-        _make_entry(submission, reason=reason)
-        for submission, reason in rejected
-        if _track_of(submission) is track
+        _make_entry(submission, reason=reason) for submission, reason in rejected if submission.table is track
     ]
     return BoardTrack(
         key=track.key,
@@ -500,6 +506,7 @@ def _make_track(
                 suite.hash,
                 suite.rounds,
                 tuple(rival.name for rival in suite.rivals),
+                groups=suite.groups,
                 trained={r.name: text for r in suite.rivals if (text := training_of(r))},
                 play={r.name: text for r in suite.rivals if (text := play_options(suite, r))},
             )
@@ -510,10 +517,6 @@ def _make_track(
         improvement=_make_improvement(ranking),
         profiles=_make_profiles(ranking),
     )
-
-
-def _track_of(submission: Submission) -> Track:
-    return track_of(submission.track, submission.path)
 
 
 def _place(entry: BoardEntry) -> tuple[bool, bool, float, str]:
@@ -602,6 +605,7 @@ def _make_figures(
             role: {name: _score(interval, summary.suite.scale) for name, interval in summary.by_rival.items()}
             for role, summary in summaries.items()
         },
+        by_group={name: _score(interval) for name, interval in ranking.by_group.items()},
         first_rounds={role: first_returns(summary.records) for role, summary in summaries.items()},
         units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC_SEEDS},
         seeds={

@@ -27,9 +27,9 @@ from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.evaluation.seeds import PROTOCOL, season_word
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
-from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard.season import (
     FILE,
     Recipe,
@@ -42,6 +42,7 @@ from fpg_bench.leaderboard.season import (
     write_season,
     write_suites,
 )
+from fpg_bench.leaderboard.tracks import SCENARIOS, track_of
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.training.config import GameOptions, RunConfig
@@ -52,6 +53,9 @@ _logger = logging.getLogger(__name__)
 
 CANDIDATES, SIZE, ROUNDS = 24, 12, 60
 PROFILE, PLAN = "profile.jsonl", "plan.yml"
+# Groups of a side's candidates: first those in whose rounds the ally hops more. Some opponents drive it to
+# hop on and on, the others aim at where it is; some allies can be driven so, the others stay.
+GROUPS = {"opponent": ("herders", "aimers"), "ally": ("movers", "stayers")}
 
 # Rewards of candidates. An ally that is rewarded for spending little never hops, as the script idle.
 REWARDS = {
@@ -201,10 +205,15 @@ def hyperparameters(recipe: Recipe) -> dict[str, Any]:
     return _PPO | own
 
 
-def train_candidate(recipe: Recipe, folder: Path) -> None:
+def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") -> None:
     """Train a candidate and keep only its agent and its run's records.
 
     A finished run is not trained again; an unfinished one starts anew, so the result is always the same.
+
+    Args:
+        recipe: the recipe.
+        folder: the run's folder.
+        scenario: the preset.
 
     Raises:
         UserError: the folder holds an unfinished run of another kind, or training diverged.
@@ -216,7 +225,11 @@ def train_candidate(recipe: Recipe, folder: Path) -> None:
         recipe.steps,
         hyperparameters(recipe),
         against=list(recipe.targets),
-        game=GameOptions(reward=recipe.reward, path=recipe.path),
+        game=GameOptions(
+            reward=recipe.reward,
+            path=recipe.path,
+            scenario=None if scenario == "standard" else scenario,
+        ),
     )
     if not RunFolder(folder).is_finished():
         train(run, folder, evaluations=0, progress=False, restart=True)
@@ -225,8 +238,60 @@ def train_candidate(recipe: Recipe, folder: Path) -> None:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
+def halves(returns: np.ndarray, hop_rates: np.ndarray, side: str) -> list[str]:
+    """Group the candidates of a side by what they do to entries, and name the groups.
+
+    Two groups by Ward's hierarchical clustering of the candidates' profiles of returns, each standardised, so
+    that their distance follows from their correlation: what counts is who fares well, not how well all fare.
+
+    Args:
+        returns: return per step of each entry against each candidate, ``(entries, candidates)``.
+        hop_rates: mean number of the ally's hops per step in each candidate's rounds.
+        side: the candidates' side.
+
+    Returns:
+        The group of each candidate: that with more hops is called first in :data:`GROUPS`.
+
+    Raises:
+        UserError: a return that is not finite.
+    """
+    from scipy.cluster.hierarchy import fcluster, linkage
+
+    _check_finite(returns)
+    spread = returns.std(axis=0)
+    profiles = (returns - returns.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    labels = fcluster(linkage(profiles.T, "ward"), 2, "maxclust")
+    order = sorted(set(labels), key=lambda label: -hop_rates[labels == label].mean())
+    return [GROUPS[side][order.index(label)] for label in labels]
+
+
+def select_by_halves(returns: np.ndarray, groups: Sequence[str], size: int) -> list[int]:
+    """Select as many candidates of each group, each half representative of its group.
+
+    So the mean over the suite weighs both abilities alike, whatever their share among the candidates.
+
+    Args:
+        returns: return per step of each entry against each candidate, ``(entries, candidates)``.
+        groups: the group of each candidate.
+        size: number of candidates to select; fewer where a group has not half as many.
+
+    Returns:
+        Their indices, group by group.
+
+    Raises:
+        UserError: see :func:`select_representative`.
+    """
+    of_group = {name: [i for i, group in enumerate(groups) if group == name] for name in sorted(set(groups))}
+    each = min(size // len(of_group), *map(len, of_group.values()))
+    return [
+        members[index]
+        for members in of_group.values()
+        for index in select_representative(returns[:, members], each)
+    ]
+
+
 def select_representative(returns: np.ndarray, size: int) -> list[int]:
-    """Select a season suite: entries earn against it about what they earn against all candidates.
+    """Select candidates against which entries earn about what they earn against all candidates.
 
     Starts with the strongest candidate, against which entries earn least. Each next one brings the suite's
     mean returns nearest to those of all candidates.
@@ -270,9 +335,13 @@ def _strongest(returns: np.ndarray, size: int) -> list[int]:
     count = returns.shape[1]
     if size > count:
         raise UserError(f"season: a suite of {size} needs as many candidates, got {count}")
+    _check_finite(returns)
+    return [int(returns.mean(axis=0).argmin())]
+
+
+def _check_finite(returns: np.ndarray) -> None:
     if not np.isfinite(returns).all():
         raise UserError("season: a return of an entry is not a number")
-    return [int(returns.mean(axis=0).argmin())]
 
 
 @dataclass(frozen=True)
@@ -287,6 +356,7 @@ class Closing:
         candidates, size: trained and selected candidates per side.
         rounds: rounds of each entry against each candidate.
         scale: factor on all training budgets; 1 except in tests.
+        scenario: the preset that is played, by entries and candidates.
     """
 
     name: str
@@ -297,11 +367,13 @@ class Closing:
     size: int = SIZE
     rounds: int = ROUNDS
     scale: float = 1.0
+    scenario: str = "standard"
 
     @property
     def seed(self) -> str:
         """The season's seed; a training population's follows from its name instead of a number."""
-        return season_seed(PROTOCOL, self.name if self.number is None else self.number, self.entries)
+        word = self.name if self.number is None else season_word(self.number, self.scenario)
+        return season_seed(PROTOCOL, word, self.entries)
 
     def rival_entries(self, side: str) -> list[SeasonEntry]:
         """Return the entries that play against the candidates of a side."""
@@ -324,13 +396,14 @@ def make_closing(
     size: int = SIZE,
     rounds: int = ROUNDS,
     scale: float = 1.0,
+    scenario: str = "standard",
 ) -> Closing:
     """Return the closing of a season (by number) or a training population (by name) over a board.
 
     Args:
         name: the number or name.
         board: the leaderboard's folder.
-        work, candidates, size, rounds, scale: see :class:`Closing`.
+        work, candidates, size, rounds, scale, scenario: see :class:`Closing`.
 
     Raises:
         UserError: an invalid name, or an invalid entry.
@@ -338,10 +411,12 @@ def make_closing(
     if not re.fullmatch(r"[1-9]\d{0,3}|[a-z][a-z0-9-]{0,39}", name) or name.startswith("season"):
         raise UserError(f"season: expected a number, or a word for a training population, got {name!r}")
     number = int(name) if name.isdigit() else None
-    entries = tuple(read_entries(board))
-    return Closing(
-        f"season-{name}" if number else name, number, entries, work, candidates, size, rounds, scale
-    )
+    if scenario not in SCENARIOS:
+        raise UserError(f"scenario: expected {' or '.join(SCENARIOS)}, got {scenario!r}")
+    entries = tuple(read_entries(board, scenario=scenario))
+    if number is not None:
+        name = f"season-{season_word(number, scenario)}"
+    return Closing(name, number, entries, work, candidates, size, rounds, scale, scenario)
 
 
 def close_season(
@@ -419,6 +494,7 @@ def _check_plan(closing: Closing) -> None:
         "candidates": closing.candidates,
         "rounds": closing.rounds,
         "scale": closing.scale,
+        "scenario": closing.scenario,
     }
     if not file.exists():
         write_whole(file, "".join(f"{key}: {value}\n" for key, value in plan.items()))
@@ -439,31 +515,45 @@ def _candidate_job(closing: Closing, recipe: Recipe) -> Job:
         for player in entry.players
     ]
     folder.parent.mkdir(parents=True, exist_ok=True)
-    make = partial(_make_candidate, recipe, players, closing.seed, closing.rounds)
+    make = partial(_make_candidate, closing, recipe, players)
     return folder_job(
         f"{recipe.side}/{recipe.name}", folder, make, partial(_is_complete, folder, len(players))
     )
 
 
 def _make_candidate(
-    recipe: Recipe, players: list[tuple[str, str, str]], seed: str, rounds: int, folder: Path
+    closing: Closing, recipe: Recipe, players: list[tuple[str, str, str]], folder: Path
 ) -> None:
     """Train a candidate and play all entries against it; finished parts are kept."""
-    train_candidate(recipe, folder)
+    train_candidate(recipe, folder, closing.scenario)
     file = RowFile(folder / PROFILE)
     played = {row["player"] for row in file.read()}
     for entry, path, player in players:
         if player not in played:
-            returns = mean_returns(player, other_side(recipe.side), str(folder / "agent"), path, seed, rounds)
-            file.append([{"entry": entry, "player": player, "n": rounds, **returns}])
+            means = play_candidate(
+                player,
+                other_side(recipe.side),
+                str(folder / "agent"),
+                path,
+                closing.seed,
+                closing.rounds,
+                closing.scenario,
+            )
+            file.append([{"entry": entry, "player": player, "n": closing.rounds, **means}])
 
 
 def _is_complete(folder: Path, n_players: int) -> bool:
     return RunFolder(folder).is_finished() and len(RowFile(folder / PROFILE).read()) == n_players
 
 
-def mean_returns(
-    player: str | Player, side: str, other: str, path: str, season: str, rounds: int = ROUNDS
+def play_candidate(
+    player: str | Player,
+    side: str,
+    other: str,
+    path: str,
+    season: str,
+    rounds: int = ROUNDS,
+    scenario: str = "standard",
 ) -> dict[str, float]:
     """Play a player against one of the other side.
 
@@ -474,42 +564,54 @@ def mean_returns(
         path: the opponent's path.
         season: the season's seed, which gives the evaluation seeds.
         rounds: number of rounds.
+        scenario: the preset.
 
     Returns:
-        Mean return per step of both sides, by side. The player's own counts rounds that it lost by an invalid
-        answer as :func:`fpg_bench.evaluation.play.play` does.
+        Mean return per step of both sides, by side, and the ally's ``hops`` per step. The player's own return
+        counts rounds that it lost by an invalid answer as :func:`fpg_bench.evaluation.play.play` does.
 
     Raises:
         UserError: an unknown player, or one of the wrong side.
     """
-    rival = Rival("season", (other,), as_scenario(STANDARD, opponent_path=path))
-    suite = Suite("season", side, STANDARD, rounds, (rival,), season=season, scale=_scale(side))
+    preset = as_scenario(scenario)
+    rival = Rival("season", (other,), as_scenario(preset, opponent_path=path))
+    suite = Suite("season", side, preset, rounds, (rival,), season=season, scale=_scale(side, scenario))
     try:
         record = play(player_entry(as_player(player, side, rival.scenario)), suite, rival)
     except UserError as error:
         raise UserError(f"{player} against {other}: {error}") from error
-    earned = {name: record.tally[f"{name}_return"] / record.tally["steps"] for name in SIDES}
+    means = {name: record.tally[f"{name}_return"] / record.tally["steps"] for name in SIDES}
     if record.lost:
-        earned[side] = statistics.fmean(record.returns) / STANDARD.steps_per_round
-    return {name: round(value, 6) for name, value in earned.items()}
+        means[side] = statistics.fmean(record.returns) / preset.steps_per_round
+    means["hops"] = record.tally["hops"] / record.tally["steps"]
+    return {name: round(value, 6) for name, value in means.items()}
 
 
 @cache
-def _scale(side: str) -> Scale:
+def _scale(side: str, scenario: str) -> Scale:
     """Return the scale of a side's public suite, on which a lost round has its score."""
-    return load_suite(f"{side}-v1").scale
+    path = "pursuit" if side == "opponent" else None
+    return load_suite(track_of(side, path, scenario).public).scale
 
 
 def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     recipes = closing.recipes(side)
     profiles = [RowFile(closing.folder(recipe) / PROFILE).read() for recipe in recipes]
     returns = np.array([[row[other_side(side)] for row in profile] for profile in profiles]).T
-    select = select_diverse if closing.number is None else select_representative
+    hop_rates = np.array([statistics.fmean(row["hops"] for row in profile) for profile in profiles])
+    groups: list[str] | None = None
+    size = min(closing.size, len(recipes))
+    if closing.number is None:
+        selected = select_diverse(returns, size)
+    else:
+        groups = halves(returns, hop_rates, side)
+        selected = select_by_halves(returns, groups, size)
     members = []
-    for index in select(returns, min(closing.size, len(recipes))):
+    for index in selected:
         about = read_json(closing.folder(recipes[index]) / "agent" / "agent.json", "agent")
         earn = round(statistics.fmean(returns[:, index]), 3)
         member = dict(recipes[index]) | {"policy_sha256": about["policy_sha256"], "entries_earn": earn}
+        member |= {} if groups is None else {"group": groups[index]}
         members.append(SeasonMember(**member))
     return tuple(members)
 
@@ -527,6 +629,7 @@ def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember,
         entries={entry.name: list(entry.hashes) for entry in closing.entries},
         members=members,
         versions=read_json(first / "run.json", "run")["versions"],
+        scenario=closing.scenario,
     )
     for side in SIDES:
         shutil.rmtree(out / side, ignore_errors=True)  # left by a closing that was killed here

@@ -156,11 +156,14 @@ def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayE
 
 
 def players_of(cases: Iterable[Case]) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
-    """Return the allies and opponents among cases whose results are verified."""
+    """Return the allies and opponents of preset ``standard`` among cases whose results are verified."""
     entries = [
         _board_entry(case)
         for case in cases
-        if case.result is not None and case.result.verified and case.submission.track in SIDES
+        if case.result is not None
+        and case.result.verified
+        and case.submission.track in SIDES
+        and case.submission.scenario == "standard"
     ]
     allies, opponents = ([entry for entry in entries if entry.side == side] for side in SIDES)
     return allies, opponents

@@ -22,7 +22,7 @@ from fpg_bench.evaluation.record import Record, read_record
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.leaderboard.submission import Submission
-from fpg_bench.leaderboard.tracks import TrackSuites, track_of
+from fpg_bench.leaderboard.tracks import TrackSuites
 from fpg_bench.leaderboard.transcripts import FOLDER, local, read_recording
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import PlayerSpec
@@ -93,7 +93,7 @@ def parts_of(submission: Submission) -> list[Part]:
 
 def suites_of(submission: Submission, suites: TrackSuites) -> Mapping[str, Suite]:
     """Return the suites that a submission plays, by role."""
-    return suites.of(track_of(submission.track, submission.path), transcripts=bool(submission.transcripts))
+    return suites.of(submission.table, transcripts=bool(submission.transcripts))
 
 
 def key_of(suite: Suite, rival: Rival) -> Key:

@@ -39,6 +39,7 @@ class SeasonEntry:
         name: ``track/slug``, as on the board.
         side: ``ally`` or ``opponent``; None for planners, which no candidate can be trained against.
         flight: an opponent's path: ``pursuit`` or ``learned``.
+        scenario: the preset that it plays.
         players: one per training seed, or the script; see :func:`fpg_bench.players.registry.as_player`.
         hashes: SHA-256 of each policy; a script's name, or the hash of a planner's submission.
     """
@@ -48,6 +49,7 @@ class SeasonEntry:
     flight: str | None
     players: tuple[str, ...]
     hashes: tuple[str, ...] = ()
+    scenario: str = "standard"
 
     @property
     def path(self) -> str:
@@ -60,12 +62,15 @@ class SeasonEntry:
         return "/" not in self.players[0]
 
 
-def read_entries(board: str | Path = "leaderboard", contract: bool = True) -> list[SeasonEntry]:
-    """Read the accepted entries of a board, sorted by track and name.
+def read_entries(
+    board: str | Path = "leaderboard", contract: bool = True, scenario: str = "standard"
+) -> list[SeasonEntry]:
+    """Read the accepted entries of a board that play a scenario, sorted by track and name.
 
     Args:
         board: the leaderboard's folder.
         contract: also check the policies; not needed where nobody plays them.
+        scenario: the preset.
 
     Raises:
         UserError: no board there, or an invalid submission.
@@ -76,7 +81,8 @@ def read_entries(board: str | Path = "leaderboard", contract: bool = True) -> li
     )
     if not folders:
         raise UserError(f"season: {root} holds no submissions; name the leaderboard's folder")
-    return [_read_entry(folder, contract) for folder in folders]
+    entries = [_read_entry(folder, contract) for folder in folders]
+    return [entry for entry in entries if entry.scenario == scenario]
 
 
 def _read_entry(folder: Path, contract: bool) -> SeasonEntry:
@@ -94,7 +100,7 @@ def _read_entry(folder: Path, contract: bool) -> SeasonEntry:
     if not hashes:
         script = f"script {submission.track} {submission.script}"
         hashes = (submission.fingerprint if side is None else script,)
-    return SeasonEntry(name, side, submission.path, players, hashes)
+    return SeasonEntry(name, side, submission.path, players, hashes, submission.scenario)
 
 
 def entries_of_side(entries: Sequence[SeasonEntry], side: str) -> list[SeasonEntry]:
@@ -140,10 +146,12 @@ class SeasonMember(Recipe):
     Attributes:
         policy_sha256: hash of its ``policy.onnx``.
         entries_earn: mean return per step of the other side's entries against it.
+        group: the half of the suite that it belongs to; None in seasons without halves.
     """
 
     policy_sha256: str
     entries_earn: float
+    group: str | None = None
 
 
 class Season(Strict):
@@ -156,6 +164,7 @@ class Season(Strict):
         entries: hashes of each entry's policies by name.
         members: by side, in the order of selection.
         versions: package versions that trained the members.
+        scenario: the preset that it is played in.
     """
 
     folder: Path
@@ -167,6 +176,7 @@ class Season(Strict):
     entries: dict[str, list[str]]
     members: dict[str, Items[SeasonMember]]
     versions: dict[str, str]
+    scenario: str = "standard"
 
     @field_validator("members")
     @classmethod
@@ -207,6 +217,8 @@ def write_suites(season: Season, number: int) -> None:
     """
     key = SeasonKey(number, season.seed)
     for track in TRACKS.values():
+        if track.scenario != season.scenario:
+            continue
         side, is_planner = other_side(track.side), track.side == PLANNER
         template = read_yaml(suites_folder() / f"{track.public}.yml", "suite")
         content: dict[str, Any] = {name: template[name] for name in _COPIED if name in template}
@@ -214,6 +226,7 @@ def write_suites(season: Season, number: int) -> None:
         content["rivals"] = [
             {"name": member.name, side: f"{season.name}/{side}/{member.name}"}
             | ({} if is_planner else {"path": track.path or member.path})
+            | ({} if member.group is None else {"group": member.group})
             for member in season.members[side]
         ]
         header = f"# The members of {season.name}, trained after entries were closed."

@@ -34,7 +34,7 @@ from fpg_bench.leaderboard.folders import (
     short_path,
     stray_files,
 )
-from fpg_bench.leaderboard.tracks import PUBLIC, TRACKS, TrackSuites
+from fpg_bench.leaderboard.tracks import PUBLIC, SCENARIOS, TRACKS, Track, TrackSuites, track_of
 from fpg_bench.leaderboard.transcripts import FOLDER as TRANSCRIPTS
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
@@ -224,6 +224,7 @@ class SubmissionFile(Strict):
         reference: an https link, or None.
         track: ``ally``, ``opponent`` or ``planner``.
         path: in the track ``opponent``, how it flies: ``pursuit`` or ``learned``; else None.
+        scenario: the preset that it plays: ``standard`` or ``link``.
         training: None if nothing was trained.
         saw: the players, paths and scenarios that it was trained against.
         unable: its limitations.
@@ -239,6 +240,7 @@ class SubmissionFile(Strict):
     licence: _Word = ""
     track: Annotated[str, PlainValidator(partial(_choice, choices=TRACK_FOLDERS))] = ""
     path: Annotated[str, PlainValidator(partial(_choice, choices=PATHS))] | None = None
+    scenario: Annotated[str, PlainValidator(partial(_choice, choices=SCENARIOS))] = "standard"
     training: Training | None = None
     saw: _Lines = ""
     unable: _Lines = ""
@@ -253,7 +255,7 @@ class SubmissionFile(Strict):
         return self.track == "planner" and self.script is None
 
 
-_OPTIONAL = ("path", "description", "zoo", "script", "runs")
+_OPTIONAL = ("path", "scenario", "description", "zoo", "script", "runs")
 REQUIRED = tuple(key for key in SubmissionFile.model_fields if key not in _OPTIONAL)
 
 
@@ -276,11 +278,17 @@ class Submission(SubmissionFile):
         return self.folder.name
 
     @property
+    def table(self) -> Track:
+        """The table of the board that it enters."""
+        return track_of(self.track, self.path, self.scenario)
+
+    @property
     def fingerprint(self) -> str:
         """SHA-256 of what was submitted: contents of ``submission.yaml``, policies and transcripts."""
         content = self.model_dump(include=set(SubmissionFile.model_fields))
-        if self.runs is None:  # an entry without runs keeps the fingerprint that it always had
-            del content["runs"]
+        for key in ("runs", "scenario"):  # entries keep the fingerprint that they had before there were these
+            if content[key] == SubmissionFile.model_fields[key].default:
+                del content[key]
         content["policies"] = {policy.seed: policy.sha256 for policy in self.policies}
         content["transcripts"] = {
             path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in self.transcripts
@@ -313,6 +321,10 @@ def _contradictions(content: Mapping[str, Any], about: SubmissionFile) -> Iterat
         yield "lacks 'path': pursuit or learned, which of the two tables it enters"
     if about.track in ("ally", "planner") and "path" in given:
         yield f"path: is of the track opponent only, not of {about.track}"
+    if about.track == "planner" and about.scenario != "standard":
+        yield f"scenario: planners play standard, not {about.scenario}"
+    if about.scenario != "standard" and about.path == "learned":
+        yield f"path: opponents in {about.scenario} are entered in pursuit"
     if {"zoo", "script"} <= given:
         yield "zoo, script: only one of them"
     if about.track == "planner" and "zoo" in given:
@@ -509,7 +521,7 @@ def name_conflicts(submission: Submission) -> Iterator[tuple[str, str]]:
     """Yield the other submissions of its table with the same name, each with a line that says so."""
     if submission.folder.parent.name != submission.track:
         return
-    own = (submission.path, name_skeleton(submission.name))
+    own = (submission.path, submission.scenario, name_skeleton(submission.name))
     for name in sorted(os.listdir(submission.folder.parent)):  # all: no number of others hides one
         other = submission.folder.parent / name
         if name == submission.slug or folder_problem(other):
@@ -521,8 +533,8 @@ def name_conflicts(submission: Submission) -> Iterator[tuple[str, str]]:
             yield name, line
 
 
-def _table_and_name(folder: Path) -> tuple[str | None, str] | None:
-    """Return the path and the plain name of a submission, None if they cannot be read."""
+def _table_and_name(folder: Path) -> tuple[str | None, str, str] | None:
+    """Return the path, the scenario and the plain name of a submission, None if they cannot be read."""
     try:
         stamp = (folder / ABOUT).lstat()
     except OSError:
@@ -531,14 +543,14 @@ def _table_and_name(folder: Path) -> tuple[str | None, str] | None:
 
 
 @functools.lru_cache(maxsize=4096)
-def _read_table_and_name(folder: Path, changed: int, size: int) -> tuple[str | None, str] | None:
+def _read_table_and_name(folder: Path, changed: int, size: int) -> tuple[str | None, str, str] | None:
     if file_problem(folder / ABOUT, MOST_TEXT_BYTES):
         return None
     try:
         about, _ = read_about(read_yaml(folder / ABOUT, ABOUT))
     except UserError:
         return None
-    return (about.path, name_skeleton(about.name)) if about.name else None
+    return (about.path, about.scenario, name_skeleton(about.name)) if about.name else None
 
 
 # Folders of policies

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
-from fpg_bench.evaluation.seeds import SEASON, SeasonKey, current_season
+from fpg_bench.evaluation.seeds import SEASON, SeasonKey, current_seasons
 from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.players.agent import suites_folder
 
@@ -27,6 +27,7 @@ class Track:
         path: of opponents, how they fly; else None.
         title: its title on the page.
         public: the name of the public suite.
+        scenario: the preset that its entries play.
     """
 
     key: str
@@ -34,13 +35,14 @@ class Track:
     path: str | None
     title: str
     public: str
+    scenario: str = "standard"
 
 
 class TrackSuites:
     """Loader of the suites of tracks, which loads each of them once.
 
     Args:
-        season: the season; None: the newest closed one.
+        season: the season; None: the newest closed one of each scenario.
     """
 
     def __init__(self, season: SeasonKey | None = None) -> None:
@@ -49,9 +51,13 @@ class TrackSuites:
         self._played: dict[tuple[str, bool], dict[str, Suite]] = {}
 
     @cached_property
-    def season(self) -> SeasonKey | None:
-        """The season that is on; None before the first one is closed."""
-        return self._season or current_season()
+    def seasons(self) -> Mapping[str, SeasonKey]:
+        """The seasons that are on, by scenario; none before the first one is closed."""
+        return current_seasons() if self._season is None else {self._season.scenario: self._season}
+
+    def season(self, track: Track) -> SeasonKey | None:
+        """Return the season that ranks a track; None before the first one of its scenario is closed."""
+        return self.seasons.get(track.scenario)
 
     def public(self, track: Track) -> Suite:
         """Return the public suite of a track."""
@@ -78,15 +84,16 @@ class TrackSuites:
         public = self.public(track)
         if transcripts:
             return {PUBLIC: dataclasses.replace(public, matches=min(public.matches, TRANSCRIPT_MATCHES))}
-        seeds = SEASON if self.season is None else self.season.seed
+        season = self.season(track)
+        seeds = SEASON if season is None else season.seed
         suites = {PUBLIC: dataclasses.replace(public, season=seeds)}
         others = {}
-        if self.season is not None:
+        if season is not None:
             suites[PUBLIC_SEEDS] = dataclasses.replace(
                 public, matches=min(public.matches, PUBLIC_SEEDS_MATCHES)
             )
-            others[UNSEEN] = self.season.suite_name(track.public)
-        stem = track.public.removesuffix("-v1")
+            others[UNSEEN] = season.suite_name(track.public)
+        stem, _, _ = track.public.rpartition("-v")
         others |= {SHIFTED: f"{stem}-shifted-v1", RESPONSES: f"{stem}-responses-v1"}
         for role, name in others.items():
             if (suites_folder() / f"{name}.yml").is_file():
@@ -118,11 +125,24 @@ TRACKS = MappingProxyType(
                 "opponent-learned-v1",
             ),
             Track("planner", "planner", None, "Planners of the opponent's path", "planner-v1"),
+            Track("ally-link", "ally", None, "Allies on a radio link", "ally-link-v1", "link"),
+            Track(
+                "opponent-link",
+                "opponent",
+                "pursuit",
+                "Opponents on a radio link",
+                "opponent-link-v1",
+                "link",
+            ),
         )
     }
 )
 
 
-def track_of(side: str, path: str | None) -> Track:
-    """Return the track of a submission by its side and path."""
-    return next(track for track in TRACKS.values() if (track.side, track.path) == (side, path))
+SCENARIOS = tuple(dict.fromkeys(track.scenario for track in TRACKS.values()))
+
+
+def track_of(side: str, path: str | None, scenario: str) -> Track:
+    """Return the track of a submission by its side, path and scenario."""
+    key = (side, path, scenario)
+    return next(track for track in TRACKS.values() if (track.side, track.path, track.scenario) == key)

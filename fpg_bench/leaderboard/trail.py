@@ -9,9 +9,10 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
-from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard.folders import short_path
 from fpg_bench.leaderboard.submission import Submission
+from fpg_bench.leaderboard.tracks import SCENARIOS
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
 
@@ -37,16 +38,15 @@ def play_options(suite: Suite, rival: Rival) -> str:
     Empty where that verb does not offer the game: of planners, several players, or changed rules.
     """
     path = rival.scenario.opponent_path
-    if (
-        suite.side == PLANNER
-        or rival.planner is not None
-        or len(rival.players) > 1
-        or not isinstance(path, str)
-        or rival.scenario != Scenario(opponent_path=path)
-    ):
+    presets = [
+        preset for preset in SCENARIOS if rival.scenario == as_scenario(preset, opponent_path=path)
+    ]  # none where rules were changed
+    is_planned = suite.side == PLANNER or rival.planner is not None
+    if is_planned or len(rival.players) > 1 or not isinstance(path, str) or not presets:
         return ""
+    scenario = "" if presets[0] == "standard" else f" --scenario {presets[0]}"
     seed = evaluation_seeds(1, suite.season)[0]
-    return f"--{suite.other_side} {rival.players[0]} --path {path} --seed {seed}"
+    return f"--{suite.other_side} {rival.players[0]}{scenario} --path {path} --seed {seed}"
 
 
 def player_of(submission: Submission) -> str | None:

@@ -38,6 +38,10 @@ SUITES = {
     "opponent-learned-v1": _OPPONENTS | {"rivals": _meets("learned")},
     "planner-v1": yaml.safe_load(PLANNER_SUITE),
 }
+LINK_SUITES = {
+    "ally-link-v1": SUITE | {"scenario": "link"},
+    "opponent-link-v1": _OPPONENTS | {"scenario": "link", "rivals": _meets("pursuit")},
+}
 
 
 def make_suites(folder: Path) -> Path:
@@ -45,7 +49,7 @@ def make_suites(folder: Path) -> Path:
     folder.mkdir(parents=True)
     for name in ("agents", "hyperparams"):
         (folder / name).symlink_to(baselines_folder() / name)
-    for name, content in SUITES.items():
+    for name, content in (SUITES | LINK_SUITES).items():
         write_suite(folder, name, content)
     return folder
 

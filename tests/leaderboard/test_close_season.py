@@ -30,9 +30,11 @@ from fpg_bench.leaderboard.close_season import (
     dealt,
     draw_number,
     draw_recipes,
+    halves,
     hyperparameters,
     make_closing,
-    mean_returns,
+    play_candidate,
+    select_by_halves,
     select_diverse,
     select_representative,
     shuffled,
@@ -144,6 +146,37 @@ def test_a_representative_selection_has_the_mean_of_all_candidates():
     assert representative < 0.5 * np.median(random)
 
 
+def two_kinds(n_herders, n_aimers, n_entries=12):
+    """Returns of entries of two independent skills against candidates that ask for one of them each."""
+    rng = np.random.default_rng(1)
+    standing, moving = rng.normal(0, 5, (2, n_entries, 1))
+    level, noise = (
+        rng.normal(0, 10, n_herders + n_aimers),
+        rng.normal(0, 1, (n_entries, n_herders + n_aimers)),
+    )
+    return level + noise + np.hstack([standing] * n_herders + [moving] * n_aimers)
+
+
+def test_candidates_are_grouped_by_who_fares_well_against_them_and_named_by_hops():
+    returns, hops = two_kinds(5, 7), np.array([0.3] * 5 + [0.1] * 7)
+    assert halves(returns, hops, "opponent") == ["herders"] * 5 + ["aimers"] * 7
+    assert halves(100 * returns + 1000, hops, "opponent") == ["herders"] * 5 + ["aimers"] * 7
+    assert halves(returns, -hops, "ally") == ["stayers"] * 5 + ["movers"] * 7
+    with pytest.raises(UserError, match="not a number"):
+        halves(np.where(returns == returns.max(), np.inf, returns), hops, "ally")
+
+
+def test_a_season_has_as_many_members_of_each_group():
+    returns = two_kinds(4, 16)
+    groups = ["herders"] * 4 + ["aimers"] * 16
+    assert Counter(groups[i] for i in select_by_halves(returns, groups, 6)) == {"herders": 3, "aimers": 3}
+    selected = select_by_halves(returns, groups, 12)
+    assert Counter(groups[i] for i in selected) == {"herders": 4, "aimers": 4}
+    aimers = [i for i in selected if groups[i] == "aimers"]
+    assert aimers == [4 + i for i in select_representative(returns[:, 4:], 4)]
+    assert sorted(select_by_halves(returns, ["aimers"] * 20, 20)) == list(range(20))  # all are of one kind
+
+
 ROOT = Path(__file__).parents[2]
 ENTRIES = (
     "ally/ally-scripted-td3",
@@ -164,10 +197,10 @@ def run_here(jobs, n_jobs=1, backend=None, address=None):
     return {}
 
 
-def close_tiny(board, work, out, name="1", **options):
+def close_tiny(board, work, out, name="1", scenario="standard", **options):
     """Close a season of two candidates per side; returns it and the messages."""
     with patch("fpg_bench.leaderboard.close_season.run_jobs", run_here), logged() as messages:
-        closing = make_closing(name, board, work, **TINY)
+        closing = make_closing(name, board, work, scenario=scenario, **TINY)
         season = close_season(closing, out, **options)
     return season, messages
 
@@ -214,7 +247,14 @@ def policies(season):
 def test_a_season_has_members_of_both_sides_with_their_recipes(season):
     loaded = load_season(season.folder)
     assert (loaded, loaded.hash) == (season, season.hash)
-    assert {side: len(members) for side, members in loaded.members.items()} == {"ally": 2, "opponent": 2}
+    assert {side: {member.group for member in members} for side, members in loaded.members.items()} == {
+        "ally": {"movers", "stayers"},
+        "opponent": {"herders", "aimers"},
+    }
+    suite = yaml.safe_load((season.folder.parent / "ally-season-1.yml").read_text())
+    assert {(rival["name"], rival["group"]) for rival in suite["rivals"]} == {
+        (member.name, member.group) for member in loaded.members["opponent"]
+    }
     for side, member in loaded.all_members():
         agent = load_agent(loaded.agent(side, member), side)
         assert agent.about["training_seed"] == member.training_seed
@@ -246,6 +286,26 @@ def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(closed):
     profile = RowFile(work / "opponent/o00" / PROFILE).read()
     lost = [row["ally"] for row in profile if row["entry"] == "ally/broken"]
     assert lost == [pytest.approx(load_suite("ally-v1").scale.reward(-100), rel=0.01)] * 2
+
+
+@pytest.mark.slow
+def test_each_scenario_is_closed_by_itself(season, tmp_path):
+    board = tmp_path / "board"
+    for name in (*ENTRIES, "ally/sulk-link", "ally/ally-link-dqn", "opponent/herd-link"):
+        shutil.copytree(ROOT / "leaderboard/submissions" / name, board / "submissions" / name)
+    link, _ = close_tiny(board, tmp_path / "work", tmp_path / "season-1-link", scenario="link")
+    assert (link.name, link.number, link.scenario) == ("season-1-link", 1, "link")
+    assert sorted(link.entries) == ["ally/ally-link-dqn", "ally/sulk-link", "opponent/herd-link"]
+    assert link.seed == season_seed("1", "1-link", read_entries(board, scenario="link")) != season.seed
+    for side, member in link.all_members():
+        assert load_agent(link.agent(side, member)).about["options"]["scenario"] == "link"
+    made = {file.stem: yaml.safe_load(file.read_text()) for file in tmp_path.glob("*.yml")}
+    assert sorted(made) == ["ally-link-season-1", "opponent-link-season-1"]
+    assert {suite["scenario"] for suite in made.values()} == {"link"}
+    check_entries(link, read_entries(board, scenario="link"))
+    assert late_entries(link, read_entries(board)) == []  # those of the other scenario were not asked
+    with pytest.raises(UserError, match="scenario: expected standard or link, got 'paper'"):
+        make_closing("1", board, tmp_path, scenario="paper")
 
 
 @pytest.mark.slow
@@ -355,7 +415,7 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
     about["policy_sha256"] = hashlib.sha256(policy).hexdigest()
     (tmp_path / "agent/agent.json").write_text(json.dumps(about))
     with pytest.raises(UserError, match=r"expert against .*agent: opponent action of game 0: index 0 is nan"):
-        mean_returns("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed", 2)
+        play_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed", 2)
 
 
 @pytest.mark.slow

@@ -33,6 +33,7 @@ def rival_of(suites, track, role, name):
         ("ally", "ally-population-recurrent-ppo", UNSEEN, "o04"),
         ("ally", "plain-torch", RESPONSES, "response to ally-champion"),
         ("opponent-learned", "opponent-champion", UNSEEN, "a11"),
+        ("ally-link", "sulk-link", PUBLIC, "tone/pursuit"),
     ],
 )
 def test_a_printed_command_plays_the_first_round_of_a_mean(monkeypatch, suites, track, slug, role, rival):
