@@ -52,10 +52,12 @@ from fpg_bench.training.train import train
 _logger = logging.getLogger(__name__)
 
 CANDIDATES, SIZE, ROUNDS = 24, 12, 60
-PROFILE, PLAN = "profile.jsonl", "plan.yml"
-# Groups of a side's candidates: first those in whose rounds the ally hops more. Some opponents drive it to
-# hop on and on, the others aim at where it is; some allies can be driven so, the others stay.
-GROUPS = {"opponent": ("herders", "aimers"), "ally": ("movers", "stayers")}
+PROFILE, PLAN, PROBE = "profile.jsonl", "plan.yml", "probe"
+# Groups of a side's candidates: first those against which the first of two scripts is ahead of the second.
+# Opponents that drive an ally to hop on and on are met best by staying, those that aim at it by hopping;
+# allies that can be driven so by jamming both halves of the band in turn, those that evade it by aiming.
+GROUPS = {"opponent": ("herders", "aimers"), "ally": ("herdable", "evasive")}
+PROBES = {"opponent": ("idle", "expert"), "ally": ("alternate", "tone")}
 
 # Rewards of candidates. An ally that is rewarded for spending little never hops, as the script idle.
 REWARDS = {
@@ -238,7 +240,7 @@ def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") ->
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-def halves(returns: np.ndarray, hop_rates: np.ndarray, side: str) -> list[str]:
+def halves(returns: np.ndarray, leads: np.ndarray, side: str) -> list[str]:
     """Group the candidates of a side by what they do to entries, and name the groups.
 
     Two groups by Ward's hierarchical clustering of the candidates' profiles of returns, each standardised, so
@@ -246,11 +248,11 @@ def halves(returns: np.ndarray, hop_rates: np.ndarray, side: str) -> list[str]:
 
     Args:
         returns: return per step of each entry against each candidate, ``(entries, candidates)``.
-        hop_rates: mean number of the ally's hops per step in each candidate's rounds.
+        leads: by how much the first script of :data:`PROBES` earns more than the second, per candidate.
         side: the candidates' side.
 
     Returns:
-        The group of each candidate: that with more hops is called first in :data:`GROUPS`.
+        The group of each candidate: that with the larger lead is called first in :data:`GROUPS`.
 
     Raises:
         UserError: a return that is not finite.
@@ -261,7 +263,7 @@ def halves(returns: np.ndarray, hop_rates: np.ndarray, side: str) -> list[str]:
     spread = returns.std(axis=0)
     profiles = (returns - returns.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
     labels = fcluster(linkage(profiles.T, "ward"), 2, "maxclust")
-    order = sorted(set(labels), key=lambda label: -hop_rates[labels == label].mean())
+    order = sorted(set(labels), key=lambda label: -leads[labels == label].mean())
     return [GROUPS[side][order.index(label)] for label in labels]
 
 
@@ -514,6 +516,7 @@ def _candidate_job(closing: Closing, recipe: Recipe) -> Job:
         for entry in closing.rival_entries(recipe.side)
         for player in entry.players
     ]
+    players += [(PROBE, recipe.path, script) for script in PROBES[recipe.side]]
     folder.parent.mkdir(parents=True, exist_ok=True)
     make = partial(_make_candidate, closing, recipe, players)
     return folder_job(
@@ -527,9 +530,9 @@ def _make_candidate(
     """Train a candidate and play all entries against it; finished parts are kept."""
     train_candidate(recipe, folder, closing.scenario)
     file = RowFile(folder / PROFILE)
-    played = {row["player"] for row in file.read()}
+    played = {(row["entry"], row["player"]) for row in file.read()}
     for entry, path, player in players:
-        if player not in played:
+        if (entry, player) not in played:
             means = play_candidate(
                 player,
                 other_side(recipe.side),
@@ -567,8 +570,8 @@ def play_candidate(
         scenario: the preset.
 
     Returns:
-        Mean return per step of both sides, by side, and the ally's ``hops`` per step. The player's own return
-        counts rounds that it lost by an invalid answer as :func:`fpg_bench.evaluation.play.play` does.
+        Mean return per step of both sides, by side. The player's own counts rounds that it lost by an invalid
+        answer as :func:`fpg_bench.evaluation.play.play` does.
 
     Raises:
         UserError: an unknown player, or one of the wrong side.
@@ -583,7 +586,6 @@ def play_candidate(
     means = {name: record.tally[f"{name}_return"] / record.tally["steps"] for name in SIDES}
     if record.lost:
         means[side] = statistics.fmean(record.returns) / preset.steps_per_round
-    means["hops"] = record.tally["hops"] / record.tally["steps"]
     return {name: round(value, 6) for name, value in means.items()}
 
 
@@ -597,14 +599,16 @@ def _scale(side: str, scenario: str) -> Scale:
 def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     recipes = closing.recipes(side)
     profiles = [RowFile(closing.folder(recipe) / PROFILE).read() for recipe in recipes]
-    returns = np.array([[row[other_side(side)] for row in profile] for profile in profiles]).T
-    hop_rates = np.array([statistics.fmean(row["hops"] for row in profile) for profile in profiles])
+    other = other_side(side)
+    returns = np.array([[row[other] for row in rows if row["entry"] != PROBE] for rows in profiles]).T
+    probes = [{row["player"]: row[other] for row in rows if row["entry"] == PROBE} for rows in profiles]
+    first, second = PROBES[side]
     groups: list[str] | None = None
     size = min(closing.size, len(recipes))
     if closing.number is None:
         selected = select_diverse(returns, size)
     else:
-        groups = halves(returns, hop_rates, side)
+        groups = halves(returns, np.array([earned[first] - earned[second] for earned in probes]), side)
         selected = select_by_halves(returns, groups, size)
     members = []
     for index in selected:

@@ -60,6 +60,14 @@ def with_members(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:
     return players
 
 
+def member_folder(spec: str, side: str) -> str:
+    """Return the name of a member's folder, ``NAME/SIDE/MEMBER``, and any other player's name as it is."""
+    if not spec.startswith(PREFIX):
+        return spec
+    suite, _, member = spec.removeprefix(PREFIX).rpartition("/")
+    return f"{suite}/{side}/{member}"
+
+
 def load_member(spec: str, side: str) -> SuiteMember:
     """Load the player that ``suite:NAME/MEMBER`` names.
 

@@ -34,7 +34,7 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.player import SIDES, Player
-from fpg_bench.players.population import with_members
+from fpg_bench.players.population import member_folder, with_members
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.players.tactics import draw_variants
 from fpg_bench.training.config import GameOptions, RunConfig
@@ -667,7 +667,7 @@ def _prioritized(recipe: Recipe, agent: Path, population: list[str], file: Path)
             raise UserError(f"{file}: holds another population; choose another folder")
     else:
         scenario = game_scenario(GameOptions(**recipe.options))
-        others = {name: name for name in population}
+        others = {name: member_folder(name, recipe.other_side) for name in population}
         summary = evaluate_against(str(agent), others, recipe.side, scenario, POPULATION_ROUNDS, tuning_seeds)
         returns = [summary.by_rival[name].value for name in population]
         copies = dict(zip(population, copies_by_hardness(returns, recipe.priority), strict=True))

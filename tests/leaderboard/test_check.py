@@ -75,6 +75,8 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
         ({"track": "aly"}, "track: expected ally, opponent, planner, got 'aly'; did you mean 'ally'?"),
         ({"track": ["ally"]}, "track: expected ally, opponent, planner, got ['ally']"),
         ({"path": "pursuit"}, "path: is of the track opponent only"),
+        ({"scenario": "paper"}, "scenario: expected standard, link, got 'paper'"),
+        ({"track": "opponent", "path": "learned", "scenario": "link"}, "path: opponents in link are entered"),
         ({"runs": 2}, "runs: is of a language model's transcripts only"),
         ({"training": None}, "training: expected steps, hours and seeds, got null"),
         ({"training": {"steps": 1, "hours": 1}}, "training: lacks seeds"),

@@ -157,13 +157,13 @@ def two_kinds(n_herders, n_aimers, n_entries=12):
     return level + noise + np.hstack([standing] * n_herders + [moving] * n_aimers)
 
 
-def test_candidates_are_grouped_by_who_fares_well_against_them_and_named_by_hops():
-    returns, hops = two_kinds(5, 7), np.array([0.3] * 5 + [0.1] * 7)
-    assert halves(returns, hops, "opponent") == ["herders"] * 5 + ["aimers"] * 7
-    assert halves(100 * returns + 1000, hops, "opponent") == ["herders"] * 5 + ["aimers"] * 7
-    assert halves(returns, -hops, "ally") == ["stayers"] * 5 + ["movers"] * 7
+def test_candidates_are_grouped_by_who_fares_well_against_them_and_named_by_two_scripts():
+    returns, leads = two_kinds(5, 7), np.array([3.0, -1, 8, 9, 2, 1, -5, -3, -9, 2, 0, -8])
+    assert halves(returns, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
+    assert halves(100 * returns + 1000, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
+    assert halves(returns, -leads, "ally") == ["evasive"] * 5 + ["herdable"] * 7
     with pytest.raises(UserError, match="not a number"):
-        halves(np.where(returns == returns.max(), np.inf, returns), hops, "ally")
+        halves(np.where(returns == returns.max(), np.inf, returns), leads, "ally")
 
 
 def test_a_season_has_as_many_members_of_each_group():
@@ -248,7 +248,7 @@ def test_a_season_has_members_of_both_sides_with_their_recipes(season):
     loaded = load_season(season.folder)
     assert (loaded, loaded.hash) == (season, season.hash)
     assert {side: {member.group for member in members} for side, members in loaded.members.items()} == {
-        "ally": {"movers", "stayers"},
+        "ally": {"herdable", "evasive"},
         "opponent": {"herders", "aimers"},
     }
     suite = yaml.safe_load((season.folder.parent / "ally-season-1.yml").read_text())

@@ -29,7 +29,7 @@ RECIPE = {
     "id": "FPG/AllyVsPolicy-v0",
     "algorithm": "ppo",
     "hyperparams": settings("ppo"),
-    "against": ["tone", "opponent-pursuit/td3/seed_0"],
+    "against": ["suite:training-1/o01", "tone", "opponent-pursuit/td3/seed_0"],
     "stages": [{"steps": 400}, {"steps": 400, "hyperparams": {"learning_rate": 0.0001}}],
     "responders": [
         {"algorithm": "ppo", "steps": 400, "hyperparams": settings("ppo"), "options": {"reward": "zero_sum"}}
