@@ -135,6 +135,23 @@ def test_ctrl_c_lets_jobs_save_and_the_next_call_resumes(tmp_path):
     assert begun(tmp_path) == ["2", "a", "a", "b", "b", "c"]
 
 
+def test_ctrl_c_within_a_callback_stops_a_job_and_prints_nothing(tmp_path, capfd):
+    def stop():
+        wait_for(lambda: begun(tmp_path) == ["a", "b"])
+        os.kill(os.getpid(), signal.SIGINT)
+
+    jobs = [Job(name, partial(working.hold_in_callback, tmp_path, name)) for name in "ab"]
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        threading.Thread(target=stop).start()
+        with pytest.raises(KeyboardInterrupt):
+            run_jobs(jobs, n_jobs=2)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert begun(tmp_path) == ["a", "a", "b", "b"]
+    assert "Exception ignored" not in capfd.readouterr().err
+
+
 def test_an_import_that_ctrl_c_made_fail_is_no_failed_job(tmp_path, messages):
     jobs = [Job(name, partial(working.fail_import, tmp_path, name)) for name in "ab"]
 

@@ -11,6 +11,7 @@ import multiprocessing.resource_tracker
 import os
 import signal
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
@@ -32,6 +33,7 @@ TRIES = 3  # of jobs whose worker process is lost
 GRACE_S = 30.0  # for interrupted jobs to save their state
 _CONNECT_S = 5.0
 _LOOK_EVERY_S = 0.1  # for worker processes that are yet to be interrupted
+_AGAIN_S = 0.05  # from an interrupt that could not be raised to the next
 
 
 def _never() -> bool:
@@ -298,6 +300,7 @@ def _in_worker(index: int, call: _Call, driver: int) -> tuple[int, Outcome | Non
         _interrupted.set()
         raise KeyboardInterrupt
 
+    sys.unraisablehook = _interrupt_again
     try:
         signal.signal(signal.SIGINT, interrupt)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -310,6 +313,16 @@ def _in_worker(index: int, call: _Call, driver: int) -> tuple[int, Outcome | Non
         return index, None
     finally:
         signal.signal(signal.SIGINT, lambda number, frame: _interrupted.set())
+
+
+def _interrupt_again(swallowed: Any) -> None:
+    """Interrupt this worker once more where it was in a callback, as one of weakref, which cannot raise."""
+    if swallowed.exc_type is not KeyboardInterrupt:
+        sys.__unraisablehook__(swallowed)
+        return
+    again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), signal.SIGINT))
+    again.daemon = True
+    again.start()
 
 
 def _stop_with(driver: int) -> None:
