@@ -28,6 +28,7 @@ from fpg_bench.planning.llm.servers import endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Attempt
 from fpg_bench.planning.planner import Planner
 from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
+from fpg_bench.players.hub import pinned
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name
 from fpg_bench.rendering.recording import Recording
@@ -102,12 +103,13 @@ def run_match(
     """
     played = as_scenario(scenario, opponent_path="waypoints", rounds_per_match=rounds)
     path = None if out is None else Path(out)
-    sides = {"ally": ally, "opponent": opponent}
+    sides = {"ally": pinned(ally), "opponent": pinned(opponent)}
     players = {side: as_player(spec, side, played) for side, spec in sides.items()}
     seed = int(check_seeds(seed, 1)[0])
     flier, description = _planner(planner, played, path, llm or {})
     name = planner if isinstance(planner, str) and description is None else flier.name
-    match = Match(name, player_name(ally), player_name(opponent), played, seed, description)
+    names = map(player_name, sides.values())
+    match = Match(name, *names, played, seed, description)
     if path is None:
         return list(_rounds(match, flier, players, None, [], progress))
     file = MatchFile(path)

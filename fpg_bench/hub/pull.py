@@ -43,13 +43,33 @@ def keep(snapshot: Snapshot, out: Path) -> bool:
     beside.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=beside, prefix=f".{out.name}-") as temporary:
         agent = Path(temporary) / "agent"
-        agent.mkdir()
-        for name in AGENT_FILES:
-            shutil.copyfile(snapshot.folder / name, agent / name)
-        _check_policy(agent, snapshot.name)
+        copy_checked(snapshot.folder, agent, snapshot.name)
         write_json(agent / PULLED, origin)
         os.replace(agent, out)
     return True
+
+
+def copy_checked(source: Path, into: Path, name: str) -> None:
+    """Copy the two files of an agent into a new folder, and check them there as a submission's.
+
+    Args:
+        source: the agent's folder.
+        into: the new folder.
+        name: name of the agent; begins messages.
+
+    Raises:
+        UserError: the first problem of the agent.
+        OSError: a file cannot be read or written.
+    """
+    into.mkdir()
+    for file in AGENT_FILES:
+        shutil.copyfile(source / file, into / file)
+    policy, lines = read_policy(into, None, None)
+    lines = [line.lstrip("/") for line in lines]
+    if policy is not None and not lines:
+        lines = [f"policy.onnx: {line}" for line in check_policy(policy.model) or smoke_test(policy)]
+    if lines:
+        raise UserError(f"{name}: {lines[0]}")
 
 
 def _check_same(out: Path, origin: dict[str, str]) -> None:
@@ -63,13 +83,3 @@ def _check_same(out: Path, origin: dict[str, str]) -> None:
             "choose another folder for the new one"
         )
     raise UserError(f"{out}: holds {where}; choose another folder")
-
-
-def _check_policy(folder: Path, name: str) -> None:
-    """Raise UserError for the first problem of a policy."""
-    policy, lines = read_policy(folder, None, None)
-    lines = [line.lstrip("/") for line in lines]
-    if policy is not None and not lines:
-        lines = [f"policy.onnx: {line}" for line in check_policy(policy.model) or smoke_test(policy)]
-    if lines:
-        raise UserError(f"{name}: {lines[0]}")

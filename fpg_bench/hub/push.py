@@ -23,10 +23,11 @@ from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import Summary, Training, summarise
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.hub.card import model_card
+from fpg_bench.hub.pull import copy_checked
 from fpg_bench.players.agent import agent_folder, load_agent
 from fpg_bench.players.hub import PUSHED_FILES, client, hub_errors, hub_name, split_name
 from fpg_bench.players.player import Player
-from fpg_bench.players.sandbox.client import AGENT_FILES, check_policy
+from fpg_bench.players.sandbox.client import AGENT_FILES
 from fpg_bench.rendering.recording import Recording
 from fpg_bench.rendering.replay import write_replay
 
@@ -64,9 +65,7 @@ def push(
     repository, branch = split_name(name)
     api = client()
     if not api.token:
-        raise UserError(
-            "hub push: set HF_TOKEN to a token with write access (huggingface.co/settings/tokens)"
-        )
+        raise UserError("hub push: set HF_TOKEN to a token that may write (huggingface.co/settings/tokens)")
     files = agent_files(source, repository, results)
     from huggingface_hub import CommitOperationAdd, CommitOperationDelete
 
@@ -95,10 +94,10 @@ def agent_files(source: str, repository: str, results: Path | None = None) -> di
     run = _run_of(Path(source))
     inside = Path(source) / "agent"
     folder = agent_folder(inside if (inside / "agent.json").is_file() else source)
+    with tempfile.TemporaryDirectory() as temporary:
+        copy_checked(folder, Path(temporary) / "agent", f"agent {folder}")
     player = load_agent(folder)
     about = player.about
-    if problems := check_policy(player.model):
-        raise UserError(f"agent {folder}: policy.onnx: {problems[0]}")
     side = about["side"] if about["id"] == DUEL else sides_of(about["id"])[0]
     suite = load_suite(suite_of(about["id"], _options(about), side))
     records = list(_records(folder, about, run, results))

@@ -111,7 +111,7 @@ def client() -> HfApi:
     Raises:
         UserError: the extra ``hub`` is not installed, or the variable holds no token.
     """
-    need("hub", "huggingface_hub")
+    need("hub", "huggingface_hub", "onnx")
     from huggingface_hub import HfApi
 
     token = os.environ.get("HF_TOKEN", "").strip()

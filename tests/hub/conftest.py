@@ -4,6 +4,7 @@ import pytest
 from huggingface_hub import constants
 
 from fpg_bench.players.hub import resolve
+from fpg_bench.players.sandbox import process
 from tests.hub.hub_server import TOKEN, HubServer
 
 
@@ -22,5 +23,6 @@ def hub(tmp_path, monkeypatch):
     with HubServer() as server:
         point_at(server.url, tmp_path / "cache", monkeypatch)
         monkeypatch.setenv("HF_TOKEN", TOKEN)
+        monkeypatch.setattr(process, "forget_keys", list)  # those of the tests
         yield server
         resolve.cache_clear()
