@@ -103,13 +103,13 @@ def run_match(
     """
     played = as_scenario(scenario, opponent_path="waypoints", rounds_per_match=rounds)
     path = None if out is None else Path(out)
-    sides = {"ally": pinned(ally), "opponent": pinned(opponent)}
+    ally, opponent = pinned(ally), pinned(opponent)
+    sides = {"ally": ally, "opponent": opponent}
     players = {side: as_player(spec, side, played) for side, spec in sides.items()}
     seed = int(check_seeds(seed, 1)[0])
     flier, description = _planner(planner, played, path, llm or {})
     name = planner if isinstance(planner, str) and description is None else flier.name
-    names = map(player_name, sides.values())
-    match = Match(name, *names, played, seed, description)
+    match = Match(name, player_name(ally), player_name(opponent), played, seed, description)
     if path is None:
         return list(_rounds(match, flier, players, None, [], progress))
     file = MatchFile(path)

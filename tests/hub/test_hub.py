@@ -1,5 +1,6 @@
 """``hub push``, ``hub pull`` and players called ``hf://owner/name``, against a Hub on loopback."""
 
+import hashlib
 import json
 import os
 import sys
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 import fpg_bench
 from fpg_bench.cli import app
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.match import replay_match, run_match
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.hub import pull
 from fpg_bench.players.agent import agent_folder
@@ -24,6 +26,7 @@ from tests.hub.hub_server import READER, TOKEN
 from tests.leaderboard.making import policy, through, write_seed
 from tests.logged import logged
 from tests.programs import fpg
+from tests.training.tiny import settings, train
 
 SHIPPED, NAME = "ally-scripted/ppo/seed_0", "hf://me/mine"
 CLOSED = "http://127.0.0.1:9"
@@ -65,6 +68,7 @@ def metadata(card):
     return yaml.safe_load(head), text
 
 
+@pytest.mark.slow
 def test_a_pushed_agent_is_pulled_with_the_same_bits_and_plays_the_same_rounds(hub, tmp_path):
     pushed = run("push", SHIPPED, "me/mine")
     commit = hub.repositories["me/mine"].branches["main"]
@@ -110,6 +114,7 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert TOKEN.encode() not in b"".join(files.values())
 
 
+@pytest.mark.slow
 def test_a_run_is_pushed_with_its_curve_and_results_and_again_without_them(hub, finished, tmp_path):
     own = finished / "agent"
     fpg_bench.evaluate([str(own), "expert"], "ally-v1", finished / "results", matches=1)
@@ -338,6 +343,32 @@ def test_a_name_stands_for_one_commit_and_is_recorded_with_it(hub, first, tmp_pa
         fpg_bench.load_agent(NAME, "opponent")
 
 
+@pytest.mark.slow
+def test_a_run_against_an_agent_on_the_hub_records_its_commit_and_notices_when_it_moves(hub, first, tmp_path):
+    def learn():
+        given = {"hyperparams": settings("ppo"), "steps": 400, "ally": NAME}
+        train("ppo", "FPG/OpponentVsPolicy-v0", tmp_path / "run", **given)
+        return json.loads((tmp_path / "run/run.json").read_text())
+
+    about = learn()
+    assert about["policies"] == {f"{NAME}@{first}": hashlib.sha256(policy(0)).hexdigest()}
+    assert f"--ally {NAME}@{first}" in about["command"]
+    assert learn() == about
+    hub.add("me/mine", agent(tmp_path / "second", 1))
+    resolve.cache_clear()  # as in another program
+    with pytest.raises(UserError, match="holds another run"):
+        learn()
+
+
+@pytest.mark.slow
+def test_a_match_names_the_commit_of_its_players(hub, first, tmp_path):
+    run_match("circle", NAME, "adaptive", rounds=1, out=tmp_path / "match.jsonl")
+    with pytest.raises(UserError, match=f"would run {NAME}@{first}; if you trust"):
+        replay_match(tmp_path / "match.jsonl")
+    match, rounds = replay_match(tmp_path / "match.jsonl", allow=[f"{NAME}@{first}"])
+    assert (match.ally, len(rounds)) == (f"{NAME}@{first}", 1)
+
+
 def test_a_rival_of_a_suite_may_be_an_agent_on_the_hub(hub, first, tmp_path):
     suite = {
         "side": "opponent",
@@ -391,6 +422,7 @@ def test_the_token_comes_from_the_environment_alone(hub, monkeypatch, tmp_path):
 
 
 @pytest.mark.process
+@pytest.mark.slow
 def test_programs_push_pull_play_and_fail_in_one_line(hub, tmp_path):
     environment = os.environ | {
         "HF_ENDPOINT": hub.url,
