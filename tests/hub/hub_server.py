@@ -227,6 +227,11 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(b"" if "Range" in self.headers else data[: len(data) // 2])
             self.close_connection = True
             return
+        if begun := re.fullmatch(r"bytes=(\d+)-", self.headers.get("Range", "")):
+            first = int(begun[1])
+            headers["Content-Range"] = f"bytes {first}-{len(data) - 1}/{len(data)}"
+            self._answer(data[first:], 206, headers)
+            return
         self._answer(data, headers=headers)
 
     ROUTES: ClassVar = {
