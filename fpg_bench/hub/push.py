@@ -25,7 +25,7 @@ from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.hub.card import model_card
 from fpg_bench.hub.pull import copy_checked
 from fpg_bench.players.agent import agent_folder, load_agent
-from fpg_bench.players.hub import PUSHED_FILES, client, hub_errors, hub_name, split_name
+from fpg_bench.players.hub import PUSHED_FILES, TIMEOUT_S, client, hub_errors, hub_name, split_name
 from fpg_bench.players.player import Player
 from fpg_bench.players.sandbox.client import AGENT_FILES
 from fpg_bench.rendering.recording import Recording
@@ -68,15 +68,20 @@ def push(
         raise UserError("hub push: set HF_TOKEN to a token that may write (huggingface.co/settings/tokens)")
     files = agent_files(source, repository, results)
     from huggingface_hub import CommitOperationAdd, CommitOperationDelete
+    from huggingface_hub.errors import RepositoryNotFoundError
 
     with hub_errors(name):
-        api.create_repo(repository, private=private or None, exist_ok=True)
+        try:
+            is_public = not api.model_info(repository, timeout=TIMEOUT_S).private
+        except RepositoryNotFoundError:
+            is_public = False
+            api.create_repo(repository, private=private or None, exist_ok=True)
+        if private and is_public:
+            raise UserError(f"{name}: is public already; make it private on the Hub, or leave out --private")
         if branch != "main":
             api.create_branch(repository, branch=branch, exist_ok=True)
-        info = api.model_info(repository, revision=branch)
-        if private and not info.private:
-            raise UserError(f"{name}: is public already; make it private on the Hub, or leave out --private")
-        there = {file.rfilename for file in info.siblings or ()} & set(PUSHED_FILES) - {".gitattributes"}
+        files_there = {file.rfilename for file in api.model_info(repository, revision=branch).siblings or ()}
+        there = files_there & set(PUSHED_FILES) - {".gitattributes"}
         commit = api.create_commit(
             repository,
             [

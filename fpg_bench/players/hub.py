@@ -29,7 +29,7 @@ PUSHED_FILES = (*AGENT_FILES, "README.md", "replay.html", "curve.png", "records.
 PULLED = "hub.json"  # in the folder of a pulled agent: where it comes from
 _NAME = re.compile(rf"{HUB}([\w.-]+/[\w.-]+)(?:@(\S+))?")
 _COMMIT = re.compile(r"[0-9a-f]{40}")
-_TIMEOUT_S = 10
+TIMEOUT_S = 10  # of the first request
 _MOST_NAMED = 3  # of ignored files
 _logger = logging.getLogger(__name__)
 Spec = TypeVar("Spec")
@@ -143,7 +143,7 @@ def download(name: str) -> Snapshot:
         last = [Path(path) for path in known if isinstance(path, str)]
         if _COMMIT.fullmatch(revision) and len(last) == len(AGENT_FILES):
             return Snapshot(repository, revision, revision, last[0].parent)
-        info = api.model_info(repository, revision=revision, files_metadata=True, timeout=_TIMEOUT_S)
+        info = api.model_info(repository, revision=revision, files_metadata=True, timeout=TIMEOUT_S)
         commit = str(info.sha)
         _check_files(name, {file.rfilename: file.size for file in info.siblings or ()})
         paths = [Path(api.hf_hub_download(repository, file, revision=revision)) for file in AGENT_FILES]

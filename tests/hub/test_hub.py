@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import socket
 import sys
 
 import numpy as np
@@ -16,6 +17,8 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.match import replay_match, run_match
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.hub import pull
+from fpg_bench.hub import push as uploads
+from fpg_bench.players import hub as names
 from fpg_bench.players.agent import agent_folder
 from fpg_bench.players.hub import client, pinned, resolve
 from fpg_bench.players.sandbox import process
@@ -284,6 +287,16 @@ def test_without_a_hub_a_commit_plays_from_the_cache_and_all_else_is_one_line(
     assert isinstance(fpg_bench.load_agent(f"{NAME}@{first}", "ally"), SandboxedAgent)
     with pytest.raises(UserError, match="cannot be reached"):
         fpg_bench.load_agent(f"{NAME}@{first[::-1]}")
+
+
+def test_a_server_that_never_answers(hub, tmp_path, monkeypatch):
+    monkeypatch.setattr(names, "TIMEOUT_S", 0.2)
+    monkeypatch.setattr(uploads, "TIMEOUT_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        point_at(f"http://127.0.0.1:{silent.getsockname()[1]}", tmp_path / "cache", monkeypatch)
+        for words in (("pull", "me/mine", "--out", tmp_path / "out"), ("push", SHIPPED, "me/mine")):
+            with pytest.raises(UserError, match="cannot be reached, or broke off: timed out"):
+                run(*words)
 
 
 def test_a_server_that_is_no_hub(hub, tmp_path, monkeypatch):
