@@ -89,7 +89,7 @@ def model_card(
         results=results or "No records of an evaluation were uploaded.",
         seed="unknown" if about["training_seed"] is None else about["training_seed"],
         steps=f"{about['training_steps']:,}",
-        time=f", {seconds / 60:.1f} minutes" if isinstance(seconds, int | float) else "",
+        time=f", {seconds:,.0f} seconds" if isinstance(seconds, int | float) else "",
         scenario=str(about["scenario"])[:12],
         training=training,
         player=HUB + repository,

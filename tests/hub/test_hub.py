@@ -128,7 +128,7 @@ def test_a_run_is_pushed_with_its_curve_and_results_and_again_without_them(hub, 
     head, text = metadata(files["README.md"])
     assert len(head["model-index"][0]["results"]) == 1
     assert "](curve.png)" in text
-    assert "training seed 3" in text
+    assert "training seed 3, 1,000 steps, 90 seconds." in text
     assert files["curve.png"] == b"\x89PNG"
     assert {json.loads(line)["entry"] for line in files["records.jsonl"].splitlines()} == {"linear"}
     (finished / "results").rename(tmp_path / "elsewhere")
