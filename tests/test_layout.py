@@ -32,6 +32,7 @@ FLOORS = {
     "datasets": 5,
     "training": 5,
     "leaderboard": 5,
+    "hub": 6,
     "paper": 6,
     "cli": 7,
 }

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.cli import dataset, evaluation, leaderboard, listing, llm, plan, reproduce, training, tune
+from fpg_bench.cli import dataset, evaluation, hub, leaderboard, listing, llm, plan, reproduce, training, tune
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import print_messages
@@ -42,6 +42,7 @@ for verb in (
 app.add_typer(tune.app, name="tune")
 app.add_typer(plan.app, name="plan")
 app.add_typer(dataset.app, name="dataset")
+app.add_typer(hub.app, name="hub")
 app.add_typer(llm.app, name="llm")
 app.add_typer(leaderboard.submit, name="submit")
 app.add_typer(leaderboard.leaderboard, name="leaderboard")

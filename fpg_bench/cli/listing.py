@@ -155,6 +155,7 @@ def players() -> None:
         name_all(f"planners, tier {tier}", names)
     name_all("paths", PATHS)
     typer.echo("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
+    typer.echo("On the Hugging Face Hub: hf://owner/name, or hf://owner/name@revision")
 
 
 def suites(

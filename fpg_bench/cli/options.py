@@ -50,7 +50,10 @@ def steps_option(help: str) -> Any:
     return typer.Option(parser=whole_number, metavar="STEPS", help=help, rich_help_panel=TRAINING)
 
 
-_PLAYER = "a script, a shipped agent, an agent's folder or package.module:object (see fpg-bench players)"
+_PLAYER = (
+    "a script, a shipped agent, an agent's folder, hf://owner/name or package.module:object "
+    "(see fpg-bench players)"
+)
 PlayerOption = Annotated[str, typer.Option(help=f"The player: {_PLAYER}.", autocompletion=complete_player)]
 PlayersOption = Annotated[
     str | None,

@@ -28,6 +28,7 @@ from fpg_bench.planning.llm.servers import endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Attempt
 from fpg_bench.planning.planner import Planner
 from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
+from fpg_bench.players.hub import pinned
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name
 from fpg_bench.rendering.recording import Recording
@@ -102,6 +103,7 @@ def run_match(
     """
     played = as_scenario(scenario, opponent_path="waypoints", rounds_per_match=rounds)
     path = None if out is None else Path(out)
+    ally, opponent = pinned(ally), pinned(opponent)
     sides = {"ally": ally, "opponent": opponent}
     players = {side: as_player(spec, side, played) for side, spec in sides.items()}
     seed = int(check_seeds(seed, 1)[0])

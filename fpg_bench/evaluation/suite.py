@@ -24,6 +24,7 @@ from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.planning import as_planner
 from fpg_bench.players.agent import agent_folder, suites_folder
+from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.registry import as_player
 
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
@@ -167,7 +168,7 @@ def identity(name: str) -> str:
     """Return what decides how a named player plays: the hash of an agent's policy, or its name."""
     if name.startswith("suite:"):
         raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
-    if ":" in name or "/" not in name:
+    if not is_on_hub(name) and (":" in name or "/" not in name):
         return name
     return str(read_json(agent_folder(name) / "agent.json", "agent").get("policy_sha256"))
 

@@ -39,7 +39,7 @@ from fpg_bench.leaderboard.transcripts import FOLDER as TRANSCRIPTS
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder, check_about
-from fpg_bench.players.sandbox.client import MOST_BYTES, Policy, check_policies
+from fpg_bench.players.sandbox.client import AGENT_FILES, Policy, check_policies
 
 need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 
@@ -47,11 +47,10 @@ __all__ = ["Policy", "Submission", "Training"]
 
 ABOUT = "submission.yaml"
 PATHS = ("pursuit", "learned")
-MOST_TEXT_BYTES = 64_000  # of submission.yaml and agent.json
+MOST_TEXT_BYTES = AGENT_FILES["agent.json"]  # of submission.yaml, too
 MOST_STEPS = 10**13
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 _SEED = re.compile(r"seed_(0|[1-9]\d{0,5})")
-_FILES = ("agent.json", "policy.onnx")
 _OVERSHOOT = 1.05  # training ends with a whole rollout, a little after its budget
 
 
@@ -575,7 +574,7 @@ def read_policies(
     policies: list[Policy] = []
     lines: list[str] = []
     for seed, path in seed_folders(folder).items():
-        policy, wrong = _read_policy(path, seed, side)
+        policy, wrong = read_policy(path, seed, side)
         lines += [f"{path.name}{line}" for line in wrong]
         if policy is None:
             continue
@@ -594,18 +593,24 @@ def _is_described(policy: Policy) -> bool:
     return not policy.about or bool(policy.about.get("policy_sha256") == policy.sha256)
 
 
-def _read_policy(path: Path, seed: int, side: str | None) -> tuple[Policy | None, list[str]]:
-    """Return one seed's policy, and the problems of its folder."""
+def read_policy(path: Path, seed: int | None, side: str | None) -> tuple[Policy | None, list[str]]:
+    """Return the policy of a folder, and the problems of the folder but those of the policy's contents.
+
+    Args:
+        path: holds ``agent.json`` and ``policy.onnx``.
+        seed: the training seed that it must have; None: any, or none.
+        side: the side that it must play; None: either.
+    """
     if problem := folder_problem(path):
         return None, [f": {problem}"]
-    lines = [f"/{line}" for line in stray_files(path, _FILES)]
-    limits = zip(_FILES, (MOST_TEXT_BYTES, MOST_BYTES), strict=True)
+    lines = [f"/{line}" for line in stray_files(path, AGENT_FILES)]
+    limits = AGENT_FILES.items()
     unreadable = [f"/{name}: {line}" for name, most in limits if (line := file_problem(path / name, most))]
     if unreadable:
         return None, lines + unreadable
     about, wrong = _read_agent(path / "agent.json", seed, side)
     model = (path / "policy.onnx").read_bytes()
-    policy = Policy(seed, about, model, hashlib.sha256(model).hexdigest())
+    policy = Policy(seed or 0, about, model, hashlib.sha256(model).hexdigest())
     if not _is_described(policy):
         wrong.append(
             "policy_sha256: is not that of policy.onnx beside it, which was cut off or changed since"
@@ -613,7 +618,7 @@ def _read_policy(path: Path, seed: int, side: str | None) -> tuple[Policy | None
     return policy, lines + [f"/agent.json: {line}" for line in wrong]
 
 
-def _read_agent(path: Path, seed: int, side: str | None) -> tuple[dict[str, Any], list[str]]:
+def _read_agent(path: Path, seed: int | None, side: str | None) -> tuple[dict[str, Any], list[str]]:
     """Return the contents of ``agent.json``, and its problems."""
     try:
         about = read_json(path, "agent")
@@ -623,7 +628,7 @@ def _read_agent(path: Path, seed: int, side: str | None) -> tuple[dict[str, Any]
         return {}, [line]
     lines = []
     trained, steps, algorithm = (about[key] for key in ("training_seed", "training_steps", "algorithm"))
-    if trained != seed or isinstance(trained, bool):
+    if isinstance(trained, bool) or (seed is not None and trained != seed):
         lines.append(f"training_seed: expected {seed}, as the folder is called, got {quoted(trained)}")
     if not _is_steps(steps):
         expected = f"a whole number from 0 to {MOST_STEPS:,}"

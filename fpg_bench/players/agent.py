@@ -17,6 +17,7 @@ from fpg_bench.common.extras import has, need
 from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS, find_env, sides_of
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.players.hub import PULLED, is_on_hub, resolve
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
 from fpg_bench.players.player import SIDES, Memory
 from fpg_bench.players.seeded import SeededPolicy
@@ -117,32 +118,36 @@ class OnnxPlayer(SeededPolicy):
 def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer | SandboxedAgent:
     """Load a trained agent as a player, without torch or Stable-Baselines3.
 
-    An agent of a leaderboard submission, whose folder lies beside ``submission.yaml``, plays in a sandbox.
+    What others have trained plays in a sandbox: an agent on the Hugging Face Hub, one that was pulled from
+    there, and one of a leaderboard submission, whose folder lies beside ``submission.yaml``.
 
     Args:
-        name: a shipped agent (``ally-scripted/ppo/seed_0``) or an agent folder.
+        name: a shipped agent (``ally-scripted/ppo/seed_0``), an agent folder, or ``hf://owner/name@revision``.
         side: the side that it is to play; None: whichever it was trained for.
 
     Raises:
-        UserError: no such agent, a file missing, truncated or changed, another format, id, size or side.
+        UserError: no such agent, a file missing, truncated or changed, another format, id, size or side; of
+            the Hub also what :func:`fpg_bench.players.hub.download` raises.
     """
     folder = agent_folder(name)
+    where = f"agent {name if is_on_hub(name) else folder}"
     about = read_json(folder / "agent.json", "agent")
-    check_about(about, f"agent {folder}", side)
+    check_about(about, where, side)
     try:
         model = (folder / "policy.onnx").read_bytes()
     except OSError as error:
-        raise UserError(f"agent {folder}: policy.onnx cannot be read: {error.strerror}") from error
+        raise UserError(f"{where}: policy.onnx cannot be read: {error.strerror}") from error
     if hashlib.sha256(model).hexdigest() != about["policy_sha256"]:
-        raise UserError(f"agent {folder}: policy.onnx is not the file that agent.json describes (sha256)")
+        raise UserError(f"{where}: policy.onnx is not the file that agent.json describes (sha256)")
+    marks = (folder / PULLED, folder.absolute().parent / "submission.yaml")
     try:
-        if (folder.absolute().parent / "submission.yaml").exists():
+        if is_on_hub(name) or any(mark.exists() for mark in marks):
             from fpg_bench.players.sandbox.agent import SandboxedAgent
 
             return SandboxedAgent(model, about)
         return OnnxPlayer(model, about)
     except UserError as error:
-        raise UserError(f"agent {folder}: {error}") from error
+        raise UserError(f"{where}: {error}") from error
 
 
 def check_about(about: dict[str, Any], where: str, side: str | None = None) -> None:
@@ -156,6 +161,8 @@ def check_about(about: dict[str, Any], where: str, side: str | None = None) -> N
         raise UserError(f"{where}: agent.json lacks {', '.join(missing)}")
     if about["format"] != AGENT_FORMAT:
         raise UserError(f"{where}: format {about['format']!r}, this version reads {AGENT_FORMAT}")
+    if not str(about["algorithm"]).isprintable():
+        raise UserError(f"{where}: algorithm: expected printable text, got {about['algorithm']!r:.40}")
     if not isinstance(about["training_seed"], int | None):
         raise UserError(
             f"{where}: training_seed: expected a whole number or null, got {about['training_seed']!r:.40}"
@@ -168,11 +175,13 @@ def check_about(about: dict[str, Any], where: str, side: str | None = None) -> N
 
 
 def agent_folder(name: str | os.PathLike[str]) -> Path:
-    """Return the folder of a shipped agent or of a path.
+    """Return the folder of a shipped agent or of a path; an agent on the Hub is downloaded.
 
     Raises:
         UserError: neither exists.
     """
+    if is_on_hub(name):
+        return resolve(os.fspath(name)).folder
     if os.fspath(name).endswith(".zip"):
         raise UserError(
             f"agent {os.fspath(name)!r}: SB3's zip holds pickled code; name the run's agent folder"

@@ -11,6 +11,7 @@ from fpg_bench.common.ids import NAMED, SCRIPTED, TACTICS, other_side
 from fpg_bench.common.imports import import_object
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.choosing import as_model_player
+from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
@@ -25,7 +26,8 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     Args:
         spec: a script (``expert``), a script with memory and other constants than its own
             (``alternate(centres=3)``), a learner (``ucb``), ``oracle``, a shipped agent
-            (``ally-scripted/ppo/seed_0``), an agent folder, a member of a suite (``suite:NAME/MEMBER``),
+            (``ally-scripted/ppo/seed_0``), an agent folder, an agent on the Hugging Face Hub
+            (``hf://owner/name``), a member of a suite (``suite:NAME/MEMBER``),
             ``package.module:object`` (a player, or a class or function that makes one, called with the
             scenario if it takes an argument), or any object with ``predict``. Whole numbers that a model
             of discrete actions predicts are taken as choices.
@@ -54,7 +56,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         from fpg_bench.players.population import load_member
 
         return load_member(name, side)
-    if ":" in name:
+    if ":" in name and not is_on_hub(name):
         player: Player = import_object(name, side, ("predict",), scenario)
         return player
     if "/" in name or (name and Path(name).is_dir()):

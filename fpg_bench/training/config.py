@@ -15,7 +15,8 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL, ENVS, find_env, sides_of
 from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.player import Player
+from fpg_bench.players.hub import pinned
+from fpg_bench.players.player import SIDES, Player
 
 Players = str | Player | Sequence[str | Player]  # one, or several to draw from per round
 
@@ -123,6 +124,8 @@ class RunConfig:
     def game_options(self) -> dict[str, Any]:
         """Return the options that are set, with the players of ``against`` under the name of their side.
 
+        Agents on the Hub are named by their commits.
+
         Raises:
             UserError: both sides learn, or the other side's players are named twice.
         """
@@ -130,13 +133,13 @@ class RunConfig:
         if self.actions != "continuous":
             options["actions"] = self.actions
         if self.against is None:
-            return options
+            return _pinned(options)
         if self.id == DUEL:
             raise UserError(f"against: in {DUEL} both sides learn; name nobody")
         other = find_env(self.id).other_side
         if other in options:
             raise UserError(f"against: names the {other}, and so does {other}; say one of them")
-        return {**options, other: self.against}
+        return _pinned({**options, other: self.against})
 
     def suites(self) -> list[str]:
         """Return the suite that scores each side; raises UserError where one suite is set for both sides."""
@@ -150,3 +153,8 @@ class RunConfig:
         llm = {name.removesuffix("_s"): value for name, value in (self.llm or {}).items()}
         options = {**self.game_options(), "transcript": self.transcript, "start": self.start, **llm}
         return {name: value for name, value in options.items() if value is not None}
+
+
+def _pinned(options: dict[str, Any]) -> dict[str, Any]:
+    """Return options of games in which agents on the Hub are named by their commits."""
+    return {name: pinned(value) if name in SIDES else value for name, value in options.items()}

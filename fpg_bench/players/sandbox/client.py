@@ -21,6 +21,7 @@ from fpg_bench.players.seeded import Batched
 __all__ = ["Limits", "Policy", "PolicyClient", "PolicyFailed", "check_policies", "check_policy"]
 
 MOST_BYTES = 5_000_000  # of policy.onnx
+AGENT_FILES = {"agent.json": 64_000, "policy.onnx": MOST_BYTES}  # of an untrusted agent, and their most bytes
 SIZE = struct.Struct("<I")  # of a file that is checked, and of the answer
 _READING = Limits(memory_bytes=2**30, call_s=60, total_s=600)
 _UNREADABLE = "cannot be read within 1 GB of memory and 60 s"

@@ -1,0 +1,173 @@
+"""Upload of an agent to the Hub, with its records, a model card and a replay of a round."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import DUEL, sides_of
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.evaluate import RECORDS, read_results, records_of
+from fpg_bench.evaluation.play import match_of
+from fpg_bench.evaluation.record import Record
+from fpg_bench.evaluation.rounds import begin_round, finish_round
+from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
+from fpg_bench.evaluation.summary import Summary, Training, summarise
+from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.hub.card import model_card
+from fpg_bench.hub.pull import copy_checked
+from fpg_bench.players.agent import agent_folder, load_agent
+from fpg_bench.players.hub import PUSHED_FILES, TIMEOUT_S, client, hub_errors, hub_name, split_name
+from fpg_bench.players.player import Player
+from fpg_bench.players.sandbox.client import AGENT_FILES
+from fpg_bench.rendering.recording import Recording
+from fpg_bench.rendering.replay import write_replay
+
+_CURVE = "curve.png"  # in a run's folder
+
+
+def push(
+    source: str,
+    repository: str,
+    *,
+    private: bool = False,
+    revision: str | None = None,
+    results: Path | None = None,
+) -> str:
+    """Upload an agent in one commit, and create its repository if there is none.
+
+    What an earlier push left and this one has not, records for instance, is removed in the same commit.
+
+    Args:
+        source: a finished run's folder, an agent's folder, or a shipped agent.
+        repository: ``owner/name``.
+        private: create the repository as a private one.
+        revision: the branch, which is created if there is none; None: ``main``.
+        results: a results folder with records of this agent; None: ``results`` in the run's folder, and of a
+            shipped agent its own records.
+
+    Returns:
+        The player's name of the uploaded agent, with its commit.
+
+    Raises:
+        UserError: no such agent, one that fails the checks of submissions, no records of it in ``results``,
+            no token, no right, or a Hub that cannot be reached.
+    """
+    name = hub_name(repository, revision)
+    repository, branch = split_name(name)
+    api = client()
+    if not api.token:
+        raise UserError("hub push: set HF_TOKEN to a token that may write (huggingface.co/settings/tokens)")
+    files = agent_files(source, repository, results)
+    from huggingface_hub import CommitOperationAdd, CommitOperationDelete
+    from huggingface_hub.errors import RepositoryNotFoundError
+
+    with hub_errors(name):
+        try:
+            is_public = not api.model_info(repository, timeout=TIMEOUT_S).private
+        except RepositoryNotFoundError:
+            is_public = False
+            api.create_repo(repository, private=private or None, exist_ok=True)
+        if private and is_public:
+            raise UserError(f"{name}: is public already; make it private on the Hub, or leave out --private")
+        if branch != "main":
+            api.create_branch(repository, branch=branch, exist_ok=True)
+        files_there = {file.rfilename for file in api.model_info(repository, revision=branch).siblings or ()}
+        there = files_there & set(PUSHED_FILES) - {".gitattributes"}
+        commit = api.create_commit(
+            repository,
+            [
+                *(CommitOperationAdd(file, content) for file, content in files.items()),
+                *(CommitOperationDelete(file) for file in sorted(there - set(files))),
+            ],
+            commit_message="Upload an agent of fpg-bench",
+            revision=branch,
+        )
+    return hub_name(repository, commit.oid)
+
+
+def agent_files(source: str, repository: str, results: Path | None = None) -> dict[str, bytes]:
+    """Return the files of an agent's repository, by name; arguments and errors as in :func:`push`."""
+    run = _run_of(Path(source))
+    inside = Path(source) / "agent"
+    folder = agent_folder(inside if (inside / "agent.json").is_file() else source)
+    with tempfile.TemporaryDirectory() as temporary:
+        copy_checked(folder, Path(temporary) / "agent", f"agent {folder}")
+    player = load_agent(folder)
+    about = player.about
+    side = about["side"] if about["id"] == DUEL else sides_of(about["id"])[0]
+    suite = load_suite(suite_of(about["id"], _options(about), side))
+    records = list(_records(folder, about, run, results))
+    files = {file: (folder / file).read_bytes() for file in AGENT_FILES}
+    files["replay.html"] = _replay(player, side, suite, repository)
+    if records:
+        rows = (json.dumps(record.row(), separators=(",", ":")) for _, of in records for record in of)
+        files["records.jsonl"] = "".join(f"{row}\n" for row in rows).encode()
+    if run is not None and (run / _CURVE).is_file():
+        files[_CURVE] = (run / _CURVE).read_bytes()
+    summaries = [_with_training(each, about) for suite, of in records for each in summarise(of, suite)]
+    files["README.md"] = model_card(about, repository, side, suite.name, summaries, files).encode()
+    return files
+
+
+def _options(about: dict[str, Any]) -> dict[str, Any]:
+    options = about.get("options", {})
+    return options if isinstance(options, dict) else {}
+
+
+def _run_of(source: Path) -> Path | None:
+    """Return the folder of the run that an agent's folder belongs to, or that is one."""
+    return next((f for f in (source, *source.absolute().parents[:2]) if (f / "run.json").is_file()), None)
+
+
+def _records(
+    folder: Path, about: dict[str, Any], run: Path | None, results: Path | None
+) -> Iterable[tuple[Suite, list[Record]]]:
+    """Yield the suites that an agent has met, each with its records of this very policy."""
+
+    def own(records: Iterable[Record]) -> list[Record]:
+        return [record for record in records if record.fingerprint == about["policy_sha256"][:16]]
+
+    home = run / "results" if results is None and run is not None else results
+    if home is not None and (results is not None or (home / RECORDS).is_file()):
+        _, suite = read_results(home)
+        records = own(records_of(RowFile(home / RECORDS)))
+        if results is not None and not records:
+            raise UserError(f"results {results}: hold no record of this agent's policy")
+        if records:
+            yield suite, records
+        return
+    zoo = load_zoo()
+    for agent in zoo.members():
+        if agent.folder == folder:
+            for suite in map(load_suite, agent.group.suites):
+                if records := own(zoo.read_records(agent.group, suite)):
+                    yield suite, records
+
+
+def _with_training(summary: Summary, about: dict[str, Any]) -> Summary:
+    seconds = about.get("seconds")
+    return dataclasses.replace(summary, training=Training(about["training_steps"], seconds))
+
+
+def _replay(player: Player, side: str, suite: Suite, repository: str) -> bytes:
+    """Return a page that replays a round against the last rival of a suite, on its first evaluation seed."""
+    rival = suite.rivals[-1]
+    match = match_of(player, suite, rival, matches=1)
+    begin_round(match, seeds=np.array(evaluation_seeds(1, suite.season)))
+    recording = Recording(match.duel.batch)
+    finish_round(match, on_step=recording.add)
+    names = [repository, " or ".join(rival.players)]
+    ally, opponent = names if side == "ally" else reversed(names)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "replay.html"
+        write_replay([recording], page, f"{ally} against {opponent}", ally, opponent)
+        return page.read_bytes()

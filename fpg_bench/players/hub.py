@@ -1,0 +1,223 @@
+"""Agents on the Hugging Face Hub: their names, ``hf://owner/name@revision``, and their download.
+
+Only ``agent.json`` and ``policy.onnx`` are downloaded, and both are data. The client library
+``huggingface_hub`` (extra ``hub``) transports and caches them; the token comes from ``HF_TOKEN`` alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import logging
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from fpg_bench.common.errors import UserError, first_line
+from fpg_bench.common.extras import need
+from fpg_bench.players.sandbox.client import AGENT_FILES
+from fpg_bench.version import __version__
+
+if TYPE_CHECKING:
+    from huggingface_hub import HfApi
+
+HUB = "hf://"
+PUSHED_FILES = (*AGENT_FILES, "README.md", "replay.html", "curve.png", "records.jsonl", ".gitattributes")
+PULLED = "hub.json"  # in the folder of a pulled agent: where it comes from
+_NAME = re.compile(rf"{HUB}([\w.-]+/[\w.-]+)(?:@(\S+))?")
+_COMMIT = re.compile(r"[0-9a-f]{40}")
+TIMEOUT_S = 10  # of the first request
+_MOST_NAMED = 3  # of ignored files
+_logger = logging.getLogger(__name__)
+Spec = TypeVar("Spec")
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """An agent of one commit of a repository, downloaded.
+
+    Attributes:
+        repository: ``owner/name``.
+        revision: the branch, tag or commit that was asked for.
+        commit: the commit that the revision stands for, 40 hexadecimal digits.
+        folder: the folder of its files in the Hub's cache.
+    """
+
+    repository: str
+    revision: str
+    commit: str
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """Name of the player that never changes."""
+        return f"{HUB}{self.repository}@{self.commit}"
+
+
+def is_on_hub(name: object) -> bool:
+    """Return True if a player's name stands for an agent on the Hub."""
+    return isinstance(name, str) and name.startswith(HUB)
+
+
+def hub_name(repository: str, revision: str | None = None) -> str:
+    """Return the player's name of ``owner/name`` at a revision, or of what is such a name already.
+
+    Raises:
+        UserError: no such form, or two revisions.
+    """
+    name = repository if is_on_hub(repository) else HUB + repository
+    if revision is not None:
+        if "@" in name:
+            raise UserError(f"{name}: names a revision, and so does --revision; say one of them")
+        name += f"@{revision}"
+    split_name(name)
+    return name
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """Return the repository and the revision of a player's name; raises UserError for another form."""
+    match = _NAME.fullmatch(name)
+    if match is None:
+        raise UserError(f"{name!r}: expected owner/name or hf://owner/name, with @revision if you like")
+    return match[1], match[2] or "main"
+
+
+@functools.cache
+def resolve(name: str) -> Snapshot:
+    """Download an agent by its player's name; a name stands for one commit as long as the program runs.
+
+    Raises:
+        UserError: see :func:`download`.
+    """
+    snapshot = download(name)
+    if snapshot.commit != snapshot.revision:
+        _logger.info(f"{name} is commit {snapshot.commit}")
+    return snapshot
+
+
+def pinned(spec: Spec) -> Spec:
+    """Return a player, or a list of players, with the commit in each name of an agent on the Hub."""
+    if isinstance(spec, list | tuple):
+        return type(spec)(map(pinned, spec))
+    return resolve(spec).name if is_on_hub(spec) else spec  # type: ignore[return-value]
+
+
+def client() -> HfApi:
+    """Return the Hub's client, with the token of ``HF_TOKEN`` or none.
+
+    Raises:
+        UserError: the extra ``hub`` is not installed, or the variable holds no token.
+    """
+    need("hub", "huggingface_hub", "onnx")
+    from huggingface_hub import HfApi
+
+    token = os.environ.get("HF_TOKEN", "").strip()
+    if not token.isascii() or not token.isprintable():
+        raise UserError("HF_TOKEN: holds characters that no token has")
+    return HfApi(token=token or False, library_name="fpg-bench", library_version=__version__)
+
+
+def download(name: str) -> Snapshot:
+    """Download the two files of an agent into the Hub's cache, where they may lie already.
+
+    A commit that is there needs no network. A branch or tag is looked up each time; a warning says if it has
+    moved since it was last downloaded.
+
+    Args:
+        name: ``hf://owner/name`` (its branch ``main``), or with ``@revision``: a branch, tag or commit.
+
+    Raises:
+        UserError: no such repository, revision or agent, no right to read it, a file that is too large, or a
+            Hub that cannot be reached.
+        OSError: the cache cannot be written.
+    """
+    repository, revision = split_name(name)
+    api = client()
+    from huggingface_hub import try_to_load_from_cache
+
+    with hub_errors(name):
+        known = [try_to_load_from_cache(repository, file, revision=revision) for file in AGENT_FILES]
+        last = [Path(path) for path in known if isinstance(path, str)]
+        if _COMMIT.fullmatch(revision) and len(last) == len(AGENT_FILES):
+            return Snapshot(repository, revision, revision, last[0].parent)
+        info = api.model_info(repository, revision=revision, files_metadata=True, timeout=TIMEOUT_S)
+        commit = str(info.sha)
+        _check_files(name, {file.rfilename: file.size for file in info.siblings or ()})
+        paths = [Path(api.hf_hub_download(repository, file, revision=revision)) for file in AGENT_FILES]
+        if any(path.parent.name != commit for path in paths):
+            raise UserError(f"{name}: was changed on the Hub while it was downloaded; try again")
+        _check_files(name, {path.name: path.stat().st_size for path in paths})
+    if last and last[0].parent.name != commit:
+        _logger.warning(
+            f"{HUB}{repository}: {revision} has moved from commit {last[0].parent.name} to {commit} "
+            "since it was last downloaded"
+        )
+    return Snapshot(repository, revision, commit, paths[0].parent)
+
+
+def _check_files(name: str, sizes: Mapping[str, int | None]) -> None:
+    """Check that an agent is among the files, and say which files are left where they are."""
+    for file, most in AGENT_FILES.items():
+        if file not in sizes:
+            raise UserError(f"{name}: holds no agent: {file} is missing")
+        if (sizes[file] or 0) > most:
+            raise UserError(f"{name}: {file} holds {sizes[file]:,} bytes, at most {most:,} are allowed")
+    if others := sorted(set(sizes) - set(PUSHED_FILES)):
+        named = ", ".join(f"{other:.40}" for other in others[:_MOST_NAMED])
+        more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
+        _logger.info(f"{name}: ignored {named}{more}; only {' and '.join(AGENT_FILES)} are read, no pickle")
+
+
+@contextlib.contextmanager
+def hub_errors(where: str) -> Iterator[None]:
+    """Turn what the client library raises into one line; it draws no bars and gives no warnings meanwhile.
+
+    Args:
+        where: the repository; begins the message.
+
+    Raises:
+        UserError: the Hub refused, failed or could not be reached.
+        OSError: a file cannot be read or written.
+    """
+    from huggingface_hub import constants, errors
+    from huggingface_hub.utils.tqdm import (
+        are_progress_bars_disabled,
+        disable_progress_bars,
+        enable_progress_bars,
+    )
+
+    logger = logging.getLogger("huggingface_hub")
+    level, shows_bars = logger.level, not are_progress_bars_disabled()
+    logger.setLevel(logging.CRITICAL)
+    disable_progress_bars()
+    hub, own = constants.ENDPOINT, os.environ.get("HF_TOKEN", "").strip()
+    try:
+        yield
+    except UserError:
+        raise
+    except errors.GatedRepoError:
+        raise UserError(f"{where}: its owner grants access on request; ask for it at {hub}") from None
+    except errors.RepositoryNotFoundError:
+        hint = "that HF_TOKEN may not read" if own else "(HF_TOKEN is not set)"
+        raise UserError(f"{where}: no such repository on {hub}, or a private one {hint}") from None
+    except errors.RevisionNotFoundError:
+        raise UserError(f"{where}: has no such revision") from None
+    except errors.HfHubHTTPError as error:
+        status = error.response.status_code
+        refused = {401: "HF_TOKEN is not valid", 403: "HF_TOKEN does not allow this"}
+        reason = refused.get(status) or error.server_message or first_line(error)
+        raise UserError(f"{where}: {hub} answers with status {status}: {reason}") from None
+    except (errors.HTTPError, errors.LocalEntryNotFoundError, ConnectionError) as error:  # type: ignore[attr-defined]
+        cause = error.__cause__ or error
+        raise UserError(f"{where}: {hub} cannot be reached, or broke off: {first_line(cause)}") from None
+    except (OSError, RuntimeError, ValueError) as error:  # of the library's own checks
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        raise UserError(f"{where}: {first_line(error.__cause__ or error)}") from None
+    finally:
+        logger.setLevel(level)
+        if shows_bars:
+            enable_progress_bars()
