@@ -17,6 +17,7 @@ from fpg_bench.cli.options import (
     AddressOption,
     BackendOption,
     JobsOption,
+    JsonOption,
     PathOption,
     PlannerOption,
     PlayerOption,
@@ -24,6 +25,7 @@ from fpg_bench.cli.options import (
     SuiteOption,
     WideOption,
     listed,
+    print_json,
 )
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import need
@@ -110,6 +112,7 @@ def table(
     folder: Annotated[Path, typer.Argument(help="Folder of the results.")],
     wide: WideOption = False,
     out: Annotated[Path | None, typer.Option(help="Write the figure alone, as .png, .svg or .pdf.")] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Print the table of a results folder, and write it as Markdown, CSV and PNG.
 
@@ -125,6 +128,9 @@ def table(
     if out is not None:
         tables.picture(summaries, suite, out)
         typer.echo(f"written: {out}")
+        return
+    if as_json:
+        print_json(tables.flat_lines(summaries))
         return
     tables.write_table(summaries, suite, folder)
     width = None if wide else terminal_width()

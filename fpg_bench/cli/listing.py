@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fpg_bench.cli.completion import complete_id, complete_suite
-from fpg_bench.cli.options import PathOption, ScenarioOption, listed, name_all
+from fpg_bench.cli.options import JsonOption, PathOption, ScenarioOption, listed, name_all, print_json
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import need
 from fpg_bench.common.output import print_line
@@ -81,6 +81,7 @@ def _print_choices(env_id: str, path: str | None, scenario: str | None) -> None:
 
 def zoo(
     every: Annotated[bool, typer.Option("--all", help="A line per training seed.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """List the shipped agents with their training steps and scores, and check their files.
 
@@ -89,6 +90,7 @@ def zoo(
     need("evaluate", "scipy")
     from fpg_bench.evaluation.suite import load_suite
     from fpg_bench.evaluation.summary import summarise
+    from fpg_bench.evaluation.table import number
     from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.players.player import SIDES
 
@@ -97,15 +99,24 @@ def zoo(
     if not members:
         typer.echo("no agents are shipped; python scripts/train_zoo.py trains them")
         return
-    typer.echo(f"{'agent':40} {'seeds':>5} {'steps':>10} {'score':>6} {'95 % interval':>14}  suite")
+    rows: list[dict[str, Any]] = []
     for group in shipped.groups:
         suite = load_suite(group.suites[0])
         summaries = {s.entry: s for s in summarise(shipped.read_records(group, suite), suite)}
         for algorithm in group.steps:
             own = [m for m in members if m.group == group and m.algorithm == algorithm]
             if own:
-                for line in _lines(own, summaries.get(algorithm), every):
-                    typer.echo(f"{line}  {suite.name}")
+                rows += [row | {"suite": suite.name} for row in _rows(own, summaries.get(algorithm), every)]
+    if as_json:
+        print_json(rows)
+        return
+    typer.echo(f"{'agent':40} {'seeds':>5} {'steps':>10} {'score':>6} {'95 % interval':>14}  suite")
+    for row in rows:
+        interval = "" if row["low"] is None else f"[{number(row['low'])}, {number(row['high'])}]"
+        typer.echo(
+            f"{row['agent']:40} {row.get('seeds', ''):5} {row['steps']:10,} {number(row['score']):>6} "
+            f"{interval:>14}  {row['suite']}"
+        )
     damaged = [member.name for member in members if not member.is_whole()]
     for name in damaged:
         typer.echo(f"CHANGED: {name}: not the policy that agent.json describes")
@@ -115,21 +126,29 @@ def zoo(
     typer.echo(f"champions: {', '.join(name for side in SIDES for name in _champions(side))}")
 
 
-def _lines(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[str]:
-    """Yield a line for an algorithm's training seeds together, or one for each."""
-    from fpg_bench.evaluation.table import bounds, number
-
+def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[dict[str, Any]]:
+    """Yield a row for an algorithm's training seeds together, or one for each."""
     steps = agents[0].about()["training_steps"]
     if not every:
-        name = f"{agents[0].group.name}/{agents[0].algorithm}"
-        score, interval = "-", "-"
-        if summary is not None:
-            score, interval = number(summary.score.value), bounds(summary.score)
-        yield f"{name:40} {len(agents):5} {steps:10,} {score:>6} {interval:>14}"
+        score = None if summary is None else summary.score
+        yield {
+            "agent": f"{agents[0].group.name}/{agents[0].algorithm}",
+            "seeds": len(agents),
+            "steps": steps,
+            "score": None if score is None else score.value,
+            "low": None if score is None else score.low,
+            "high": None if score is None else score.high,
+        }
         return
     scores = {} if summary is None else summary.seed_scores()
     for agent in agents:
-        yield f"{agent.name:40} {'':5} {steps:10,} {number(scores.get(agent.seed)):>6} {'':14}"
+        yield {
+            "agent": agent.name,
+            "steps": steps,
+            "score": scores.get(agent.seed),
+            "low": None,
+            "high": None,
+        }
 
 
 def players() -> None:
@@ -200,8 +219,9 @@ def _champions(side: str) -> list[str]:
     """Return the names of the shipped champions of a side, which no group of the zoo holds."""
     from fpg_bench.players.agent import baselines_folder
 
-    folder = baselines_folder() / "agents" / f"{side}-champion"
-    return [f"{folder.name}/{path.parent.name}/{path.name}" for path in sorted(folder.glob("*/seed_*"))]
+    agents = baselines_folder() / "agents"
+    folders = sorted(agents.glob(f"{side}-champion*/*/seed_*"))
+    return [folder.relative_to(agents).as_posix() for folder in folders]
 
 
 def _agents(members: Iterable[ZooAgent]) -> list[str]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import math
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Annotated, Any
@@ -108,6 +110,7 @@ HyperparamsOption = Annotated[
 ]
 
 SuiteOption = Annotated[str, typer.Option(help="A suite's name or YAML file.", autocompletion=complete_suite)]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead: a list of mappings.")]
 WideOption = Annotated[bool, typer.Option("--wide", help="Print all columns, for a wide terminal.")]
 JobsOption = Annotated[
     int,
@@ -167,6 +170,15 @@ SamplingSeedOption = Annotated[
 def llm_options(deadline: float | None, **options: Any) -> dict[str, Any]:
     """Return the given options of the planner llm, by the names of LLMPlanner."""
     return {name: value for name, value in (options | {"deadline_s": deadline}).items() if value is not None}
+
+
+def print_json(rows: Iterable[Mapping[str, Any]]) -> None:
+    """Print a list of mappings as JSON; numbers that are not finite become null."""
+    finite = [
+        {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
+        for row in rows
+    ]
+    typer.echo(json.dumps(finite, indent=2))
 
 
 def listed(value: str | None) -> Any:

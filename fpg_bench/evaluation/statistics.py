@@ -73,6 +73,25 @@ def rank_ranges(samples: Sequence[np.ndarray]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(low, high, strict=True)]
 
 
+def difference(one: np.ndarray, other: np.ndarray) -> Interval:
+    """Return the difference of two means with its 95 % interval (Welch's t).
+
+    Args:
+        one, other: the units of each, ``(n,)`` and ``(m,)``; the interval is not a number with a single one.
+    """
+    from scipy.special import stdtrit
+
+    value, samples = float(np.mean(one) - np.mean(other)), (one, other)
+    if min(map(len, samples)) < 2:
+        return Interval(value, np.nan, np.nan, MATCHES)
+    errors = [np.var(sample, ddof=1) / len(sample) for sample in samples]  # squared
+    if not sum(errors):
+        return Interval(value, value, value, MATCHES)
+    each = [error**2 / (len(sample) - 1) for error, sample in zip(errors, samples, strict=True)]
+    half = float(stdtrit(sum(errors) ** 2 / sum(each), 0.975) * np.sqrt(sum(errors)))
+    return Interval(value, value - half, value + half, MATCHES)
+
+
 def _better(samples: Sequence[np.ndarray]) -> np.ndarray:
     """Return ``(n, n)`` bool: true if the row's mean is significantly above the column's."""
     from scipy.special import stdtr

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, mean_interval
+from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, difference, mean_interval, rank_ranges
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.rendering.canvas import blank_figure, write_figure
@@ -21,6 +21,7 @@ from fpg_bench.rendering.canvas import blank_figure, write_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_INTERVAL = "95 % interval"
 _COSTS = "Steps and minutes: of training, per seed. "
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
 # Okabe and Ito's colours, told apart by the colour-blind too; each round of them has its marker.
@@ -36,7 +37,7 @@ def lines_of_table(summaries: Sequence[Summary], suite: Suite, width: int | None
         suite: their suite.
         width: the greatest width in characters, as far as columns can be left out; None: all columns.
     """
-    known = columns(suite)
+    known = columns(suite, standings(summaries))
     cells = [[column.heading, *map(column.cell, summaries)] for column in known]
     kept = list(range(len(known)))
     if width is not None:  # first the columns that are empty for all
@@ -63,6 +64,7 @@ def caption(suite: Suite) -> str:
     return (
         f"Suite {suite.name} ({suite.hash[:12]}): {met}. Return: the {whose}, per step, mean over "
         f"rivals; {suite.scale.description}; worst: the lowest return per step, against one of them. "
+        "Rank 1-3: no better than first, no worse than third, over all pairs of the table. "
         f"{'' if suite.side == PLANNER else _COSTS}"
         "Intervals: 95 %, over training seeds; for scripts, planners and single training seeds over matches. "
         "† fewer than three training seeds."
@@ -85,11 +87,49 @@ def markdown_table(lines: Sequence[Sequence[str]]) -> str:
 def as_csv(summaries: Sequence[Summary]) -> str:
     """Return CSV, unrounded: the score with its interval, the reward per step by rival, all measures."""
     text = io.StringIO()
-    lines = [flat(summary) for summary in summaries]
+    lines = flat_lines(summaries)
     writer = csv.DictWriter(text, list(lines[0]) if lines else [], lineterminator="\n")
     writer.writeheader()
     writer.writerows(lines)
     return text.getvalue()
+
+
+def flat_lines(summaries: Sequence[Summary]) -> list[dict[str, Any]]:
+    """Return each summary as one flat mapping, with its rank and its difference from the first."""
+    lines = []
+    for summary, standing in zip(summaries, standings(summaries).values(), strict=True):
+        low, high = standing.rank or (None, None)
+        lines.append(flat(summary) | {"rank_low": low, "rank_high": high})
+        lines[-1] |= _ends("behind_first", standing.behind)
+    return lines
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The place of an entry in its table.
+
+    Attributes:
+        rank: best and worst rank; None where an entry of the table has a single unit.
+        behind: its score minus that of the first.
+    """
+
+    rank: tuple[int, int] | None
+    behind: Interval
+
+
+def standings(summaries: Sequence[Summary]) -> dict[str, Standing]:
+    """Return the standing of each entry of a table by its name.
+
+    Args:
+        summaries: best first.
+    """
+    samples = [summary.samples for summary in summaries]
+    has_ranks = all(len(sample) > 1 for sample in samples)
+    ranks = rank_ranges(samples) if has_ranks else [None] * len(samples)
+    return {
+        summary.entry: Standing(rank, difference(sample, samples[0]))
+        for summary, sample, rank in zip(summaries, samples, ranks, strict=True)
+    }
 
 
 def flat(s: Summary) -> dict[str, Any]:
@@ -185,7 +225,7 @@ class Results(list[Summary]):
             import pandas
         except ImportError as error:
             raise UserError("dataframe: needs pandas (pip install pandas)") from error
-        return pandas.DataFrame([flat(summary) for summary in self])
+        return pandas.DataFrame(flat_lines(self))
 
 
 _MEASURES = (
@@ -215,13 +255,29 @@ class Column:
     spare: int = 0
 
 
-def columns(suite: Suite) -> list[Column]:
-    """Return all columns of a suite's table."""
+def columns(suite: Suite, placed: Mapping[str, Standing]) -> list[Column]:
+    """Return all columns of a suite's table, whose entries stand so."""
     measures = [
         Column(heading, _measure(name, factor), spare)
         for spare, (heading, name, factor) in enumerate(_MEASURES, _FIRST_MEASURE)
     ]
-    return [*(_of_planners(suite) if suite.side == PLANNER else _OF_PLAYERS), *measures]
+    own = _of_planners(suite) if suite.side == PLANNER else _OF_PLAYERS
+    after = 1 + next(k for k, column in enumerate(own) if column.heading == _INTERVAL)
+    return [*own[:after], *_of_standings(placed), *own[after:], *measures]
+
+
+def _of_standings(placed: Mapping[str, Standing]) -> list[Column]:
+    first = next(iter(placed), None)
+
+    def rank(s: Summary) -> str:
+        ends = placed[s.entry].rank
+        return "-" if ends is None else "-".join(map(str, dict.fromkeys(ends)))
+
+    def behind(s: Summary) -> str:
+        interval = placed[s.entry].behind
+        return "-" if s.entry == first else f"{number(interval.value)} {bounds(interval)}"
+
+    return [Column("rank", rank, spare=2), Column("from the first", behind, spare=5)]
 
 
 def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
@@ -285,7 +341,7 @@ _OF_PLAYERS = (
     Column("steps", lambda s: short(_steps(s)), spare=3),
     Column("minutes", _minutes, spare=4),
     Column("score", lambda s: number(s.score.value)),
-    Column("95 % interval", lambda s: bounds(s.score) + (" †" if 0 < s.training_seeds < FEW_SEEDS else "")),
+    Column(_INTERVAL, lambda s: bounds(s.score) + (" †" if 0 < s.training_seeds < FEW_SEEDS else "")),
     Column("return", lambda s: number(s.reward.value, digits=2), spare=2),
     Column("worst", _worst, spare=1),
     Column("against", lambda s: s.worst, spare=4),
@@ -297,9 +353,9 @@ def _of_planners(suite: Suite) -> list[Column]:
     return [
         Column("planner", lambda s: s.entry),
         Column(f"score last {suite.last_rounds or suite.rounds_per_match}", lambda s: number(s.score.value)),
-        Column("95 % interval", lambda s: bounds(over_rounds(s, last))),
+        Column(_INTERVAL, lambda s: bounds(over_rounds(s, last))),
         Column("score all", lambda s: number(over_rounds(s, everything).value)),
-        Column("95 % interval", lambda s: bounds(over_rounds(s, everything)), spare=4),
+        Column(_INTERVAL, lambda s: bounds(over_rounds(s, everything)), spare=4),
         Column("return", lambda s: number(s.reward.value, digits=2), spare=2),
         Column("worst", _worst, spare=3),
         Column("against", lambda s: s.worst, spare=5),

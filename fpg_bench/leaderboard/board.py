@@ -21,6 +21,7 @@ from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
     TRAINING_SEEDS,
     Interval,
+    difference,
     mean_interval,
     rank_ranges,
     student_half,
@@ -550,15 +551,12 @@ def _seeds_gaps(verified: Iterable[_Verified]) -> dict[str, SeedsGap]:
 
 def _seeds_gap(on_public_seeds: Summary, on_season_seeds: Summary) -> tuple[float, float]:
     """Return the difference of two scores, and the lower end of its 95 % interval over matches."""
-    from scipy.stats import ttest_ind
-
     one, other = (
         summary.suite.scale.score(summary.rewards.mean(axis=(0, 1)))
         for summary in (on_public_seeds, on_season_seeds)
     )
-    with np.errstate(divide="ignore", invalid="ignore"):  # a single match has no spread
-        interval = ttest_ind(one, other, equal_var=False).confidence_interval()
-    return float(one.mean() - other.mean()), float(interval.low)
+    gap = difference(one, other)
+    return gap.value, gap.low
 
 
 def _make_entry(

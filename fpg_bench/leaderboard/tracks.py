@@ -93,8 +93,8 @@ class TrackSuites:
                 public, matches=min(public.matches, PUBLIC_SEEDS_MATCHES)
             )
             others[UNSEEN] = season.suite_name(track.public)
-        stem, _, _ = track.public.rpartition("-v")
-        others |= {SHIFTED: f"{stem}-shifted-v1", RESPONSES: f"{stem}-responses-v1"}
+        stem, _, version = track.public.rpartition("-v")
+        others |= {role: f"{stem}-{role}-v{version}" for role in (SHIFTED, RESPONSES)}
         for role, name in others.items():
             if (suites_folder() / f"{name}.yml").is_file():
                 suites[role] = dataclasses.replace(self._load(name), season=seeds)

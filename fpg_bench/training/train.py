@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from torch.distributions import Distribution
 
 from fpg_bench.common.checks import whole
@@ -54,6 +56,7 @@ from fpg_bench.training.models import by_side, is_finite, make_games, make_model
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
 
 EVALUATIONS = 20
+_OVERSHOOT = 1.2  # of the steps that were asked for, from which on it is said
 _logger = logging.getLogger(__name__)
 _STOPPING = "stopping as soon as the run can be saved; Ctrl-C again stops at once\n"
 _PACKAGES = (
@@ -345,6 +348,7 @@ class _Run:
             try:
                 if model.num_timesteps < budget:
                     steps = budget - model.num_timesteps
+                    _warn_of_overshoot(model, steps)
                     callbacks = [GameMeasuresCallback(), checkpoints, *bars]
                     model.learn(steps, callbacks, log_interval=1, reset_num_timesteps=False)
             except ValueError as error:
@@ -381,6 +385,18 @@ class _Run:
         result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         self.folder.write(about | result)
         shutil.rmtree(self.folder.checkpoints, ignore_errors=True)
+
+
+def _warn_of_overshoot(model: BaseAlgorithm, steps: int) -> None:
+    """Warn where whole rollouts are far more steps than were asked for."""
+    if isinstance(model, OnPolicyAlgorithm):
+        rollout = model.n_envs * model.n_steps
+        played = -(-steps // rollout) * rollout
+        if played > _OVERSHOOT * steps:
+            _logger.warning(
+                f"steps: {played:,} are played, not {steps:,}: a rollout is {rollout:,} steps "
+                f"({model.n_envs} games x {model.n_steps})"
+            )
 
 
 def _check_start(run: Path, about: dict[str, Any]) -> None:

@@ -4,13 +4,25 @@ import csv
 import dataclasses
 import itertools
 
+import numpy as np
 import pytest
+from scipy.stats import ttest_ind
 
 from fpg_bench.cli.evaluation import print_table
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.statistics import difference
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Training, summarise
-from fpg_bench.evaluation.table import as_csv, caption, lines_of_table, markdown, picture, write_table
+from fpg_bench.evaluation.table import (
+    as_csv,
+    caption,
+    flat_lines,
+    lines_of_table,
+    markdown,
+    picture,
+    standings,
+    write_table,
+)
 from tests.evaluation.test_summary import records_of
 
 NAMES = ("ppo", "recurrent-ppo", "expert-spread")
@@ -63,7 +75,7 @@ def test_the_files_hold_everything(summaries, suite, tmp_path):
     write_table(summaries, suite, tmp_path)
     text = (tmp_path / "table.md").read_text()
     assert text.startswith(
-        "| player | seeds | steps | minutes | score | 95 % interval | return | worst | against | jammed % |"
+        "| player | seeds | steps | minutes | score | 95 % interval | rank | from the first | return | worst "
     )
     by_name = {line.split(" | ")[0].strip("| "): line for line in text.splitlines()}
     assert "†" in by_name["ppo"]
@@ -77,6 +89,35 @@ def test_the_files_hold_everything(summaries, suite, tmp_path):
         assert row["interval_over"] == summary.over
         assert float(row["return_per_step adaptive/circle"]) == summary.by_rival["adaptive/circle"].value
     assert (tmp_path / "table.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_ranks_and_differences_stand_beside_the_score(suite):
+    rng = np.random.default_rng(0)
+    returns = {"near": (9.0, 0.2), "far": (2.0, 0.2), "best": (9.1, 0.2)}
+    found = summarise(
+        [
+            line
+            for name, (mean, spread) in returns.items()
+            for seed in range(5)
+            for line in records_of(suite, name, mean + rng.normal(0, spread), seed)
+        ],
+        suite,
+    )
+    head, first, second, third = lines_of_table(found, suite)
+    assert (first[0], third[0]) == (found[0].entry, "far")
+    assert [line[head.index("rank")] for line in (first, second, third)] == ["1-2", "1-2", "3"]
+    away = [line[head.index("from the first")] for line in (first, second, third)]
+    assert away[0] == "-"
+    expected = difference(found[2].samples, found[0].samples)
+    known = ttest_ind(found[2].samples, found[0].samples, equal_var=False).confidence_interval()
+    assert (expected.low, expected.high) == pytest.approx((known.low, known.high))
+    assert away[2] == f"{expected.value:.1f} [{expected.low:.1f}, {expected.high:.1f}]"
+    assert expected.low < found[2].score.value - found[0].score.value < expected.high < 0
+    rows = flat_lines(found)
+    assert [(row["rank_low"], row["rank_high"]) for row in rows] == [(1, 2), (1, 2), (3, 3)]
+    assert rows[2]["behind_first"] == expected.value
+    alone = summarise(records_of(suite, "once", 1.0, 0), suite)
+    assert standings(alone)["once"].behind.value == 0
 
 
 def test_training_stands_beside_the_score(summaries, suite):

@@ -213,6 +213,16 @@ def test_unknown_and_impossible_options_are_refused(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
+def test_far_more_steps_than_were_asked_for_are_said(tmp_path):
+    values = settings("ppo")
+    rollout = values["n_envs"] * values["n_steps"]
+    for steps, is_said in ((rollout + 1, True), (10 * rollout - 1, False)):
+        with logged() as messages:
+            train("ppo", ALLY, tmp_path / str(steps), hyperparams=values, steps=steps)
+        line = f"steps: {2 * rollout:,} are played, not {steps:,}: a rollout is {rollout:,} steps "
+        assert any(message.startswith(line) for message in messages) == is_said
+
+
 # Several seeds
 
 
