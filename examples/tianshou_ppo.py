@@ -35,7 +35,7 @@ class Games(BaseVectorEnv):
         self.first, _ = self.games.reset(seed=seed)
 
     def get_env_attr(self, key, id=None):
-        """What Tianshou asks each of its games for, such as the space of actions."""
+        """Return what Tianshou asks each of its games for, such as the space of actions."""
         return [getattr(self.games, f"single_{key}")] * self.env_num
 
     def reset(self, env_id=None, **_):

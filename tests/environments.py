@@ -65,7 +65,7 @@ def needed(wheel: Path, extras: Iterable[str] = ()) -> list[importlib.metadata.D
 def _asked(
     package: importlib.metadata.Distribution, extras: frozenset[str]
 ) -> Iterator[tuple[str, frozenset[str]]]:
-    """What a package with these extras asks for: names, and the extras of each."""
+    """Return the packages that a package with these extras asks for, and the extras of each."""
     for line in package.requires or ():
         asked = Requirement(line)
         if asked.marker is None or any(asked.marker.evaluate({"extra": extra}) for extra in ("", *extras)):

@@ -24,7 +24,7 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 def python(
     *words: Any, folder: Path | None = None, environment: dict[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """What comes of ``python WORDS``.
+    """Run ``python WORDS`` and return what comes of it.
 
     Args:
         words: a script, ``-m`` and a module, or ``-c`` and code; then its own words.
@@ -44,7 +44,7 @@ def python(
 
 
 def fpg(*words: Any, **where: Any) -> subprocess.CompletedProcess[str]:
-    """What comes of ``fpg-bench WORDS``; ``where``: see :func:`python`."""
+    """Run ``fpg-bench WORDS`` and return what comes of it; ``where``: see :func:`python`."""
     return python("-m", "fpg_bench.cli", *words, **where)
 
 

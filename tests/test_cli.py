@@ -202,7 +202,7 @@ def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
 
 @pytest.mark.process
 def test_ctrl_c_in_a_librarys_call_back_is_heard_all_the_same():
-    """What loads compiled code calls back through ctypes, which raises nothing."""
+    """Loading of compiled code calls back through ctypes, which raises nothing."""
     code = (
         "import ctypes, sys, time\n"
         "from fpg_bench.cli import app, main\n"

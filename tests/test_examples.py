@@ -58,7 +58,7 @@ def test_all_examples_are_run_and_short():
 
 
 def kind_of(code):
-    """What Jupyter does with a cell."""
+    """Run a cell as Jupyter does."""
     return {"!": "bash", "%": "magic"}.get(code[0], "python")
 
 

@@ -145,7 +145,7 @@ def run(case: Case, folder: Path, steps: int = STEPS) -> list[list[float | str]]
 
 
 def groups_of(path: Path) -> Iterator[Any]:
-    """What stands together in a file: a record, a row, a line, or all of it."""
+    """Return the parts of a file: records, rows, lines, or all of it."""
     if path.suffix == ".db":
         with contextlib.closing(sqlite3.connect(path)) as database:
             yield from database.execute("SELECT param_value, distribution_json FROM trial_params")

@@ -1,4 +1,4 @@
-"""How the package hangs together: imports one way, a light front door, rules that are written down."""
+"""Layout of the package: imports one way, a light front door, rules that are written down."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_no_modules_and_no_rooms_import_each_other_in_a_circle():
     ],
 )
 def test_a_private_door_of_another_package_is_opened_in_one_place(door, home):
-    """What has no public name may go with any release; then one file has to change."""
+    """Code without a public name may go with any release; then one file has to change."""
     found = [str(path.relative_to(PACKAGE)) for path in FILES.values() if door in path.read_text("utf-8")]
     assert found == [home]
 

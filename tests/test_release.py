@@ -1,4 +1,4 @@
-"""What a release promises: one version, ids and hashes that stay, one lower bound for each package."""
+"""Promises of a release: one version, ids and hashes that stay, one lower bound for each package."""
 
 import hashlib
 import re

@@ -67,7 +67,10 @@ PlayersOption = Annotated[
 ]
 ScenarioOption = Annotated[
     str | None,
-    typer.Option(help="The scenario: standard, paper, figures, link or a YAML file.", rich_help_panel=GAME),
+    typer.Option(
+        help="The scenario: standard, paper, figures, link, a variant such as link-fast-hop, or a YAML file.",
+        rich_help_panel=GAME,
+    ),
 ]
 PathOption = Annotated[
     str | None,

@@ -1,4 +1,4 @@
-"""What runs inside the layers in the tests, and tries to get out: it sends what it managed as JSON."""
+"""Program that runs inside the layers and tries to get out: it sends what it managed as JSON."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def escapes(outside: int) -> dict[str, Callable[[], Any]]:
 
 
 def attempted(outside: int) -> dict[str, str]:
-    """What became of each way out: ``out``, or why not."""
+    """Return what became of each way out: ``out``, or why not."""
     return {name: _try(way) for name, way in escapes(outside).items()}
 
 

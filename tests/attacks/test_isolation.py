@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the layers are 
 
 @pytest.fixture
 def open_doors(monkeypatch):
-    """What there is to reach outside: a port, a name and this process' environment."""
+    """Things to reach outside: a port, a name and this process' environment."""
     server, named = socket.create_server(("127.0.0.1", 0)), socket.socket(socket.AF_UNIX)
     name = f"fpg-bench-test-{os.getpid()}"
     named.bind(f"\0{name}")

@@ -56,7 +56,7 @@ def test_the_files_that_hold_json_are_read_by_it(kind, tmp_path):
 
 
 def readers(path):
-    """Where a module reads JSON by itself; what it has just written itself it may."""
+    """Return the places where a module reads JSON by itself; what it has just written itself it may."""
     text = path.read_text(encoding="utf-8")
     for found in ast.walk(ast.parse(text if "json.load" in text else "")):
         reads = isinstance(found, ast.Call) and ast.unparse(found.func) in ("json.loads", "json.load")

@@ -1,4 +1,4 @@
-"""What is stopped or killed says what it kept, leaves nothing behind, and goes on or ends in one line."""
+"""Stopped and killed verbs say what they kept, leave nothing behind, and go on or end in one line."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""What a learner may be paid for instead of its own reward."""
+"""Rewards of a learner other than its own."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.parametrize("side", ENVS)
 
 @cache
 def paid(side, reward, scenario=None):
-    """What eight games pay over a minute, ``(60, 8)``, and the games, for the same actions."""
+    """Return the rewards of eight games over a minute, ``(60, 8)``, and the games, for the same actions."""
     games = SingleAgentGame(ENVS[side], 8, reward=reward, scenario=scenario)
     games.reset(seeds=range(8))
     rng, rewards = np.random.default_rng(0), []

@@ -1,4 +1,4 @@
-"""Where the tests of matches keep a match."""
+"""Fixtures of the tests of matches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is one entry: agents that differ by their training seed alone."""
+"""One entry: agents that differ by their training seed alone."""
 
 from pathlib import Path
 
@@ -80,7 +80,7 @@ def test_agents_that_were_made_otherwise_are_entries_of_their_own(suite, agent, 
 
 
 def test_folders_that_begin_alike_have_names_that_tell_them_apart(suite, agent):
-    """What is left of these paths without the training seed is the same, so that the whole path is said."""
+    """These paths differ by more than the training seed, so that the whole path is said."""
     one = agent("runs/a/seed_0/agent", 0)
     other = agent("runs/a/seed_1/agent", 1, training_steps=5000)
     assert names([one, other], suite) == [(one, 0), (other, 1)]

@@ -116,7 +116,7 @@ def filtered(low: float, high: float, width: float, rolloff: float, power: int =
 
 
 def in_comb(offset: float, half: float, spacing: float) -> bool:
-    """Whether a frequency lies within ``half`` of a tooth; the teeth are ``spacing`` apart, one at 0."""
+    """Return whether a frequency lies within ``half`` of a tooth; teeth are ``spacing`` apart, one at 0."""
     near = math.floor(offset / spacing)
     return any(abs(offset - tooth * spacing) <= half for tooth in range(near - 1, near + 3))
 

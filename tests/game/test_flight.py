@@ -1,4 +1,4 @@
-"""Where both fly: along the arc, round the patrols, after the ally, by waypoints, inside the box."""
+"""Flight of both: along the arc, round the patrols, after the ally, by waypoints, inside the box."""
 
 from __future__ import annotations
 

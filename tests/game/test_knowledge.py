@@ -1,4 +1,4 @@
-"""Where the expert knowledge base sends the ally: always one of the points that the rules allow."""
+"""The expert knowledge base sends the ally to one of the points that the rules allow."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ POINT_MHZ = 150 + np.arange(15) * 100 / 14
 
 
 def chosen(jam_kind: int, jam_mhz: float, point: int, scores=(0, 0, 0, 0), games=400, **changes) -> set[int]:
-    """Where games that differ in their chance alone hop, each from ``point``, after sensing a jammer."""
+    """Return the points to which games of other chance hop from ``point``, after sensing a jammer."""
     batch = begin(still(**changes), games=games)
     jam = opponent(jam_kind, tuning=at_mhz(jam_mhz), in_band=True).repeat(games, 0)
     batch.step(ally(hop=True, preference=to_point(point)).repeat(games, 0), jam)

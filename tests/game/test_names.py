@@ -1,4 +1,4 @@
-"""What the numbers of observations and actions are called is what the rules say."""
+"""The numbers of observations and actions have the names that the rules give them."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What each side sees, entry by entry, and how wrong the ally's spectrum monitor is."""
+"""Observations of each side, entry by entry, and the errors of the ally's spectrum monitor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scenario accepts and refuses."""
+"""Values that a scenario accepts and refuses."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def items(value) -> list:
 
 
 def names(message: str, name: str, value) -> bool:
-    """Whether a message names a field and the value, or the item of it, that is wrong."""
+    """Return whether a message names a field and the value, or the item of it, that is wrong."""
     return name in message and any(
         f"{name}: {item!r} is" in message
         or f"got {item!r}" in message

@@ -57,7 +57,7 @@ def first(hub, tmp_path):
 
 @pytest.fixture
 def finished(tmp_path):
-    """What a finished run leaves, as far as it is uploaded."""
+    """Write the files of a finished run that are uploaded."""
     folder = tmp_path / "run"
     command = "fpg-bench train ppo FPG/AllyVsScripted-v0 --seed 3"
     write_seed(folder / "agent", 3, command=command, seconds=90.0)

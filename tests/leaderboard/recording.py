@@ -31,7 +31,7 @@ PLANS = 6  # of an ally
 
 
 def toy(body: dict[str, Any]) -> str:
-    """What the toy model writes: a path; in the second round at the second attempt, in the third none."""
+    """Return the toy model's text: a path; in the second round at the second attempt, in the third none."""
     asked = body["messages"][0]["content"]
     known = asked.count("\nRound ")
     if known > 1 or (known == 1 and len(body["messages"]) == 1):

@@ -1,4 +1,4 @@
-"""What is new since a trusted revision is played by who verifies, and nothing of it is believed."""
+"""Entries that are new since a trusted revision are played by who verifies, and not believed."""
 
 import dataclasses
 import json

@@ -33,7 +33,7 @@ def few(code):
 
 @pytest.fixture(scope="module")
 def entered(tmp_path_factory):
-    """What has come of the page's snippets, but for the verdict, which has tests of its own."""
+    """Run the page's snippets, but for the verdict, which has tests of its own."""
     folder = tmp_path_factory.mktemp("page")
     reader = Reader(folder / "here", small_baselines(folder / "baselines"))
     for language, code in blocks(PAGE):

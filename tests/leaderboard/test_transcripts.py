@@ -1,4 +1,4 @@
-"""What is wrong with a language model's transcripts: each way to be wrong ends in one clear line."""
+"""A language model's transcripts: each way to be wrong ends in one clear line."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def recorded(tmp_path_factory):
 
 @pytest.fixture(scope="module", autouse=True)
 def compared(recorded):
-    """What a comparison says of the recorded model."""
+    """Return what a comparison says of the recorded model."""
     return record(recorded, recorded / "mine.yml")
 
 

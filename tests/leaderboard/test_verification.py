@@ -332,7 +332,7 @@ def records(suites):
 
 @pytest.fixture(scope="module")
 def span(suites):
-    """What a round's return spans from 0 to 100."""
+    """Return the span of a round's return from score 0 to 100."""
     scale = suites["public"].scale
     return (scale.top - scale.zero) * suites["public"].scenario.steps_per_round
 

@@ -22,7 +22,7 @@ def curves(count, seed=7):
 
 
 def there_and_back(curve, seconds):
-    """Where the ally of a curve is, by a fine polyline (not the code that is tested)."""
+    """Return the position of a curve's ally, by a fine polyline (not the code that is tested)."""
     t = np.linspace(0, 1, 4001)[:, None]
     p = curve[:12].reshape(4, 3)
     line = (1 - t) ** 3 * p[0] + 3 * t * (1 - t) ** 2 * p[1] + 3 * t**2 * (1 - t) * p[2] + t**3 * p[3]
@@ -33,7 +33,7 @@ def there_and_back(curve, seconds):
 
 
 def history(curve, rounds, seed=3, slope=3.0, noise=0.0):
-    """What an opponent that flies anywhere earns from an ally on a curve, by the model."""
+    """Return what an opponent that flies anywhere earns from an ally on a curve, by the model."""
     rng = np.random.default_rng(seed)
     own = rng.uniform(0, STANDARD.box_m, (rounds, 16, 3))
     ally = there_and_back(curve, MIDDLES_S)

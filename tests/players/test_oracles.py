@@ -1,4 +1,4 @@
-"""What the oracles do with the full state."""
+"""The oracles' actions, given the full state."""
 
 from __future__ import annotations
 

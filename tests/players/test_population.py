@@ -44,7 +44,7 @@ def allies():
 
 
 def played(players, steps=400):
-    """What a seat answers over rounds that end at different times, and when it asked whom."""
+    """Return a population's answers over rounds that end at different times, and when it asked whom."""
     duel = TwoPlayerBatch(STANDARD, GAMES)
     runner, chance = PolicyRunner("ally", players, duel.batch), np.random.default_rng(0)
     runner.begin(duel.reset(seeds=3, horizons=300 - np.arange(GAMES) * 12))

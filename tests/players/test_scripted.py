@@ -1,4 +1,4 @@
-"""What each script does with what it sees."""
+"""Each script's actions, given what it sees."""
 
 from __future__ import annotations
 

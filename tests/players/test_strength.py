@@ -1,4 +1,4 @@
-"""How the scripts fare against each other: orders that the game stands or falls with, 512 rounds each."""
+"""The scripts against each other: orders that the game stands or falls with, 512 rounds each."""
 
 from __future__ import annotations
 

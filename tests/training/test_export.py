@@ -93,7 +93,7 @@ def test_agents_play_as_the_model_does_in_its_own_games(algorithm, frames, norma
 
 
 def normed():
-    """What the exporter puts into the constants of a graph."""
+    """Return layers that the exporter folds into the constants of a graph."""
     return nn.Sequential(nn.BatchNorm1d(16, affine=False), nn.ReLU())
 
 

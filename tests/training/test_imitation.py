@@ -26,7 +26,7 @@ def pupil(algorithm, **changes):
 
 
 def flown(model, games, steps=250):
-    """How near the opponent is to the ally in the end, in metres."""
+    """Return the opponent's distance from the ally in the end, in metres."""
     games.seed(7)
     env = model.get_env()
     seen = env.reset()

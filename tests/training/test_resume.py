@@ -67,7 +67,7 @@ def snapshot(model):
 
 
 def watched(monkeypatch, at=None):
-    """What the next runs are seen by."""
+    """Return a callback that the next runs are watched by."""
     watch = Watched(at)
     monkeypatch.setattr(train, "ProgressCallback", lambda budget: watch)
     return watch

@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 def programs():
-    """Where initdb and postgres lie; None: nowhere."""
+    """Return the folder of initdb and postgres; None if there is none."""
     folders = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
     found = shutil.which("postgres")
     folders += [Path(found).resolve().parent] if found else []

@@ -1,4 +1,4 @@
-"""What the page on tuning says is so."""
+"""The page on tuning says what is so."""
 
 import re
 from pathlib import Path
