@@ -36,8 +36,13 @@ def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made
     drawn = ("fig4", "fig5", "fig7", "paths")
     figures = [f"{name}-paper.{form}" for name in drawn for form in ("png", "svg")]
-    assert [path.name for path in written] == [*figures, "report-paper.md", "report-paper.html"]
-    assert all(path.stat().st_size > 500 for path in written)
+    assert [path.name for path in written] == [
+        *figures,
+        "report-paper.md",
+        "report-paper.html",
+        "levels-paper.csv",
+    ]
+    assert all(path.stat().st_size > 300 for path in written)
     text = (out / "report-paper.md").read_text()
     for link in (line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")):
         assert (out / link).is_file(), link
@@ -59,7 +64,7 @@ def test_swapped_paths_are_reported_but_not_counted_as_runs(monkeypatch, tmp_pat
     reproduce("fig4", tmp_path, budget=budget, n_seeds=2, n_jobs=1)
     frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
     assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
-    report, _ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
+    report, *_ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
     assert "2 runs of the budget `tiny`" in report.read_text()
 
 
