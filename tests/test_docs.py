@@ -37,7 +37,6 @@ RUN = [
             "guides/benchmark",
             "guides/datasets",
             "guides/frameworks",
-            "guides/language-model",
             "guides/opponent",
         ),
     )
