@@ -136,7 +136,8 @@ def _shown(scenario: Scenario, field: str) -> str:
 
 _TEMPLATE = Path(__file__).with_name("report.md.j2")
 _PAPERS_OVERLAP = {"early": "54.46 %", "middle": "54.39 %", "late": "53.69 %"}
-_LEVELS = (  # heading, column, factor, decimals
+_Level = tuple[str, str, int, int]  # heading, column, factor, decimals
+_LEVELS: tuple[_Level, ...] = (
     ("ally's reward", "ally_reward", 1, 1),
     ("opponent's reward", "opponent_reward", 1, 1),
     ("overlap %", "overlap_ratio", 100, 1),
@@ -204,7 +205,9 @@ def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]
         "overlap": _overlap(results),
         "spread": _spread(results),
         "fifths": _fifths(results),
-        "finals": _levels(results, [LLM, *(each.name for each in conditions if each.tested)], (FINAL,)),
+        "finals": _levels(
+            results, [LLM, *(each.name for each in conditions if each.tested)], (FINAL,), _LEVELS[:4]
+        ),
         "differs": any(each.name in results.runs for each in sensitivity(preset)),
         "tables": tables(budget) if preset == "paper" or not headings else [],
         "runs": len(headings),
@@ -259,12 +262,14 @@ def _fifths(results: Results) -> Lines:
     return lines
 
 
-def _levels(results: Results, names: Iterable[str], windows: Iterable[int]) -> Lines:
-    lines = [["condition", "seeds", *(heading for heading, *_ in _LEVELS)]]
+def _levels(
+    results: Results, names: Iterable[str], windows: Iterable[int], columns: Sequence[_Level] = _LEVELS
+) -> Lines:
+    lines = [["condition", "seeds", *(heading for heading, *_ in columns)]]
     for name in names:
         if seeds := results.seeds(name):
             cells = [
-                _around(results.mean(name, column, windows, seeds), *form) for _, column, *form in _LEVELS
+                _around(results.mean(name, column, windows, seeds), *form) for _, column, *form in columns
             ]
             lines.append([name, str(len(seeds)), *cells])
     return lines
