@@ -211,23 +211,6 @@ def cases(comparisons: dict[str, list[Row]]) -> str:
     return text.getvalue()
 
 
-def grouped(rows: list[Row]) -> str:
-    """Return a table of many rows by their case: mean, worst, and how many lie within 0.5 dB."""
-    lines = [
-        "| steps | number | mean error (dB) | worst (dB) | within 0.5 dB |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    for case in sorted({row.case for row in rows}):
-        errors = np.array([row.error for row in rows if row.case == case])
-        worst = errors[np.abs(errors).argmax()]
-        near = np.mean(np.abs(errors) <= 0.5)
-        lines.append(f"| {case} | {len(errors)} | {errors.mean():+.2f} | {worst:+.2f} | {near:.0%} |")
-    errors = np.array([row.error for row in rows])
-    worst = errors[np.abs(errors).argmax()]
-    total = f"All {len(rows)} steps: mean error {errors.mean():+.2f} dB, worst {worst:+.2f} dB."
-    return "### The compiled game\n\n" + "\n".join(lines) + f"\n\n{total}\n"
-
-
 def main() -> int:
     """Print the tables; returns 1 if one leaves its bounds."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -243,7 +226,7 @@ def main() -> int:
         "Radiometer": list(radiometer(scenario, 40)),
         "The base station's beam": list(beams(scenario)),
     }
-    steps = list(played_steps(waves, scenario, options.steps, 12_000))
+    bounded["The compiled game, step by step"] = list(played_steps(waves, scenario, options.steps, 12_000))
     ideal = {"Rate, against ideal codes": list(modulations(scenario))}
     if options.sionna:
         from sionna_link import filters, thresholds
@@ -266,9 +249,8 @@ def main() -> int:
         ]
         bounded["Overlap, against Sionna's filters"] = own
     comparisons = bounded | ideal
-    text = f"{summary(comparisons)}\n{grouped(steps)}"
+    text = summary(comparisons)
     print(f"{cases(comparisons)}\n{text}")
-    bounded["steps"] = steps
     if options.page:
         options.page.with_suffix(".csv").write_text(cases(comparisons), encoding="utf-8")
         page = options.page.read_text(encoding="utf-8")

@@ -155,7 +155,13 @@ img { max-width: 100%; }
 
 
 def write_report(
-    results: Results, preset: str, budget: Budget, drawn: Iterable[str], folder: Path, command: str
+    results: Results,
+    preset: str,
+    budget: Budget,
+    drawn: Iterable[str],
+    folder: Path,
+    command: str,
+    with_tables: bool = False,
 ) -> list[Path]:
     """Write ``report-<scenario>.md``, ``.html`` and ``levels-<scenario>.csv``, and return their paths.
 
@@ -166,11 +172,13 @@ def write_report(
         drawn: names of the figures in ``folder/figures``.
         folder: folder of the files.
         command: command that repeats the runs.
+        with_tables: true to add the paper's Tables 1 to 3, which do not depend on runs. Without runs they
+            are always part of the report.
     """
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
     environment.filters["table"] = markdown_table
     template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
-    text = template.render(_content(results, preset, budget, drawn), command=command)
+    text = template.render(_content(results, preset, budget, drawn, with_tables), command=command)
     paths = [folder / f"report-{preset}{suffix}" for suffix in (".md", ".html")]
     write_whole(paths[0], text)
     write_whole(paths[1], _html(text, f"The paper, reproduced: {preset}"))
@@ -180,7 +188,9 @@ def write_report(
     return paths
 
 
-def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]) -> dict[str, Any]:
+def _content(
+    results: Results, preset: str, budget: Budget, drawn: Iterable[str], with_tables: bool
+) -> dict[str, Any]:
     comparisons = compare(results)
     verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in CLAIMS}
     conditions = conditions_of("all", preset, full=True)
@@ -209,7 +219,7 @@ def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]
             results, [LLM, *(each.name for each in conditions if each.tested)], (FINAL,), _LEVELS[:4]
         ),
         "differs": any(each.name in results.runs for each in sensitivity(preset)),
-        "tables": tables(budget) if preset == "paper" or not headings else [],
+        "tables": tables(budget) if with_tables or not headings else [],
         "runs": len(headings),
         "minutes": sum(float(heading["seconds"]) for heading in headings) / 60,
         "versions": "; ".join(sorted({heading["versions"] for heading in headings})) or "no runs",

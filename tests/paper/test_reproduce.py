@@ -206,3 +206,11 @@ def test_tables_are_written_without_runs(tmp_path):
     reproduce("tables", tmp_path)
     headings = re.findall("^## (.+?)(?::.*)?$", (tmp_path / "report-paper.md").read_text(), re.MULTILINE)
     assert headings == ["Table 1", "Table 2", "Table 3", "How it was made"]
+
+
+@pytest.mark.slow
+def test_tables_are_added_to_a_report_on_runs_where_they_are_asked_for(made):
+    out, *_ = made
+    for target, expected in (("tables", ["1", "2", "3"]), ("fig7", [])):
+        reproduce(target, out, budget=TINY, n_jobs=1)
+        assert re.findall("^## Table (\\d)", (out / "report-paper.md").read_text(), re.MULTILINE) == expected
