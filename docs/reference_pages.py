@@ -9,12 +9,11 @@ from __future__ import annotations
 import inspect
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import gymnasium
-
-from fpg_bench.common.ids import DUEL, ENVS, EnvConfig
+from fpg_bench.common.ids import DUEL, ENVS, FIRST_VERSION, EnvConfig
 from fpg_bench.envs.core import SingleAgentGame, action_space, observation_space
 from fpg_bench.game.scenario import preset
 from fpg_bench.planning import LLM_CONTROLS
@@ -39,7 +38,6 @@ _VIEW = """\
 | steps a round | {steps}, one second each; a round ends by truncation |
 | observation space | `{observations}` |
 | action space | `{actions}` |
-| version | v{version}; [what may change](../../environments/index.md#versions) |
 
 {example}
 
@@ -65,7 +63,8 @@ _VIEW = """\
 {options}
 
 {{class}}`fpg_bench.envs.core.SingleAgentGame` says what each of them takes.
-"""
+
+{versions}"""
 _SINGLE = """\
 ```python
 import gymnasium
@@ -78,6 +77,14 @@ observation, reward, terminated, truncated, info = env.step(env.action_space.sam
 _NEEDS_MODEL = (
     "It needs [a language model](../../guides/planners.md) that answers; `FPG/AllyVsPlanner-v0` needs none."
 )
+_HISTORY = """\
+## Version history
+
+{}
+
+A change of dynamics, observations, rewards or defaults makes
+[a new version](../../environments/index.md#versions).
+"""
 _DUEL = """\
 # FPG/duel_v0
 
@@ -91,7 +98,6 @@ turns (`aec`).
 | action space of each | `{actions}` |
 | state space | 54 numbers, for centralised critics |
 | steps a round | {steps} |
-| version | v0; [what may change](../../environments/index.md#versions) |
 
 ```python
 import pettingzoo
@@ -105,7 +111,8 @@ observations, rewards, terminations, truncations, infos = duel.step(actions)
 
 What the sides see and do stands on the pages of their own ids, {{doc}}`AllyVsPolicy-v0` and
 {{doc}}`OpponentVsPolicy-v0`. Batched, it is `fpg_bench.make_duel(64)`.
-"""
+
+{versions}"""
 
 
 def connect(app: Any) -> None:
@@ -126,7 +133,7 @@ def write_pages(folder: Path, pictures: bool = True) -> None:
         _write(folder / f"{_short(view.id)}.md", view_page(view))
         if pictures:
             _draw(view, folder / _gif(view))
-    _write(folder / f"{_short(DUEL)}.md", _DUEL.format(**_sizes()))
+    _write(folder / f"{_short(DUEL)}.md", _DUEL.format(versions=_versions(FIRST_VERSION), **_sizes()))
     _write(folder / "command-line.md", command_line_page())
 
 
@@ -142,7 +149,7 @@ def view_page(view: EnvConfig) -> str:
         other=f"`{view.other}`",
         flown=f"planned between rounds by `{view.planner}`" if view.planner else f"`{view.path}`",
         rounds=view.rounds_per_match,
-        version=gymnasium.spec(view.id).version,
+        versions=_versions(view.versions),
         example=_NEEDS_MODEL if view.planner in LLM_CONTROLS else _SINGLE.format(id=view.id),
         options=_options(view),
         **_sizes(),
@@ -175,6 +182,12 @@ def _sizes() -> dict[str, Any]:
         "actions": action_space(),
         "steps": preset("standard").steps_per_round,
     }
+
+
+def _versions(versions: Sequence[str]) -> str:
+    """Return the section with the history of an id, newest first as on Gymnasium's pages."""
+    lines = [f"- v{number}: {change}." for number, change in enumerate(versions)]
+    return _HISTORY.format("\n".join(reversed(lines)))
 
 
 def _options(view: EnvConfig) -> str:

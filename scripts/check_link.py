@@ -3,13 +3,16 @@
     python scripts/check_link.py [--sionna] [--page docs/reference/link.md]
 
 Prints tables of the closed form beside the simulation, with the difference in dB. ``--sionna`` needs the
-extra ``check-link`` and minutes; ``--page`` puts the tables into a page, between its marks.
+extra ``check-link`` and minutes; ``--page`` puts the tables into a page, between its marks, and all
+cases beside it as CSV.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import dataclasses
+import io
 import math
 import re
 import sys
@@ -185,32 +188,27 @@ def needed_snr(scenario: Scenario, rate: float) -> float:
     return float(np.interp(rate, rates, levels))
 
 
-def table(title: str, columns: tuple[str, str], rows: list[Row], note: str = "") -> str:
-    """Return a table in Markdown, with the mean and the worst of its errors."""
-    errors = np.array([row.error for row in rows])
-    head = f"| case | {columns[0]} (dB) | {columns[1]} (dB) | error (dB) |\n| --- | --- | --- | --- |"
-    body = "\n".join(
-        f"| {row.case} | {row.closed:.2f} | {row.simulated:.2f} | {row.error:+.2f} |" for row in rows
-    )
-    total = f"Mean error {errors.mean():+.2f} dB, worst {errors[np.abs(errors).argmax()]:+.2f} dB."
-    return f"### {title}\n\n{head}\n{body}\n\n{total}{' ' + note if note else ''}\n"
-
-
-def grouped(rows: list[Row]) -> str:
-    """Return a table of many rows by their case: mean, worst, and how many lie within 0.5 dB."""
-    lines = [
-        "| steps | number | mean error (dB) | worst (dB) | within 0.5 dB |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    for case in sorted({row.case for row in rows}):
-        errors = np.array([row.error for row in rows if row.case == case])
+def summary(comparisons: dict[str, list[Row]]) -> str:
+    """Return a table in Markdown: cases, mean and worst error of each comparison."""
+    lines = ["| comparison | cases | mean error (dB) | worst (dB) |", "| --- | --- | --- | --- |"]
+    for title, rows in comparisons.items():
+        errors = np.array([row.error for row in rows])
         worst = errors[np.abs(errors).argmax()]
-        near = np.mean(np.abs(errors) <= 0.5)
-        lines.append(f"| {case} | {len(errors)} | {errors.mean():+.2f} | {worst:+.2f} | {near:.0%} |")
-    errors = np.array([row.error for row in rows])
-    worst = errors[np.abs(errors).argmax()]
-    total = f"All {len(rows)} steps: mean error {errors.mean():+.2f} dB, worst {worst:+.2f} dB."
-    return "### The compiled game\n\n" + "\n".join(lines) + f"\n\n{total}\n"
+        lines.append(f"| {title} | {len(rows)} | {errors.mean():+.2f} | {worst:+.2f} |")
+    return "\n".join(lines) + "\n"
+
+
+def cases(comparisons: dict[str, list[Row]]) -> str:
+    """Return all cases as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["comparison", "case", "closed_db", "simulated_db", "error_db"])
+    for title, rows in comparisons.items():
+        writer.writerows(
+            [title, row.case, f"{row.closed:.2f}", f"{row.simulated:.2f}", f"{row.error:+.2f}"]
+            for row in rows
+        )
+    return text.getvalue()
 
 
 def main() -> int:
@@ -228,18 +226,8 @@ def main() -> int:
         "Radiometer": list(radiometer(scenario, 40)),
         "The base station's beam": list(beams(scenario)),
     }
-    texts = [table(title, ("closed form", "waveform"), rows) for title, rows in bounded.items()]
-    steps = list(played_steps(waves, scenario, options.steps, 12_000))
-    texts.append(grouped(steps))
-    bounded["steps"] = steps
-    texts.append(
-        table(
-            "Rate, against ideal codes",
-            ("the game's curve", "best QAM, ideal code"),
-            list(modulations(scenario)),
-            "The difference is what real codes lose.",
-        )
-    )
+    bounded["The compiled game, step by step"] = list(played_steps(waves, scenario, options.steps, 12_000))
+    ideal = {"Rate, against ideal codes": list(modulations(scenario))}
     if options.sionna:
         from sionna_link import filters, thresholds
 
@@ -247,26 +235,24 @@ def main() -> int:
             Row(f"{rate:.2f} bit/s/Hz", needed_snr(scenario, rate), snr) for rate, snr in thresholds(CODES)
         ]
         bounded["Rate, against Sionna's codes"] = codes
-        cases = [(kind, away) for kind, offsets in ((1, (0.0, 10.0, 12.0)), (2, (0.0, 25.0)), (0, (0.0, 2.5)))
-                 for away in offsets]  # fmt: skip
-        halves = scenario.footprint_half_widths_mhz
-        measured = filters(
-            scenario.bandwidth_mhz, scenario.filter_rolloff, [(halves[kind], away) for kind, away in cases],
-            25.0, 10.0,
-        )  # fmt: skip
+        offsets = {1: (0.0, 10.0, 12.0), 2: (0.0, 25.0), 0: (0.0, 2.5)}  # MHz, by the type of jamming
+        sent = [(kind, away) for kind, distances in offsets.items() for away in distances]
+        widths = [(scenario.footprint_half_widths_mhz[kind], away) for kind, away in sent]
+        measured = filters(scenario.bandwidth_mhz, scenario.filter_rolloff, widths, 25.0, 10.0)
         own = [
             Row(
                 f"{JAMMING_TYPES[kind]}, J/S 10 dB, {away:.1f} MHz away",
                 closed_sinr(scenario, Transmission(kind, away, 0.0, False, 25.0, 10.0)),
                 sinr,
             )
-            for (kind, away), sinr in zip(cases, measured, strict=True)
+            for (kind, away), sinr in zip(sent, measured, strict=True)
         ]
         bounded["Overlap, against Sionna's filters"] = own
-        texts += [table(title, ("the game", "Sionna"), bounded[title]) for title in list(bounded)[-2:]]
-    text = "\n".join(texts)
-    print(text)
+    comparisons = bounded | ideal
+    text = summary(comparisons)
+    print(f"{cases(comparisons)}\n{text}")
     if options.page:
+        options.page.with_suffix(".csv").write_text(cases(comparisons), encoding="utf-8")
         page = options.page.read_text(encoding="utf-8")
         marks = r"(<!-- check_link -->\n).*(<!-- end -->)"
         options.page.write_text(

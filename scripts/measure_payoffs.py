@@ -222,7 +222,7 @@ def main() -> int:
         | dict(word.split("=", 1) for word in getattr(options, side))
         for side in SIDES
     ]
-    standard = {side: [*agents_of(side, "|".join(STANDARD)), *SCRIPTED[side]] for side in SIDES}
+    standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
     tables = {
         "payoffs": payoff_table(scenario, *players, options.matches),
         "levers": lever_table(scenario, suites, strongest),

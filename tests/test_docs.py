@@ -5,6 +5,7 @@ import json
 import re
 import sys
 
+import gymnasium
 import pytest
 import typer
 
@@ -37,7 +38,6 @@ RUN = [
             "guides/benchmark",
             "guides/datasets",
             "guides/frameworks",
-            "guides/language-model",
             "guides/opponent",
         ),
     )
@@ -125,7 +125,12 @@ def test_every_id_has_a_page_of_what_it_sees_and_does(tmp_path):
             table = rules.split(mark)[1].split("<!-- end -->")[0]
             assert table.strip().startswith("| index |")
         assert python_runs(text) == (config.planner not in LLM_CONTROLS)
-    assert python_runs((tmp_path / f"{DUEL.removeprefix('FPG/')}.md").read_text()) == 1
+        history = text.split("## Version history")[1]
+        assert re.findall(r"(?m)^- v(\d+): \w", history)[0] == str(gymnasium.spec(config.id).version)
+        assert len(config.versions) == gymnasium.spec(config.id).version + 1
+    duel = (tmp_path / f"{DUEL.removeprefix('FPG/')}.md").read_text()
+    assert python_runs(duel) == 1
+    assert "## Version history\n\n- v0: " in duel
 
 
 @pytest.mark.slow

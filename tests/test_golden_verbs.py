@@ -110,7 +110,7 @@ CASES = {
     "suites-season": Case("suites season-1", kept=60),
     "reproduce": Case(
         "reproduce fig7 --scenario figures --budget hundredth --n-seeds 10 --first-seed 100 --out reproduced",
-        ("reproduced/report-figures.md",),
+        ("reproduced/report-figures.md", "reproduced/levels-figures.csv"),
         kept=120,
     ),
 }

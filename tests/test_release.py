@@ -1,12 +1,14 @@
 """Promises of a release: one version, ids and hashes that stay, one lower bound for each package."""
 
 import hashlib
+import json
 import re
 import subprocess
 import sys
 import tomllib
 from collections import defaultdict
 
+import yaml
 from packaging.requirements import Requirement
 
 from fpg_bench.common.ids import DUEL, ENVS
@@ -42,6 +44,25 @@ def test_the_version_stands_in_one_place():
     assert 'dynamic = ["version"]' in project
     assert not re.search(r"^version = ", project, re.M)
     assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev\d+)?", __version__)
+
+
+def test_codemeta_citation_and_project_agree():
+    about = json.loads((ROOT / "codemeta.json").read_text())
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    (article,) = citation["references"]
+    assert about["@context"] == "https://w3id.org/codemeta/3.0"
+    assert about["version"] == __version__
+    assert about["name"] == project["name"] == citation["title"].partition(":")[0]
+    assert about["license"].rpartition("/")[2] == project["license"] == citation["license"]
+    assert {key: about[key] for key in ("description", "keywords")} == {
+        key: project[key] for key in ("description", "keywords")
+    }
+    assert about["runtimePlatform"] == f"Python {project['requires-python']}"
+    assert (ROOT / about["readme"]).samefile(ROOT / project["readme"])
+    assert [each["name"] for each in about["author"]] == [each["name"] for each in citation["authors"]]
+    assert about["referencePublication"]["@id"] == f"https://doi.org/{article['doi']}"
+    assert about["referencePublication"]["name"] == article["title"]
 
 
 def test_the_changelog_begins_with_this_version_and_dates_it_once_it_is_released():

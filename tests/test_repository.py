@@ -1,6 +1,9 @@
 """The repository's habits: what its workflows may do, and what they call."""
 
+import json
 import re
+import tomllib
+from pathlib import Path
 
 import pytest
 import yaml
@@ -68,3 +71,31 @@ def test_no_address_is_told_of_a_host_that_does_not_exist():
     for path in kept:
         if path.suffix in (".py", ".md", ".html", ".yml", ".toml", ".cff", ".js", ".j2"):
             assert not made_up.search(path.read_text()), path
+
+
+def test_the_container_installs_the_tested_versions_for_a_plain_user_and_runs_the_benchmark():
+    """Parsed only: building it needs Docker, which the workflow `tests` has."""
+    text = re.sub(r"\\\n", " ", (ROOT / "Dockerfile").read_text())
+    steps = [line.split(maxsplit=1) for line in text.splitlines() if line and not line.startswith("#")]
+    kinds = [kind for kind, _ in steps]
+    assert steps[0] == ["FROM", "python:3.11-slim"]
+    installed = [part for _, words in steps for part in words.split("&&") if "pip install" in part]
+    assert len(installed) == 2
+    assert all("-c constraints.txt" in part for part in installed)
+    assert "pip install" not in " ".join(words for _, words in steps[kinds.index("USER") :])
+    assert dict(steps)["USER"] not in ("root", "0")
+    program, option, command = json.loads(dict(steps)["CMD"])
+    assert (program, option) == ("sh", "-c")
+    make = (ROOT / "Makefile").read_text().replace("$(STEPS)", "2000000").replace("$(RESULTS)", "results")
+    assert [line for line in command.split(" && ") if f"$(BIN)/{line}\n" not in make] == []
+
+
+def test_the_container_gets_what_the_wheel_is_made_of():
+    kept = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
+    text = (ROOT / "Dockerfile").read_text()
+    copied = {name for words in re.findall(r"(?m)^COPY (.*) \S+$", text) for name in words.split()}
+    assert copied == kept
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    needed = {Path(name).parts[0] for name in (*build["packages"], *build["force-include"], "pyproject.toml")}
+    assert needed <= copied
+    assert all((ROOT / name).exists() for name in copied)

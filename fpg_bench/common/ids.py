@@ -14,12 +14,16 @@ def other_side(side: str) -> str:
     return "opponent" if side == "ally" else "ally"
 
 
+FIRST_VERSION = ("Initial release, in fpg-bench 0.1.0",)  # of ids that had no other version
+
+
 @dataclass(frozen=True)
 class EnvConfig:
     """Configuration of one id: the learning side, the other side's player, the opponent's path.
 
     ``scripted`` says that the other side must be a script; ``planner`` is set where the opponent flies
-    what a path planner says, over ``rounds_per_match`` rounds; ``actions`` is the action mode.
+    what a path planner says, over ``rounds_per_match`` rounds; ``actions`` is the action mode. ``versions``
+    says what each version of the id changed, from v0 on.
     """
 
     id: str
@@ -31,6 +35,7 @@ class EnvConfig:
     scripted: bool = True
     about: str = ""
     actions: str = "continuous"
+    versions: tuple[str, ...] = FIRST_VERSION
 
     @property
     def other_side(self) -> str:

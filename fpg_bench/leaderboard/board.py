@@ -184,10 +184,13 @@ class Figures:
         seeds: the score of each training seed.
         training_seeds: 0 for scripts and planners.
         is_late: entered or changed after the season was closed.
-        measures: over all rounds of the public suite.
+        has_few_seeds: true if fewer than three training seeds.
+        measures: over all rounds of the public suite; ``return`` is per step.
         histograms: share of time per frequency point, of ``ally`` and ``jam``.
         lost, rounds: rounds lost by an invalid answer, and all rounds.
         records: one per training seed and rival.
+        planner: None for players.
+        fingerprint: everything that was run: versions, and hashes of suites, policies and submission.
     """
 
     rank: tuple[int, int] | None
@@ -344,7 +347,7 @@ class Board:
     """Everything that the site shows.
 
     Attributes:
-        season: the number of the newest closed season.
+        season: the number of the newest closed season; None before the first.
         built: date of the build.
         crossplay: None where no entry has played all of the other side.
     """

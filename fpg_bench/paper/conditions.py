@@ -118,6 +118,7 @@ def sensitivity(preset: str) -> tuple[Condition, ...]:
     return tuple(Condition(name, about, changes=changes) for name, (about, changes) in others.items())
 
 
+ALL, TABLES = "all", "tables"
 # Conditions of each figure.
 TARGETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -126,10 +127,9 @@ TARGETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "fig5": (BASE,),
         "fig6": (BASE, *JAMMING_TYPES),
         "fig7": (BASE, NO_PLANNER, NO_KNOWLEDGE),
-        "tables": (),
+        TABLES: (),
     }
 )
-ALL = "all"
 
 
 def swapped(condition: str, path: str) -> str:

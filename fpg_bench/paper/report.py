@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import html
 import inspect
+import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -134,7 +136,8 @@ def _shown(scenario: Scenario, field: str) -> str:
 
 _TEMPLATE = Path(__file__).with_name("report.md.j2")
 _PAPERS_OVERLAP = {"early": "54.46 %", "middle": "54.39 %", "late": "53.69 %"}
-_LEVELS = (  # heading, column, factor, decimals
+_Level = tuple[str, str, int, int]  # heading, column, factor, decimals
+_LEVELS: tuple[_Level, ...] = (
     ("ally's reward", "ally_reward", 1, 1),
     ("opponent's reward", "opponent_reward", 1, 1),
     ("overlap %", "overlap_ratio", 100, 1),
@@ -152,33 +155,47 @@ img { max-width: 100%; }
 
 
 def write_report(
-    results: Results, preset: str, budget: Budget, drawn: Iterable[str], folder: Path, command: str
+    results: Results,
+    preset: str,
+    budget: Budget,
+    drawn: Iterable[str],
+    folder: Path,
+    command: str,
+    with_tables: bool = False,
 ) -> list[Path]:
-    """Write ``report-<scenario>.md`` and ``.html``, and return both paths.
+    """Write ``report-<scenario>.md``, ``.html`` and ``levels-<scenario>.csv``, and return their paths.
 
     Args:
         results: existing runs.
         preset: name of their scenario.
         budget: their budget.
         drawn: names of the figures in ``folder/figures``.
-        folder: folder of both files.
+        folder: folder of the files.
         command: command that repeats the runs.
+        with_tables: true to add the paper's Tables 1 to 3, which do not depend on runs. Without runs they
+            are always part of the report.
     """
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
     environment.filters["table"] = markdown_table
     template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
-    text = template.render(_content(results, preset, budget, drawn), command=command)
+    text = template.render(_content(results, preset, budget, drawn, with_tables), command=command)
     paths = [folder / f"report-{preset}{suffix}" for suffix in (".md", ".html")]
     write_whole(paths[0], text)
     write_whole(paths[1], _html(text, f"The paper, reproduced: {preset}"))
+    if results.runs:
+        paths.append(folder / f"levels-{preset}.csv")
+        write_whole(paths[-1], _all_levels(results, preset))
     return paths
 
 
-def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]) -> dict[str, Any]:
+def _content(
+    results: Results, preset: str, budget: Budget, drawn: Iterable[str], with_tables: bool
+) -> dict[str, Any]:
     comparisons = compare(results)
     verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in CLAIMS}
-    names = [condition.name for condition in conditions_of("all", preset, full=True)]
-    trained = [results.about.get(name, {}) for name in (LLM, *names)]  # without evaluations on swapped paths
+    conditions = conditions_of("all", preset, full=True)
+    names = [LLM, *(condition.name for condition in conditions)]
+    trained = [results.about.get(name, {}) for name in names]  # without evaluations on swapped paths
     headings = [heading for by_seed in trained for heading in by_seed.values()]
     pairs = sorted({each.test.pairs for each in comparisons})
     return {
@@ -192,23 +209,25 @@ def _content(results: Results, preset: str, budget: Budget, drawn: Iterable[str]
             *([name, statement, f"**{verdicts[name]}**"] for name, statement in CLAIMS.items()),
         ],
         "missed": [name for name, result in verdicts.items() if result not in (HOLDS, NOT_RUN)],
-        "tests": _tests(comparisons),
+        "tests": tests_table(comparisons),
         "pairs": " or ".join(map(str, pairs)),
         "figures": list(drawn),
         "overlap": _overlap(results),
         "spread": _spread(results),
         "fifths": _fifths(results),
-        "levels": _levels(results, [LLM, *names], STAGES["late"]),
-        "finals": _levels(results, [LLM, *names], (FINAL,)),
-        "otherwise": _otherwise(results, preset),
-        "tables": tables(budget),
+        "finals": _levels(
+            results, [LLM, *(each.name for each in conditions if each.tested)], (FINAL,), _LEVELS[:4]
+        ),
+        "differs": any(each.name in results.runs for each in sensitivity(preset)),
+        "tables": tables(budget) if with_tables or not headings else [],
         "runs": len(headings),
         "minutes": sum(float(heading["seconds"]) for heading in headings) / 60,
         "versions": "; ".join(sorted({heading["versions"] for heading in headings})) or "no runs",
     }
 
 
-def _tests(comparisons: Sequence[Comparison]) -> Lines:
+def tests_table(comparisons: Sequence[Comparison]) -> Lines:
+    """Return a table of tests, a line each below the headings."""
     lines = [["claim", "claimed to be positive", "measured", "95 % interval", "d_z", "p", "p (Holm)"]]
     lines[0] += ["with noise", "by itself"]
     for each in comparisons:
@@ -253,12 +272,14 @@ def _fifths(results: Results) -> Lines:
     return lines
 
 
-def _levels(results: Results, names: Iterable[str], windows: Iterable[int]) -> Lines:
-    lines = [["condition", "seeds", *(heading for heading, *_ in _LEVELS)]]
+def _levels(
+    results: Results, names: Iterable[str], windows: Iterable[int], columns: Sequence[_Level] = _LEVELS
+) -> Lines:
+    lines = [["condition", "seeds", *(heading for heading, *_ in columns)]]
     for name in names:
         if seeds := results.seeds(name):
             cells = [
-                _around(results.mean(name, column, windows, seeds), *form) for _, column, *form in _LEVELS
+                _around(results.mean(name, column, windows, seeds), *form) for _, column, *form in columns
             ]
             lines.append([name, str(len(seeds)), *cells])
     return lines
@@ -266,15 +287,28 @@ def _levels(results: Results, names: Iterable[str], windows: Iterable[int]) -> L
 
 def _otherwise(results: Results, preset: str) -> Lines:
     """Tabulate the effect of each open point resolved differently, against the same seeds of the base."""
-    lines = [["resolved differently", "seeds", *(heading for heading, *_ in _LEVELS)]]
+    lines = []
     for condition in sensitivity(preset):
         if seeds := results.seeds(BASE, condition.name):
             cells = []
             for _, column, *form in _LEVELS:
                 here, there = (results.level(name, column, seeds) for name in (condition.name, BASE))
                 cells.append(_around(here - there, *form))
-            lines.append([f"`{condition.name}`: {condition.about}", str(len(seeds)), *cells])
+            lines.append([condition.name, str(len(seeds)), *cells])
     return lines
+
+
+def _all_levels(results: Results, preset: str) -> str:
+    """Return the levels of all conditions in both stages, and the differences from the base, as CSV."""
+    names = [LLM, *(condition.name for condition in conditions_of("all", preset, full=True))]
+    late, final = (_levels(results, names, windows) for windows in (STAGES["late"], (FINAL,)))
+    stages = {"late in training": late[1:], "after training": final[1:]}
+    stages[f"late in training, minus {BASE}"] = _otherwise(results, preset)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["stage", *late[0]])
+    writer.writerows([stage, *line] for stage, lines in stages.items() for line in lines)
+    return text.getvalue()
 
 
 def _around(values: np.ndarray, factor: float, digits: int) -> str:

@@ -11,7 +11,7 @@ from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
-from fpg_bench.paper.conditions import ALL, LLM, LONG, SHORT_SEEDS, Condition, conditions_of
+from fpg_bench.paper.conditions import ALL, LLM, LONG, SHORT_SEEDS, TABLES, Condition, conditions_of
 from fpg_bench.paper.experiment import BUDGETS, LEARNERS, Budget, check_learner, run_experiment
 from fpg_bench.paper.figures import draw
 from fpg_bench.paper.report import write_report
@@ -78,7 +78,7 @@ def reproduce(
     command = f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --n-seeds {count}"
     command += f" --first-seed {first_seed}" if first_seed else ""
     command += f" --learner {learner}" if learner != LEARNERS[0] else ""
-    reports = write_report(results, scenario, budget, drawn, out, command)
+    reports = write_report(results, scenario, budget, drawn, out, command, target == TABLES)
     check_all_done(failed)
     return [*(path for paths in drawn.values() for path in paths), *reports]
 

@@ -1,7 +1,8 @@
 """The built site as files: their contents, and that they refer to nothing but each other."""
 
-import ast
+import csv
 import dataclasses
+import hashlib
 import json
 import re
 import subprocess
@@ -310,13 +311,11 @@ def test_pages_of_the_docs_are_in_the_site_with_working_links(pages, name):
         assert not anchor or anchor in pages[target or f"{name}.html"].values("id"), link
 
 
-def test_the_docs_example_of_ranks_holds_and_its_table_agrees(capsys):
-    text = (ROOT / "docs/benchmark/leaderboard.md").read_text()
-    code, output = re.search(r"```python\n(.*?)# (.*?)\n```", text, re.DOTALL).groups()
+def test_the_docs_example_of_ranks_holds(capsys):
+    text = (ROOT / "docs/benchmark/protocol.md").read_text()
+    code, output = re.search(r"```python\n([^`]*rank_ranges\(.*?)# (.*?)\n```", text, re.DOTALL).groups()
     exec(code)
     assert capsys.readouterr().out.strip() == output
-    table = re.findall(r"^\| [abc] \|.*\| (\S+) \|$", text, re.MULTILINE)
-    assert [views.format_rank(rank) for rank in ast.literal_eval(output)] == table
 
 
 def test_the_board_can_be_downloaded_as_json(site):
@@ -325,6 +324,31 @@ def test_the_board_can_be_downloaded_as_json(site):
     assert sorted(entries) == [f"player-{k}" for k in range(7)]
     assert entries["player-1"]["replays"] == [ROUND.file]
     assert entries["player-0"]["figures"] is None
+
+
+def test_scores_can_be_downloaded_as_csv_with_metadata_of_both_files(site):
+    board = json.loads((site / "board.json").read_text())
+    with (site / "scores.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    shown = {
+        (track["key"], entry["slug"], role): score["value"]
+        for track in board["tracks"]
+        for entry in track["entries"]
+        if entry["figures"]
+        for role, score in entry["figures"]["scores"].items()
+    }
+    assert {(row["track"], row["entry"], row["suite"]): float(row["score"]) for row in rows} == shown
+    about = json.loads((site / "croissant.json").read_text())
+    assert about["version"] == board["version"]
+    for file in about["distribution"]:
+        content = (site / file["contentUrl"]).read_bytes()
+        assert file["sha256"] == hashlib.sha256(content).hexdigest()
+        assert file["contentSize"] == f"{len(content)} B"
+    (records,) = about["recordSet"]
+    columns = [field["source"]["extract"]["column"] for field in records["field"]]
+    assert columns == list(rows[0])
+    sources = {field["source"]["fileObject"]["@id"] for field in records["field"]}
+    assert sources == {"scores.csv"} < {file["@id"] for file in about["distribution"]}
 
 
 def test_commands_that_train_a_zoo_entry_name_an_agent_of_the_zoo():

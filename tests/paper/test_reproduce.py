@@ -36,8 +36,13 @@ def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made
     drawn = ("fig4", "fig5", "fig7", "paths")
     figures = [f"{name}-paper.{form}" for name in drawn for form in ("png", "svg")]
-    assert [path.name for path in written] == [*figures, "report-paper.md", "report-paper.html"]
-    assert all(path.stat().st_size > 500 for path in written)
+    assert [path.name for path in written] == [
+        *figures,
+        "report-paper.md",
+        "report-paper.html",
+        "levels-paper.csv",
+    ]
+    assert all(path.stat().st_size > 300 for path in written)
     text = (out / "report-paper.md").read_text()
     for link in (line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")):
         assert (out / link).is_file(), link
@@ -59,7 +64,7 @@ def test_swapped_paths_are_reported_but_not_counted_as_runs(monkeypatch, tmp_pat
     reproduce("fig4", tmp_path, budget=budget, n_seeds=2, n_jobs=1)
     frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
     assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
-    report, _ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
+    report, *_ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
     assert "2 runs of the budget `tiny`" in report.read_text()
 
 
@@ -201,3 +206,11 @@ def test_tables_are_written_without_runs(tmp_path):
     reproduce("tables", tmp_path)
     headings = re.findall("^## (.+?)(?::.*)?$", (tmp_path / "report-paper.md").read_text(), re.MULTILINE)
     assert headings == ["Table 1", "Table 2", "Table 3", "How it was made"]
+
+
+@pytest.mark.slow
+def test_tables_are_added_to_a_report_on_runs_where_they_are_asked_for(made):
+    out, *_ = made
+    for target, expected in (("tables", ["1", "2", "3"]), ("fig7", [])):
+        reproduce(target, out, budget=TINY, n_jobs=1)
+        assert re.findall("^## Table (\\d)", (out / "report-paper.md").read_text(), re.MULTILINE) == expected

@@ -23,6 +23,7 @@ from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import RULES
 from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
+from fpg_bench.leaderboard.site.dataset import dataset_files
 from fpg_bench.leaderboard.site.views import (
     HIDDEN,
     MEASURES,
@@ -58,8 +59,10 @@ def data_files(board: Board, submitted: Policies) -> dict[str, str]:
     """
     zoo = zoo_policies()
     crossplay = crossplay_data(board, submitted, zoo)
+    board_json = board.to_json()
     return {
-        "board.json": board.to_json(),
+        "board.json": board_json,
+        **dataset_files(board, board_json),
         "data/compare.js": _script(compare_data(board)),
         "data/statistics.js": _script(statistics_data(board)),
         "data/crossplay.js": _script(crossplay),
