@@ -24,6 +24,14 @@ RUNS = ROOT / "results/reproduction"
 PAGES = ROOT / "docs/results/paper"
 TESTS = "tests.csv"
 VARIANTS = "trained-variants"
+VARIANTS_OF = {  # stored names of the trained variants, by what differs from figures
+    "as-printed": "as-printed",
+    "memory=match": "interference=once,hops=always,hop-cost=0",
+    "hops=gated": "interference=once,hop-cost=0,memory=for-ever",
+    "interference=twice": "hops=always,hop-cost=0,memory=for-ever",
+    "noise=0.04": "interference=once,hops=always,hop-cost=0,memory=for-ever,noise=0.04",
+    "as-printed, noise=0.04": "as-printed,noise=0.04",
+}
 # Of each report: preset, budget, seeds, and the command after its name.
 REPORTS = (
     ("paper", "full", range(10), "all --scenario paper --budget full --n-seeds 10"),
@@ -56,12 +64,14 @@ def results_of(preset: str, budget: str, seeds: range, folder: str = ".") -> Res
 def variants() -> dict[str, Results]:
     """Return the runs of each trained variant by its name."""
     results = results_of(VARIANTS, "hundredth", range(100, 110))
-    by_variant: dict[str, Results] = {}
-    for name, runs in results.runs.items():
-        variant, _, condition = name.partition(": ")
-        of_variant = by_variant.setdefault(variant, Results({}, {}))
-        of_variant.runs[condition] = runs
-        of_variant.about[condition] = results.about[name]
+    by_variant = {}
+    for shown, stored in VARIANTS_OF.items():
+        names = {name.partition(": ")[2]: name for name in results.runs if name.startswith(f"{stored}: ")}
+        runs, about = (
+            {condition: kept[name] for condition, name in names.items()}
+            for kept in (results.runs, results.about)
+        )
+        by_variant[shown] = Results(runs, about)
     return by_variant
 
 

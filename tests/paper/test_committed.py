@@ -34,15 +34,6 @@ ASPECTS = {
     "D4 planner": "Without the planner, where it learns to fly, the opponent is worse",
     "D4 knowledge": "Without the knowledge base the ally is worse",
 }
-VARIANT_OF = {  # the page names a variant by what differs from figures
-    "figures": "figures",
-    "as-printed": "as-printed",
-    "memory=match": "interference=once,hops=always,hop-cost=0",
-    "hops=gated": "interference=once,hop-cost=0,memory=for-ever",
-    "interference=twice": "hops=always,hop-cost=0,memory=for-ever",
-    "noise=0.04": "interference=once,hops=always,hop-cost=0,memory=for-ever,noise=0.04",
-    "as-printed, noise=0.04": "as-printed,noise=0.04",
-}
 SETTINGS = {  # of the trained variants, as changes of the preset paper
     "interference=once": {"snr_model": "sinr"},
     "hops=always": {"hopping": "always"},
@@ -138,9 +129,9 @@ def test_page_of_trained_variants_has_their_verdicts():
     table = [[cell.strip("` ") for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| ")]
     heading, _, *rows = table
     runs = {"figures": results_of("figures", "hundredth", range(100, 110)), **variants()}
-    assert [name for name, *_ in rows] == list(VARIANT_OF)
+    assert [name for name, *_ in rows] == list(runs)
     for name, *cells in rows:
-        results = runs[VARIANT_OF[name]]
+        results = runs[name]
         for aspect, cell in zip(heading[1:], cells, strict=True):
             if cell != "-":
                 assert cell == verdict([each for each in compare(results) if aspect_of(each) == aspect])
