@@ -96,7 +96,6 @@ GROUPS = {
 # Champion and table by the entry's name.
 CHAMPIONS = {
     "ally-champion": ("ally-champion", ALLY),
-    "ally-champion-2": ("ally-champion-2", ALLY),
     "opponent-champion": ("opponent-champion", LEARNED),
     "opponent-champion-2": ("opponent-champion-2", LEARNED),
     "opponent-champion-2-pursuit": ("opponent-champion-2", PURSUIT),
