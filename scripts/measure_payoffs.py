@@ -5,8 +5,8 @@ python scripts/measure_payoffs.py [--scenario link] [--matches 100] [--page docs
 Pay-offs: scripts and the zoo's agents of the scenario meet in pursuit. The equilibrium is that of the
 zero-sum game whose pay-off is the ally's reward per step. Levers: the zoo's agents play their public suite
 with one of their choices replaced by a constant. Transfer: agents of ``standard`` play these suites as they
-are. All on evaluation seeds. The pay-offs and the agents' levers are put into the page between their marks;
-the scripts' levers and the transfer are CSV files beside it.
+are. All on evaluation seeds. The equilibrium and the agents' levers are put into the page between their
+marks; pay-offs, scripts' levers and transfer are CSV files beside it.
 """
 
 from __future__ import annotations
@@ -128,31 +128,17 @@ def equilibrium(values: np.ndarray) -> tuple[np.ndarray, float]:
     return found.x[:-1], float(found.x[-1])
 
 
-def payoff_table(
-    scenario: Scenario, allies: Mapping[str, str], opponents: Mapping[str, str], matches: int
-) -> str:
-    """Return the pay-offs and the equilibrium as Markdown."""
-    values = payoffs(scenario, allies, opponents, matches)
+def equilibrium_note(allies: Sequence[str], opponents: Sequence[str], values: np.ndarray) -> str:
+    """Return a sentence on the equilibrium of the pay-offs ``(allies, opponents)``."""
     ally_mixture, secured = equilibrium(values)
     opponent_mixture, _ = equilibrium(-values.T)
-    best = values.max(0)
-    lines = [["ally \\ opponent", *opponents]]
-    for ally, row in zip(allies, values, strict=True):
-        cells = [
-            f"**{value:.2f}**" if value == top else f"{value:.2f}"
-            for value, top in zip(row, best, strict=True)
-        ]
-        cells[int(row.argmin())] += " ▾"
-        lines.append([ally, *cells])
-    mixtures = ((allies, ally_mixture), (opponents, opponent_mixture))
     shares = [
         ", ".join(
             f"{name} {share:.2f}" for name, share in zip(names, mixture, strict=True) if share > LEAST_SHARE
         )
-        for names, mixture in mixtures
+        for names, mixture in ((allies, ally_mixture), (opponents, opponent_mixture))
     ]
-    note = f"Equilibrium, worth {secured:.2f} to the ally. Allies: {shares[0]}. Opponents: {shares[1]}."
-    return f"{markdown_table(lines)}\n\n{note}"
+    return f"Equilibrium, worth {secured:z.2f} to the ally. Allies: {shares[0]}. Opponents: {shares[1]}."
 
 
 def lever_table(
@@ -232,11 +218,15 @@ def main() -> int:
         for side in SIDES
     ]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
+    values = payoffs(scenario, *players, options.matches)
+    allies, opponents = map(list, players)
+    earned = [[ally, *(f"{value:.2f}" for value in row)] for ally, row in zip(allies, values, strict=True)]
     tables = {
-        "payoffs": payoff_table(scenario, *players, options.matches),
+        "equilibrium": equilibrium_note(allies, opponents, values),
         "levers": markdown_table(lever_table(scenario, suites, strongest)),
     }
     files = {
+        "payoffs": as_csv([["ally \\ opponent", *opponents], *earned]),
         "script-levers": as_csv(lever_table(scenario, suites, BEST_SCRIPTS)),
         "transfer": as_csv(transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES})),
     }

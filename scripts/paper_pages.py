@@ -19,7 +19,7 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.paper.claims import compare
 from fpg_bench.paper.experiment import BUDGETS
-from fpg_bench.paper.report import CAPTIONS, levels_csv, tests_table
+from fpg_bench.paper.report import CAPTIONS, fifths_table, levels_csv, tests_table
 from fpg_bench.paper.report import content as report_content
 from fpg_bench.paper.runs import Results, RunFile, read_results
 
@@ -91,19 +91,19 @@ def all_runs() -> Iterator[tuple[str, str, range, Results]]:
 
 def write_pages(folder: Path = PAGES) -> list[Path]:
     """Write the page of figures, the levels, fifths and tests into a folder, and return their paths."""
-    parts, fifths, texts = {}, [], {}
+    parts, texts, tests = {}, {}, []
+    fifths: dict[tuple[str, str, str], list[list[str]]] = {}
     for preset, budget, seeds, _ in REPORTS:
         results = results_of(preset, budget, seeds)
         parts[preset] = report_content(results, preset, BUDGETS[budget])
-        fifths.append(([preset], parts[preset]["fifths"]))
         texts[f"levels-{preset}.csv"] = levels_csv(results, preset)
     texts["figures.md"] = figures_page(parts)
-    texts["fifths.csv"] = as_csv(["game"], fifths)
-    tests = (
-        ([game, budget, f"{seeds[0]} to {seeds[-1]}"], tests_table(compare(results)))
-        for game, budget, seeds, results in all_runs()
-    )
+    for game, budget, seeds, results in all_runs():
+        about = game, budget, f"{seeds[0]} to {seeds[-1]}"
+        tests.append((about, tests_table(compare(results))))
+        fifths.setdefault(about, fifths_table(results))
     texts["tests.csv"] = as_csv(["game", "budget", "seeds"], tests)
+    texts["fifths.csv"] = as_csv(["game", "budget", "seeds"], fifths.items())
     for name, text in texts.items():
         write_whole(folder / name, text)
     return [folder / name for name in texts]
@@ -134,7 +134,7 @@ def figures_page(parts: dict[str, dict[str, Any]]) -> str:
     )
 
 
-def as_csv(headings: list[str], tables: Iterable[tuple[list[str], list[list[str]]]]) -> str:
+def as_csv(headings: list[str], tables: Iterable[tuple[tuple[str, ...], list[list[str]]]]) -> str:
     """Return tables below each other as CSV, each line behind the cells that come with its table."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -247,7 +247,7 @@ def content(
         "captions": CAPTIONS,
         "overlap": _overlap(results),
         "spread": _spread(results),
-        "fifths": _fifths(results),
+        "fifths": fifths_table(results),
         "finals": _levels(
             results, [LLM, *(each.name for each in conditions if each.tested)], (FINAL,), _LEVELS[:4]
         ),
@@ -292,7 +292,7 @@ def _spread(results: Results) -> str:
     return f"{100 * (late - early).std(ddof=1):.1f} points"
 
 
-def _fifths(results: Results) -> Lines:
+def fifths_table(results: Results) -> Lines:
     """Tabulate the base condition and the long run by fifths of their training."""
     shown = [each for each in _LEVELS if each[0] in ("overlap %", "jammed %", "hops %", "spreading %")]
     lines = [["condition", "of training", *(heading for heading, *_ in shown)]]
