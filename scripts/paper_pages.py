@@ -111,17 +111,22 @@ def write_pages(folder: Path = PAGES) -> list[Path]:
 
 def figures_page(parts: dict[str, dict[str, Any]]) -> str:
     """Return the page with each figure of all presets, from the contents of their reports."""
-    first = next(iter(parts.values()))
-    overlap = [["game", *first["overlap"][0]]]
-    overlap += [[preset, *line] for preset, part in parts.items() for line in part["overlap"][1:]]
-    made = [["game", "seeds", "budget", "updates of both sides", "runs", "minutes of one core", "versions"]]
+    stages = list(zip(*(next(iter(parts.values()))["overlap"]), strict=True))
+    overlap = [["", *stages[0][1:]], ["published", *stages[1][1:]]]
+    overlap += [[preset, *(line[2] for line in part["overlap"][1:])] for preset, part in parts.items()]
+    made = [["game", "seeds", "budget", "updates of both sides", "runs", "minutes of one core"]]
     for preset, budget, seeds, _ in REPORTS:
-        numbers = (
-            f"{BUDGETS[budget].updates():,}",
-            str(parts[preset]["runs"]),
-            f"{parts[preset]['minutes']:.0f}",
+        part, updates = parts[preset], f"{BUDGETS[budget].updates():,}"
+        made.append(
+            [
+                preset,
+                f"{seeds[0]} to {seeds[-1]}",
+                budget,
+                updates,
+                str(part["runs"]),
+                f"{part['minutes']:.0f}",
+            ]
         )
-        made.append([preset, f"{seeds[0]} to {seeds[-1]}", budget, *numbers, parts[preset]["versions"]])
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
     environment.filters["table"] = markdown_table
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
