@@ -5,12 +5,15 @@ python scripts/measure_payoffs.py [--scenario link] [--matches 100] [--page docs
 Pay-offs: scripts and the zoo's agents of the scenario meet in pursuit. The equilibrium is that of the
 zero-sum game whose pay-off is the ally's reward per step. Levers: the zoo's agents play their public suite
 with one of their choices replaced by a constant. Transfer: agents of ``standard`` play these suites as they
-are. All on evaluation seeds. Each table is put into the page between its marks.
+are. All on evaluation seeds. The equilibrium and the agents' levers are put into the page between their
+marks; pay-offs, scripts' levers and transfer are CSV files beside it.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -26,6 +29,7 @@ from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
+from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset
@@ -124,39 +128,27 @@ def equilibrium(values: np.ndarray) -> tuple[np.ndarray, float]:
     return found.x[:-1], float(found.x[-1])
 
 
-def payoff_table(
-    scenario: Scenario, allies: Mapping[str, str], opponents: Mapping[str, str], matches: int
-) -> str:
-    """Return the pay-offs and the equilibrium as Markdown."""
-    values = payoffs(scenario, allies, opponents, matches)
+def equilibrium_note(allies: Sequence[str], opponents: Sequence[str], values: np.ndarray) -> str:
+    """Return a sentence on the equilibrium of the pay-offs ``(allies, opponents)``."""
     ally_mixture, secured = equilibrium(values)
     opponent_mixture, _ = equilibrium(-values.T)
-    best = values.max(0)
-    lines = [_row("ally \\ opponent", *opponents), _row(*["---"] * (len(opponents) + 1))]
-    for ally, row in zip(allies, values, strict=True):
-        cells = [
-            f"**{value:.2f}**" if value == top else f"{value:.2f}"
-            for value, top in zip(row, best, strict=True)
-        ]
-        cells[int(row.argmin())] += " ▾"
-        lines.append(_row(ally, *cells))
-    mixtures = ((allies, ally_mixture), (opponents, opponent_mixture))
     shares = [
         ", ".join(
             f"{name} {share:.2f}" for name, share in zip(names, mixture, strict=True) if share > LEAST_SHARE
         )
-        for names, mixture in mixtures
+        for names, mixture in ((allies, ally_mixture), (opponents, opponent_mixture))
     ]
-    note = f"Equilibrium, worth {secured:.2f} to the ally. Allies: {shares[0]}. Opponents: {shares[1]}."
-    return "\n".join([*lines, "", note])
+    return f"Equilibrium, worth {secured:z.2f} to the ally. Allies: {shares[0]}. Opponents: {shares[1]}."
 
 
-def lever_table(scenario: Scenario, suites: Mapping[str, Suite], agents: Mapping[str, Sequence[str]]) -> str:
-    """Return the reward of each side's agents with one lever frozen, as Markdown.
+def lever_table(
+    scenario: Scenario, suites: Mapping[str, Suite], agents: Mapping[str, Sequence[str]]
+) -> list[list[str]]:
+    """Return the reward of each side's agents with one lever frozen, as lines of cells below headings.
 
     The cost is the share of the distance between the random player and the agents that is lost.
     """
-    lines = [_row("side", "frozen", "best constant", "reward per step", "cost"), _row(*["---"] * 5)]
+    lines = [["side", "frozen", "best constant", "reward per step", "cost"]]
     for side, suite in suites.items():
 
         def reward(values: Values, side: str = side, suite: Suite = suite) -> float:
@@ -164,18 +156,18 @@ def lever_table(scenario: Scenario, suites: Mapping[str, Suite], agents: Mapping
             return float(np.mean([mean_reward(player, suite) for player in frozen]))
 
         free, zero = reward({}), mean_reward("random", suite)
-        lines.append(_row(side, "nothing", "", f"{free:.2f}", ""))
+        lines.append([side, "nothing", "", f"{free:.2f}", ""])
         for lever in (one for one in levers(scenario) if one.side == side):
             rewards = {name: reward(values) for name, values in lever.constants.items()}
             best = max(rewards, key=rewards.__getitem__)
             cost = (free - rewards[best]) / (free - zero)
-            lines.append(_row(side, lever.name, best, f"{rewards[best]:.2f}", f"{cost:.1%}"))
-    return "\n".join(lines)
+            lines.append([side, lever.name, best, f"{rewards[best]:.2f}", f"{cost:.1%}"])
+    return lines
 
 
-def transfer_table(suites: Mapping[str, Suite], agents: Mapping[str, Sequence[str]]) -> str:
-    """Return the scores of players on each side's suite as Markdown, means over training seeds."""
-    lines = [_row("side", "player", "seeds", "reward per step", "score"), _row(*["---"] * 5)]
+def transfer_table(suites: Mapping[str, Suite], agents: Mapping[str, Sequence[str]]) -> list[list[str]]:
+    """Return the scores of players on each side's suite, means over training seeds, below headings."""
+    lines = [["side", "player", "seeds", "reward per step", "score"]]
     for side, suite in suites.items():
         seeds: dict[str, list[float]] = {}
         for name in agents[side]:
@@ -183,12 +175,15 @@ def transfer_table(suites: Mapping[str, Suite], agents: Mapping[str, Sequence[st
         for name, values in sorted(seeds.items(), key=lambda item: -np.mean(item[1])):
             count = str(len(values)) if "/" in name else "-"
             value = float(np.mean(values))
-            lines.append(_row(side, f"`{name}`", count, f"{value:.2f}", f"{suite.scale.score(value):.1f}"))
-    return "\n".join(lines)
+            lines.append([side, name, count, f"{value:.2f}", f"{suite.scale.score(value):z.1f}"])
+    return lines
 
 
-def _row(*cells: str) -> str:
-    return f"| {' | '.join(cells)} |"
+def as_csv(lines: Sequence[Sequence[str]]) -> str:
+    """Return lines of cells as CSV."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(lines)
+    return text.getvalue()
 
 
 def agents_of(side: str, groups: str) -> list[str]:
@@ -223,15 +218,23 @@ def main() -> int:
         for side in SIDES
     ]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
+    values = payoffs(scenario, *players, options.matches)
+    allies, opponents = map(list, players)
+    earned = [[ally, *(f"{value:.2f}" for value in row)] for ally, row in zip(allies, values, strict=True)]
     tables = {
-        "payoffs": payoff_table(scenario, *players, options.matches),
-        "levers": lever_table(scenario, suites, strongest),
-        "script levers": lever_table(scenario, suites, BEST_SCRIPTS),
-        "transfer": transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES}),
+        "equilibrium": equilibrium_note(allies, opponents, values),
+        "levers": markdown_table(lever_table(scenario, suites, strongest)),
     }
-    for title, text in tables.items():
+    files = {
+        "payoffs": as_csv([["ally \\ opponent", *opponents], *earned]),
+        "script-levers": as_csv(lever_table(scenario, suites, BEST_SCRIPTS)),
+        "transfer": as_csv(transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES})),
+    }
+    for title, text in (tables | files).items():
         print(f"\n{title}\n\n{text}", flush=True)
     if options.page:
+        for title, text in files.items():
+            write_whole(options.page.with_name(f"{options.page.stem}-{title}.csv"), text)
         page = options.page.read_text(encoding="utf-8")
         for title, text in tables.items():
             marks = rf"(<!-- {title} -->\n).*?(<!-- end -->)"

@@ -1,28 +1,32 @@
-"""Rewrite the committed reports and tests of the paper's claims from the committed runs, without training.
+"""Rewrite the committed numbers on the paper's claims from the committed runs, without training.
 
-``python scripts/paper_pages.py`` writes ``report-*.md`` and ``levels-*.csv`` of the three presets, and
-``tests.csv`` with the tests of all committed runs, into ``docs/results/paper``. ``fpg-bench reproduce`` makes
-the runs and the figures.
+``python scripts/paper_pages.py`` writes ``figures.md``, ``fifths.csv`` and ``levels-*.csv`` of the three
+presets, and ``tests.csv`` with the tests of all committed runs, into ``docs/results/paper``. ``fpg-bench
+reproduce`` makes the runs and the figures, with a full report on each preset.
 """
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
 
 from fpg_bench.common.files import write_whole
+from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.paper.claims import compare
 from fpg_bench.paper.experiment import BUDGETS
-from fpg_bench.paper.figures import FIGURES
-from fpg_bench.paper.report import tests_table, write_report
+from fpg_bench.paper.report import CAPTIONS, fifths_table, levels_csv, tests_table
+from fpg_bench.paper.report import content as report_content
 from fpg_bench.paper.runs import Results, RunFile, read_results
 
 ROOT = Path(__file__).parents[1]
 RUNS = ROOT / "results/reproduction"
 PAGES = ROOT / "docs/results/paper"
-TESTS = "tests.csv"
+TEMPLATE = Path(__file__).with_name("paper_figures.md.j2")
 VARIANTS = "trained-variants"
 VARIANTS_OF = {  # stored names of the trained variants, by what differs from figures
     "as-printed": "as-printed",
@@ -86,23 +90,64 @@ def all_runs() -> Iterator[tuple[str, str, range, Results]]:
 
 
 def write_pages(folder: Path = PAGES) -> list[Path]:
-    """Write all reports, levels and tests into a folder, and return their paths."""
-    paths = []
-    for preset, budget, seeds, words in REPORTS:
-        results, command = results_of(preset, budget, seeds), f"fpg-bench reproduce {words}"
-        report, page, levels = write_report(results, preset, BUDGETS[budget], FIGURES, folder, command)
-        page.unlink()
-        paths += [report, levels]
+    """Write the page of figures, the levels, fifths and tests into a folder, and return their paths."""
+    parts, texts, tests = {}, {}, []
+    fifths: dict[tuple[str, str, str], list[list[str]]] = {}
+    for preset, budget, seeds, _ in REPORTS:
+        results = results_of(preset, budget, seeds)
+        parts[preset] = report_content(results, preset, BUDGETS[budget])
+        texts[f"levels-{preset}.csv"] = levels_csv(results, preset)
+    texts["figures.md"] = figures_page(parts)
+    for game, budget, seeds, results in all_runs():
+        about = game, budget, f"{seeds[0]} to {seeds[-1]}"
+        tests.append((about, tests_table(compare(results))))
+        fifths.setdefault(about, fifths_table(results))
+    texts["tests.csv"] = as_csv(["game", "budget", "seeds"], tests)
+    texts["fifths.csv"] = as_csv(["game", "budget", "seeds"], fifths.items())
+    for name, text in texts.items():
+        write_whole(folder / name, text)
+    return [folder / name for name in texts]
+
+
+def figures_page(parts: dict[str, dict[str, Any]]) -> str:
+    """Return the page with each figure of all presets, from the contents of their reports."""
+    stages = list(zip(*(next(iter(parts.values()))["overlap"]), strict=True))
+    overlap = [["", *stages[0][1:]], ["published", *stages[1][1:]]]
+    overlap += [[preset, *(line[2] for line in part["overlap"][1:])] for preset, part in parts.items()]
+    made = [["game", "seeds", "budget", "updates of both sides", "runs", "minutes of one core"]]
+    for preset, budget, seeds, _ in REPORTS:
+        part, updates = parts[preset], f"{BUDGETS[budget].updates():,}"
+        made.append(
+            [
+                preset,
+                f"{seeds[0]} to {seeds[-1]}",
+                budget,
+                updates,
+                str(part["runs"]),
+                f"{part['minutes']:.0f}",
+            ]
+        )
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
+    environment.filters["table"] = markdown_table
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+        presets=list(parts),
+        captions=CAPTIONS,
+        overlap=overlap,
+        spreads=", ".join(f"{part['spread']} ({preset})" for preset, part in parts.items()),
+        made=made,
+        commands=[command for *_, command in REPORTS],
+    )
+
+
+def as_csv(headings: list[str], tables: Iterable[tuple[tuple[str, ...], list[list[str]]]]) -> str:
+    """Return tables below each other as CSV, each line behind the cells that come with its table."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    for game, budget, seeds, results in all_runs():
-        heading, *lines = tests_table(compare(results))
+    for cells, (heading, *lines) in tables:
         if not text.tell():
-            writer.writerow(["game", "budget", "seeds", *heading])
-        writer.writerows([game, budget, f"{seeds[0]} to {seeds[-1]}", *line] for line in lines)
-    paths.append(folder / TESTS)
-    write_whole(paths[-1], text.getvalue())
-    return paths
+            writer.writerow([*headings, *heading])
+        writer.writerows([*cells, *line] for line in lines)
+    return text.getvalue()
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from fpg_bench.players.registry import as_player
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 import measure_payoffs
-from measure_payoffs import Frozen, Lever, equilibrium, lever_table, levers, payoff_table
+from measure_payoffs import Frozen, Lever, equilibrium, equilibrium_note, lever_table, levers, payoffs
 
 LINK = preset("link")
 SUITE = dataclasses.replace(
@@ -37,14 +37,14 @@ def test_equilibria_of_known_games(values, mixture, worth):
     assert secured == pytest.approx(worth)
 
 
-def test_the_table_of_payoffs_marks_the_best_answer_and_the_worst_rival():
-    text = payoff_table(
+def test_the_note_names_the_equilibrium_of_the_payoffs():
+    values = payoffs(
         LINK, {"idle": "idle", "mine": "expert"}, {"tone": "tone", "random": "random"}, matches=3
     )
-    rows = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
-    assert rows["idle"].count("▾") == rows["mine"].count("▾") == 1
-    assert "**" in rows["idle"] + rows["mine"]
-    assert "Allies: " in text.splitlines()[-1]
+    assert values.shape == (2, 2)
+    assert np.isfinite(values).all()
+    note = equilibrium_note(["a", "b"], ["x", "y"], np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    assert note == "Equilibrium, worth 0.00 to the ally. Allies: a 0.50, b 0.50. Opponents: x 0.50, y 0.50."
 
 
 def test_a_frozen_player_does_as_it_did_but_for_the_lever():
@@ -58,9 +58,9 @@ def test_a_frozen_player_does_as_it_did_but_for_the_lever():
 def test_a_lever_that_a_player_does_not_use_costs_nothing(monkeypatch):
     both = [Lever("ally", "spreading", {"never": {1: -1.0}}), Lever("ally", "hopping", {"never": {0: -1.0}})]
     monkeypatch.setattr(measure_payoffs, "levers", lambda scenario: both)
-    spreading, hopping = lever_table(LINK, {"ally": SUITE}, {"ally": ["expert"]}).splitlines()[-2:]
-    assert "| 0.0% |" in spreading
-    assert "| 0.0% |" not in hopping
+    spreading, hopping = lever_table(LINK, {"ally": SUITE}, {"ally": ["expert"]})[-2:]
+    assert spreading[-1] == "0.0%"
+    assert hopping[-1] != "0.0%"
 
 
 def test_every_lever_has_constants_and_a_side():

@@ -135,6 +135,37 @@ def _shown(scenario: Scenario, field: str) -> str:
 
 
 _TEMPLATE = Path(__file__).with_name("report.md.j2")
+_CURVES = (
+    "Both sides' rewards: mean over seeds (thin), moving average (dashed), 2 sigma over rounds and seeds "
+    "(shaded)."
+)
+CAPTIONS = {  # title of each figure, and what it shows
+    "fig3": (
+        "Fig. 3: fixed and planned paths",
+        f"{_CURVES} `hill-climb` and `cma-es` have the history of `planned`; `optimised` sees the ally's "
+        "path.",
+    ),
+    "fig4": (
+        "Fig. 4: centre frequencies",
+        "First, middle and last fifth of training, all runs (the paper: 0 to 50K, 47.5K to 52.5K, 95K to "
+        "100K). Peaks at the band's ends are clipped frequencies. Dotted: quartiles; dot and bar: mean and "
+        "standard deviation; framed: the most used point.",
+    ),
+    "fig5": (
+        "Fig. 5: overlap ratio and jamming success rate",
+        "Dots: means over a fifth of training, with the standard deviation over seeds, each measure with its "
+        "own axis. Thin: means over a fortieth, which is shorter than a match.",
+    ),
+    "fig6": ("Fig. 6: one jamming type at a time, and all four", _CURVES),
+    "fig7": (
+        "Fig. 7: without the planner, without the knowledge base",
+        f"{_CURVES} Without the planner the opponent learns its velocity as well.",
+    ),
+    "paths": (
+        "Trajectories",
+        "The last round after training, without noise, from above (first seed); dots: where a side starts.",
+    ),
+}
 _PAPERS_OVERLAP = {"early": "54.46 %", "middle": "54.39 %", "late": "53.69 %"}
 _Level = tuple[str, str, int, int]  # heading, column, factor, decimals
 _LEVELS: tuple[_Level, ...] = (
@@ -178,19 +209,20 @@ def write_report(
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
     environment.filters["table"] = markdown_table
     template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
-    text = template.render(_content(results, preset, budget, drawn, with_tables), command=command)
+    text = template.render(content(results, preset, budget, drawn, with_tables), command=command)
     paths = [folder / f"report-{preset}{suffix}" for suffix in (".md", ".html")]
     write_whole(paths[0], text)
     write_whole(paths[1], _html(text, f"The paper, reproduced: {preset}"))
     if results.runs:
         paths.append(folder / f"levels-{preset}.csv")
-        write_whole(paths[-1], _all_levels(results, preset))
+        write_whole(paths[-1], levels_csv(results, preset))
     return paths
 
 
-def _content(
-    results: Results, preset: str, budget: Budget, drawn: Iterable[str], with_tables: bool
+def content(
+    results: Results, preset: str, budget: Budget, drawn: Iterable[str] = (), with_tables: bool = False
 ) -> dict[str, Any]:
+    """Return the numbers, tables and texts of a report by their names in its template."""
     comparisons = compare(results)
     verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in CLAIMS}
     conditions = conditions_of("all", preset, full=True)
@@ -212,9 +244,10 @@ def _content(
         "tests": tests_table(comparisons),
         "pairs": " or ".join(map(str, pairs)),
         "figures": list(drawn),
+        "captions": CAPTIONS,
         "overlap": _overlap(results),
         "spread": _spread(results),
-        "fifths": _fifths(results),
+        "fifths": fifths_table(results),
         "finals": _levels(
             results, [LLM, *(each.name for each in conditions if each.tested)], (FINAL,), _LEVELS[:4]
         ),
@@ -259,7 +292,7 @@ def _spread(results: Results) -> str:
     return f"{100 * (late - early).std(ddof=1):.1f} points"
 
 
-def _fifths(results: Results) -> Lines:
+def fifths_table(results: Results) -> Lines:
     """Tabulate the base condition and the long run by fifths of their training."""
     shown = [each for each in _LEVELS if each[0] in ("overlap %", "jammed %", "hops %", "spreading %")]
     lines = [["condition", "of training", *(heading for heading, *_ in shown)]]
@@ -298,7 +331,7 @@ def _otherwise(results: Results, preset: str) -> Lines:
     return lines
 
 
-def _all_levels(results: Results, preset: str) -> str:
+def levels_csv(results: Results, preset: str) -> str:
     """Return the levels of all conditions in both stages, and the differences from the base, as CSV."""
     names = [LLM, *(condition.name for condition in conditions_of("all", preset, full=True))]
     late, final = (_levels(results, names, windows) for windows in (STAGES["late"], (FINAL,)))
