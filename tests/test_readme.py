@@ -48,11 +48,10 @@ def test_the_table_of_the_readme_has_the_committed_scores_of_the_scripts():
     for summary in summarise(zoo.read_records(group, suite), suite):
         if summary.entry in SCRIPTED["ally"]:
             score, worst = summary.score, summary.by_rival[summary.worst].value
-            jammed = 100 * summary.measures["jamming_success_rate"]
             scores = f"{score.value:z.1f} | [{score.low:.1f}, {score.high:.1f}]"
             returns = f"{summary.reward.value:.2f} | {worst:.2f}"
-            row = f"| {summary.entry} | - | {scores} | {returns} | {jammed:.1f} |"
-            assert row in rows
+            begins, ends = f"| {summary.entry} | - | - | {scores} | ", f" | {returns} |"
+            assert any(row.startswith(begins) and row.endswith(ends) for row in rows)
 
 
 @pytest.mark.llama

@@ -118,6 +118,7 @@ def _suites(side: str, public: list[str], season: int | None) -> tuple[BoardSuit
             "0" * 64,
             100,
             tuple(names),
+            groups={"herders": names[:2], "aimers": names[2:]} if role == UNSEEN else {},
             trained={names[0]: "TD3, trained against expert"} if role == UNSEEN else {},
             play={} if role == SHIFTED else {names[0]: f"--opponent {names[0]} --path pursuit --seed 7"},
         )
@@ -171,6 +172,11 @@ def _figures(
         scores={role: _score(value, 6, SEEDS) for role, value in scores.items()},
         worst=_worst(index, by_rival[PUBLIC]),
         by_rival=by_rival,
+        by_group={
+            group: _score(sum(by_rival[suite.role][name].value for name in names) / len(names), 9)
+            for suite in suites
+            for group, names in suite.groups.items()
+        },
         first_rounds={role: dict.fromkeys(scores, 1234.5) for role, scores in by_rival.items()},
         units=_units(by_rival, kind),
         seeds={} if kind == "script" else {k: score + k - 2 for k in range(5)},

@@ -124,7 +124,9 @@ def columns(site):
 
 def test_tables_have_columns_for_what_was_played(site, tmp_path):
     measures = ["Worst", "Jammed", "Return per step"]
-    assert columns(site) == ["Rank", "Entry", "Score, unseen", "Public", "Gap", "Shifted", *measures]
+    scores = ["Score, unseen", "Public", "Gap", "Herders", "Aimers", "Shifted"]
+    assert columns(site) == ["Rank", "Entry", *scores, *measures]
+    assert "Against herders" in (site / "entries/ally/player-1.html").read_text()
     build_site(example_board(3, season=None), tmp_path)
     assert columns(tmp_path) == ["Rank", "Entry", "Score, public", *measures]
     assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
