@@ -121,7 +121,8 @@ def _description(group: ZooGroup, suites: Sequence[Suite]) -> str:
         for suite in suites
     )
     scale = suites[0].scale.description.capitalize()
-    return f"Trained on `{group.id}`{options}; evaluated on {evaluated}. {scale}."
+    note = f" {group.note}" if group.note else ""
+    return f"Trained on `{group.id}`{options}; evaluated on {evaluated}. {scale}.{note}"
 
 
 def _option(value: Any) -> str:

@@ -32,6 +32,7 @@ class _GroupEntry(Strict):
     suites: Annotated[Items[str], Constraint(min_length=1)]
     steps: dict[str, PositiveInt]
     hyperparams: dict[str, str] = Constraint(default_factory=dict)
+    note: str = ""
 
 
 class _ZooFile(Strict):
@@ -53,6 +54,7 @@ class ZooGroup:
         suites: suites that its agents are evaluated on, the public one first.
         steps: training budget of each algorithm.
         hyperparams: file of hyper-parameters of some algorithms; of the others the shipped one.
+        note: a remark for the zoo's page.
     """
 
     name: str
@@ -62,6 +64,7 @@ class ZooGroup:
     suites: tuple[str, ...]
     steps: dict[str, int]
     hyperparams: dict[str, str]
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -208,6 +211,15 @@ def load_zoo(folder: Path | None = None) -> Zoo:
         sides = sides_of(entry.id)
         side = sides[0] if len(sides) == 1 else load_suite(entry.suites[0]).side
         groups.append(
-            ZooGroup(name, entry.id, side, entry.options, entry.suites, entry.steps, entry.hyperparams)
+            ZooGroup(
+                name,
+                entry.id,
+                side,
+                entry.options,
+                entry.suites,
+                entry.steps,
+                entry.hyperparams,
+                entry.note,
+            )
         )
     return Zoo(folder, content.seeds, tuple(groups))
