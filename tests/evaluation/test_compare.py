@@ -90,7 +90,9 @@ def test_planners_side_by_side_and_their_table(folder):
     assert [s.records for s in again] == [s.records for s in found]
     write_table(found, suite, folder / "out")
     text = (folder / "out" / "table.md").read_text()
-    assert text.splitlines()[0].startswith("| planner | score last 2 | 95 % interval | score all |")
+    assert text.splitlines()[0].startswith(
+        "| planner | score last 2 | 95 % interval | rank | from the first | score all |"
+    )
     assert text.splitlines()[2].startswith("| chasing:Chaser | ")
     best, *others = csv.DictReader((folder / "out" / "table.csv").open())
     assert (best["valid"], best["tokens"]) == ("", "")

@@ -1,0 +1,12 @@
+// Scores of the search: Sphinx's own, and the specification before the pages that tell of it.
+var Scorer = {
+  score: ([page, , , , score]) => score + (page === "reference/rules" ? 30 : 0),
+  objNameMatch: 11,
+  objPartialMatch: 6,
+  objPrio: { 0: 15, 1: 5, 2: -5 },
+  objPrioDefault: 0,
+  title: 15,
+  partialTitle: 7,
+  term: 5,
+  partialTerm: 2,
+};
