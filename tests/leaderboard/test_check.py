@@ -61,6 +61,16 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
         assert public_suite(load_submission(write_submission(tmp_path / name, (), **entry))) == suite
 
 
+def test_players_of_link_have_tables_of_their_own(tmp_path):
+    entry = {"name": "tone", "track": "opponent", "training": None, "script": "tone", "scenario": "link"}
+    submission = load_submission(write_submission(tmp_path / "tone", (), path="pursuit", **entry))
+    assert (public_suite(submission), submission.table.key) == ("opponent-link-v1", "opponent-link")
+    flying = only(write_submission(tmp_path / "flying", (), path="learned", **entry))
+    assert "path: opponents in link are entered in pursuit" in flying
+    planner = entry | {"name": "circle", "track": "planner", "script": "circle"}
+    assert "scenario: planners play standard" in only(write_submission(tmp_path / "circle", (), **planner))
+
+
 @pytest.mark.parametrize(
     ("change", "line"),
     [
@@ -76,7 +86,6 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
         ({"track": ["ally"]}, "track: expected ally, opponent, planner, got ['ally']"),
         ({"path": "pursuit"}, "path: is of the track opponent only"),
         ({"scenario": "paper"}, "scenario: expected standard, link, got 'paper'"),
-        ({"track": "opponent", "path": "learned", "scenario": "link"}, "path: opponents in link are entered"),
         ({"runs": 2}, "runs: is of a language model's transcripts only"),
         ({"training": None}, "training: expected steps, hours and seeds, got null"),
         ({"training": {"steps": 1, "hours": 1}}, "training: lacks seeds"),

@@ -13,7 +13,8 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.player import Memory
-from fpg_bench.players.sandbox.client import Policy, PolicyClient, check_policy
+from fpg_bench.players.sandbox import client
+from fpg_bench.players.sandbox.client import Policy, check_policy
 from fpg_bench.players.sandbox.process import Limits, PolicyFailed
 from fpg_bench.players.seeded import Batched
 
@@ -48,7 +49,7 @@ class SandboxedAgent(Batched):
         self.failure: str | None = None
         self.invalid = np.zeros(0, bool)
         self._policy = Policy(0, about, model, str(about.get("policy_sha256")))
-        self._client: PolicyClient | None = None
+        self._client: client.PolicyClient | None = None
 
     def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
         """Start a round in the masked games with these seeds for their noise."""
@@ -70,9 +71,9 @@ class SandboxedAgent(Batched):
         self.invalid = np.ones(len(seen), bool)
         return np.zeros((len(seen), ACTION_SIZE), np.float32), None
 
-    def _running(self) -> PolicyClient:
+    def _running(self) -> client.PolicyClient:
         if self._client is None:
-            self._client = PolicyClient(self._policy, _LIMITS).__enter__()
+            self._client = client.PolicyClient(self._policy, _LIMITS).__enter__()
             # A ``__del__`` would come too late in a cycle of references, and never at the interpreter's end.
             weakref.finalize(self, self._client.close)
         return self._client
