@@ -27,6 +27,7 @@ _IDENTITY = (
     "training_steps",
     "hyperparameters",
     "options",
+    "offline",
     "policies",
 )
 
