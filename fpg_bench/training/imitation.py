@@ -147,7 +147,7 @@ class _Imitation:
 
 
 def actor_loss(policy: ActorCriticPolicy, obs: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-    """Return the mean squared difference of the mean actions to the labels; of choices the likelihood's loss."""
+    """Return the mean squared difference of mean actions to labels; of choices the negative log-likelihood."""
     distribution = policy.get_distribution(obs)
     if isinstance(policy.action_space, spaces.Box):
         return mse_loss(distribution.mode(), labels)

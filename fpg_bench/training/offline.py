@@ -4,8 +4,8 @@ Networks, optimizers, files and export are those of SB3; a step is one gradient 
 
 - ``bc``: behaviour cloning, and a critic of the behaviour's returns that PPO can start from.
 - ``td3-bc``: Fujimoto & Gu, "A Minimalist Approach to Offline Reinforcement Learning" (NeurIPS 2021).
-- ``cql``, ``discrete-cql``: Kumar et al., "Conservative Q-Learning for Offline Reinforcement Learning" (NeurIPS
-  2020), CQL(H) on SAC and on DQN.
+- ``cql``, ``discrete-cql``: Kumar et al., "Conservative Q-Learning for Offline Reinforcement Learning"
+  (NeurIPS 2020), CQL(H) on SAC and on DQN.
 - ``iql``: Kostrikov et al., "Offline Reinforcement Learning with Implicit Q-Learning" (ICLR 2022).
 """
 
@@ -57,8 +57,8 @@ class Batch(NamedTuple):
 class Transitions:
     """The transitions of whole rounds, to draw batches from.
 
-    Rounds are cut off after their last step and never terminate, so all transitions bootstrap. The statistics of
-    ``normalize`` become those that it would have if it had seen the rounds.
+    Rounds are cut off after their last step and never terminate, so all transitions bootstrap. The statistics
+    of ``normalize`` become those that it would have if it had seen the rounds.
 
     Args:
         observations: ``(N, T + 1, 15)`` float32.
@@ -292,8 +292,8 @@ class DiscreteCQL(OfflineAlgorithm, DQN):
 class BC(OfflineAlgorithm):
     """Behaviour cloning with PPO's networks: the mean is fitted by least squares, choices by likelihood.
 
-    The standard deviation stays as ``log_std_init`` says, and the critic is fitted to the discounted returns, so
-    PPO can start from a clone.
+    The standard deviation stays as ``log_std_init`` says, and the critic is fitted to the discounted returns,
+    so PPO can start from a clone.
     """
 
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": ActorCriticPolicy}
