@@ -7,18 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.ids import OFFLINE
 from fpg_bench.common.imports import imported
 
 # Of one side, with shipped hyper-parameters.
 ALGORITHMS = ("ppo", "ppo-fast", "ppo-stack8", "recurrent-ppo", "maskable-ppo", "sac", "td3", "dqn", "qr-dqn")
-# Of data sets, and the action modes that each can learn.
-OFFLINE = {
-    "bc": ("continuous", "discrete"),
-    "td3-bc": ("continuous",),
-    "cql": ("continuous",),
-    "iql": ("continuous",),
-    "discrete-cql": ("discrete",),
-}
 _CLASSES = {
     "ppo": "stable_baselines3:PPO",
     "sac": "stable_baselines3:SAC",
@@ -74,8 +67,8 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     Args:
         name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-fast`` (PPO tuned for the least time to a
             score), ``dqn``, ``qr-dqn``, ``maskable-ppo``, ``ppo-stack8`` (any number of frames, on any of
-            them without an LSTM), ``maddpg``, a name of :data:`OFFLINE`, ``package.module:Class``, or a
-            class.
+            them without an LSTM), ``maddpg``, a name of :data:`fpg_bench.common.ids.OFFLINE`,
+            ``package.module:Class``, or a class.
 
     Raises:
         UserError: no such algorithm, or a class that is no subclass of SB3's ``BaseAlgorithm``.

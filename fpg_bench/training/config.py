@@ -12,12 +12,12 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import DUEL, ENVS, find_env, policy_env, sides_of
+from fpg_bench.common.ids import DUEL, ENVS, OFFLINE, find_env, policy_env, sides_of
 from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.hub import pinned
 from fpg_bench.players.player import SIDES, Player
-from fpg_bench.training.algorithms import OFFLINE, find_algorithm
+from fpg_bench.training.algorithms import find_algorithm
 
 if TYPE_CHECKING:
     from fpg_bench.datasets.read import Dataset
@@ -84,8 +84,8 @@ class RunConfig:
         game: options of the games.
         suite: suite that scores the policy during training, on tuning seeds; None takes that of the id.
         against: the other side's player or players, whichever side that is.
-        start: folder of a finished run of the same side, algorithm and networks; the new run starts from its
-            weights, optimizer and normalization, and skips imitation.
+        start: folder of a finished run of the same side, algorithm and networks, or of ``bc`` for PPO; the new
+            run starts from its weights, optimizer and normalization, and skips imitation.
         transcript: transcript of a run with a language model; its plans are replayed without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
             the endpoint.
@@ -110,7 +110,7 @@ class RunConfig:
         """Return the run that learns from a data set, with the environment of the recorded rounds.
 
         Args:
-            algorithm: one of :data:`fpg_bench.training.algorithms.OFFLINE`, with stacked frames or without.
+            algorithm: one of :data:`fpg_bench.common.ids.OFFLINE`, with stacked frames or without.
             dataset: the data set.
             **options: further attributes.
 

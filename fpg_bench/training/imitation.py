@@ -131,9 +131,8 @@ class _Imitation:
         for _ in range(self._config.n_epochs):
             for rows in torch.split(torch.randperm(len(obs)), self._config.batch_size):
                 values = self._policy.predict_values(obs[rows]).flatten()
-                loss = actor_loss(self._policy, obs[rows], labels[rows]) + 0.5 * mse_loss(
-                    values, returns[rows]
-                )
+                loss = actor_loss(self._policy, obs[rows], labels[rows])
+                loss += 0.5 * mse_loss(values, returns[rows])
                 self._optimizer.zero_grad()
                 loss.backward()  # type: ignore[no-untyped-call]
                 self._optimizer.step()
@@ -147,7 +146,7 @@ class _Imitation:
 
 
 def actor_loss(policy: ActorCriticPolicy, obs: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-    """Return the mean squared difference of mean actions to labels; of choices the negative log-likelihood."""
+    """Return the mean squared difference of mean actions to labels; of choices their negative likelihood."""
     distribution = policy.get_distribution(obs)
     if isinstance(policy.action_space, spaces.Box):
         return mse_loss(distribution.mode(), labels)

@@ -344,7 +344,8 @@ class IQL(BC):
 
     def _setup_model(self) -> None:
         super()._setup_model()
-        arch = cast(ActorCriticPolicy, self.policy).net_arch
+        policy = cast(ActorCriticPolicy, self.policy)
+        arch = policy.net_arch
         self.critic, self.critic_target = (
             ContinuousCritic(
                 self.observation_space,
@@ -356,7 +357,11 @@ class IQL(BC):
             for _ in range(2)
         )
         self.critic_target.load_state_dict(self.critic.state_dict())
-        self.critic.optimizer = torch.optim.Adam(self.critic.parameters(), self.lr_schedule(1))
+        self.critic.optimizer = policy.optimizer_class(
+            self.critic.parameters(),
+            lr=self.lr_schedule(1),  # type: ignore[call-arg]
+            **policy.optimizer_kwargs,
+        )
 
     def _update(self, batch: Batch) -> dict[str, float]:
         policy = cast(ActorCriticPolicy, self.policy)
