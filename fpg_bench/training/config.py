@@ -84,8 +84,8 @@ class RunConfig:
         game: options of the games.
         suite: suite that scores the policy during training, on tuning seeds; None takes that of the id.
         against: the other side's player or players, whichever side that is.
-        start: folder of a finished run of the same side, algorithm and networks, or of ``bc`` for PPO; the new
-            run starts from its weights, optimizer and normalization, and skips imitation.
+        start: folder of a finished run of the same side, algorithm and networks, for PPO also of ``bc``; the
+            new run starts from its weights, optimizer and normalization, and skips imitation.
         transcript: transcript of a run with a language model; its plans are replayed without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
             the endpoint.
