@@ -244,7 +244,7 @@ def offline(
     Example: fpg-bench offline td3-bc datasets/fpg/ally-mixed-v0 --out runs/td3_bc_0
     """
     check_writable(out)
-    need("datasets", "minari", "h5py", "PIL")
+    need("offline", "minari", "h5py", "PIL", "torch", "stable_baselines3")
     from fpg_bench.datasets.read import open_dataset
     from fpg_bench.training.config import RunConfig
 

@@ -153,6 +153,7 @@ def _entry(
         description=text,
         reason=None if is_verified else f"seed_0: outran the limit {text}".strip(),
         figures=figures if is_verified else None,
+        offline=(f"fpg/ally-mixed-v0{text}",) if kind == "submitted" else (),
     )
 
 
@@ -171,6 +172,7 @@ def _figures(
         scores={role: _score(value, 6, SEEDS) for role, value in scores.items()},
         worst=_worst(index, by_rival[PUBLIC]),
         by_rival=by_rival,
+        by_group={},
         first_rounds={role: dict.fromkeys(scores, 1234.5) for role, scores in by_rival.items()},
         units=_units(by_rival, kind),
         seeds={} if kind == "script" else {k: score + k - 2 for k in range(5)},
