@@ -38,6 +38,7 @@ RUN = [
             "guides/datasets",
             "guides/frameworks",
             "guides/language-model",
+            "guides/offline",
             "guides/opponent",
         ),
     )
