@@ -107,7 +107,9 @@ class Transitions:
         """Return what the policy sees at these steps, the oldest frame first."""
         frames = self._observations[rounds[:, None], steps[:, None] + self._window]
         stacked = frames.reshape(len(rounds), -1)
-        return stacked if self._normalize is None else cast(Any, self._normalize.normalize_obs(stacked))
+        if self._normalize is not None:
+            stacked = cast(np.ndarray, self._normalize.normalize_obs(stacked))
+        return stacked
 
     def _normalized(self, normalize: VecNormalize, rewards: np.ndarray) -> np.ndarray:
         """Return the normalized rewards; the statistics are updated step by step, as in play."""
@@ -135,7 +137,7 @@ class OfflineAlgorithm(OffPolicyAlgorithm):
     def __init__(self, policy: Any, env: Any, **arguments: Any) -> None:
         super().__init__(policy, env, buffer_size=1, learning_starts=0, gradient_steps=-1, **arguments)
 
-    def collect_rollouts(  # type: ignore[override]
+    def collect_rollouts(
         self, env: VecEnv, callback: BaseCallback, *arguments: Any, **options: Any
     ) -> RolloutReturn:
         """Count the gradient steps that ``train`` makes next, and call the callbacks."""
@@ -147,7 +149,7 @@ class OfflineAlgorithm(OffPolicyAlgorithm):
         callback.on_rollout_end()
         return RolloutReturn(steps, 0, True)
 
-    def train(self, gradient_steps: int, batch_size: int) -> None:
+    def train(self, gradient_steps: int, batch_size: int = 256) -> None:
         """Make gradient steps, and log the means of their losses."""
         self.policy.set_training_mode(True)
         names = [name for name in self._get_torch_save_params()[0] if name.endswith("optimizer")]

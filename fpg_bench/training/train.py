@@ -256,7 +256,7 @@ class _Run:
         options = config.options()
         entry = {"n_envs": parameters.n_envs, "normalize": parameters.normalize} | parameters.entry()
         del entry["n_timesteps"]
-        command_options = {"seed": config.seed, "steps": budget}
+        command_options: dict[str, Any] = {"seed": config.seed, "steps": budget}
         if isinstance(config.hyperparams, str | Path):
             command_options["hyperparams"] = config.hyperparams
         if (data := config.dataset) is None:

@@ -118,7 +118,8 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
 
 
 def test_the_model_card_says_which_data_set_an_agent_learned_from(hub, tmp_path):
-    run("push", agent(tmp_path / "own", 0, offline={"dataset": "fpg/ally-mixed-v0"}), "me/mine")
+    agent(tmp_path / "own", 0, offline={"dataset": "fpg/ally-mixed-v0"})
+    run("push", tmp_path / "own", "me/mine")
     _, text = metadata(hub.repositories["me/mine"].files()["README.md"])
     assert "1,000 steps of gradient descent on the data set `fpg/ally-mixed-v0`" in text
 
