@@ -184,7 +184,8 @@ def _made_by(spec: PlayerSpec, player: Player) -> str:
     if about is None:
         return alone
     made = [about.get(key) for key in _MADE_BY]
-    return json.dumps(made + [about["offline"]] * ("offline" in about), sort_keys=True)
+    made += [about["offline"]] if "offline" in about else []  # the key of all other agents stays
+    return json.dumps(made, sort_keys=True)
 
 
 def _names(

@@ -219,7 +219,8 @@ def test_agents_of_other_data_sets_are_other_entries(mixed, expert, tmp_path):
     for name, data in (("a", mixed), ("b", expert)):
         learn("bc", data, tmp_path / name, steps=10)
     agents = [str(tmp_path / name / "agent") for name in ("a", "b")]
-    assert len({entry.name for entry in entries_of(agents, load_suite("ally-v1"))}) == 2
+    entries = entries_of([*agents, "ally-scripted/ppo/seed_0"], load_suite("ally-v1"))
+    assert len({entry.name for entry in entries}) == 3
 
 
 @pytest.mark.slow
