@@ -25,7 +25,7 @@ from fpg_bench.datasets.read import Dataset, open_dataset
 from fpg_bench.datasets.spec import load_spec
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.statistics import mean_interval
+from fpg_bench.evaluation.statistics import FEW_SEEDS, mean_interval
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import summarise, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table, number
@@ -112,8 +112,9 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def _cell(scores: list[float]) -> str:
-    if len(scores) < 2:
-        return number(scores[0]) if scores else "-"
+    """Return the mean with its interval; of too few training seeds the scores themselves."""
+    if len(scores) < FEW_SEEDS:
+        return ", ".join(map(number, scores)) or "-"
     interval = mean_interval(np.array(scores), "training seeds")
     return f"{number(interval.value)} {bounds(interval)}"
 

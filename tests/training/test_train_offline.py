@@ -23,7 +23,7 @@ def here(tmp_path, monkeypatch):
         "TRANSITIONS": 900,
     }.items():
         monkeypatch.setattr(script, name, value)
-    words = ["--seeds", "0-1", "--steps", "20", "--datasets", tmp_path / "data", "--runs", tmp_path / "runs"]
+    words = ["--seeds", "0-2", "--steps", "20", "--datasets", tmp_path / "data", "--runs", tmp_path / "runs"]
     monkeypatch.setattr(sys, "argv", ["train_offline", *map(str, words)])
     return tmp_path
 
@@ -33,15 +33,20 @@ def test_agents_are_trained_and_scored_once_and_stand_in_the_table(here, monkeyp
     assert script.main() == 0
     rows = [json.loads(line) for line in (here / "scores.jsonl").read_text().splitlines()]
     found = [(row["dataset"], row["algorithm"], row["training_seed"]) for row in rows]
-    assert found == [("ally-random-v0", *each) for each in (("behaviour", None), ("bc", 0), ("bc", 1))]
+    assert found == [
+        ("ally-random-v0", *each) for each in (("behaviour", None), ("bc", 0), ("bc", 1), ("bc", 2))
+    ]
     assert {row.get("steps") for row in rows} == {None, 20}
-    mean = (rows[1]["score"] + rows[2]["score"]) / 2
+    mean = sum(row["score"] for row in rows[1:]) / 3
     text = (here / "page.md").read_text()
     assert text.startswith("before\n")
     assert text.endswith("after\n")
     (line,) = (line for line in text.splitlines() if line.startswith("| `ally-random-v0` | ally-v1 |"))
     assert f"| {script.number(rows[0]['score'])} | {mean:.1f} [" in line
     assert "old" not in text
+    assert f" {script.number(rows[1]['score'])}, {script.number(rows[2]['score'])} |" in script.table(
+        rows[:3]
+    )
     monkeypatch.setattr(script, "train", None)
     monkeypatch.setattr(script, "play", None)
     assert script.main() == 0  # nothing is repeated
