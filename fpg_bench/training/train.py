@@ -326,8 +326,9 @@ class _Run:
         self._starts_fresh = False
         self._seed_games()
         if has_steps_left:
+            drawn = "matches" if self._dataset is None else "batches"
             _logger.info(
-                f"{self.folder.path}: resumed at {self.model.num_timesteps:,} steps with new matches, so its "
+                f"{self.folder.path}: resumed at {self.model.num_timesteps:,} steps with new {drawn}, so its "
                 "policy differs from that of an uninterrupted run"
             )
 
