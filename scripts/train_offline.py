@@ -101,7 +101,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     for name, group_name in DATASETS.items():
         suite = suite_for(name)
         scores: dict[str, list[float]] = {}
-        for row in rows:
+        for row in sorted(rows, key=lambda row: row["training_seed"] or 0):
             if row["dataset"] == name:
                 scores.setdefault(row["algorithm"], []).append(row["score"])
         group = next(group for group in zoo.groups if group.name == group_name)
