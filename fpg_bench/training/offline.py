@@ -106,7 +106,7 @@ class Transitions:
     def _seen(self, rounds: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Return what the policy sees at these steps, the oldest frame first."""
         frames = self._observations[rounds[:, None], steps[:, None] + self._window]
-        stacked = frames.reshape(len(rounds), -1)
+        stacked: np.ndarray = frames.reshape(len(rounds), -1)
         if self._normalize is not None:
             stacked = cast(np.ndarray, self._normalize.normalize_obs(stacked))
         return stacked
