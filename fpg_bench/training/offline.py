@@ -163,6 +163,9 @@ class OfflineAlgorithm(OffPolicyAlgorithm):
             self.logger.record(f"train/{name}", float(np.mean(values)))
         self.logger.dump(self.num_timesteps)
 
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "data"]
+
     @abstractmethod
     def _update(self, batch: Batch) -> dict[str, float]:
         """Make one gradient step; returns its losses by name."""

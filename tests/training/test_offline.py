@@ -107,6 +107,7 @@ def test_each_algorithm_lowers_its_loss_and_exports_an_agent_that_plays(
     data = discrete if algorithm.startswith("discrete") else mixed
     agent = learn(algorithm, data, tmp_path, **({"n_actions": 2} if algorithm == "cql" else {}))
     assert losses[-1] < losses[0]
+    assert (tmp_path / "model.zip").stat().st_size < 200_000  # without the data
     about = read_json(agent / "agent.json", "agent")
     assert about["offline"] == {
         "dataset": data.spec.dataset_id,
