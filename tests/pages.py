@@ -19,6 +19,8 @@ from tests.programs import ROOT, python
 BUDGETS = (
     (r"(--steps |\bsteps: |steps\": |timesteps=|\.learn\()[\d_]+", r"\g<1>2000"),
     (r"(.*) --seeds 0-2 (.*)", r"\1 --seed 0 \2/seed_0\n\1 --seed 1 \2/seed_1\n\1 --seed 2 \2/seed_2"),
+    (r"(fpg-bench offline .* --steps |RunConfig\.offline\(.* steps=)[\d_]+", r"\g<1>50"),
+    (r"fpg-bench offline ", "fpg-bench offline --n-evals 0 "),
     (r"fpg-bench train ", "fpg-bench train --n-evals 0 "),
     (r"n_steps=\d+", "n_steps=32"),
     (r"--matches \d+", "--matches 1"),

@@ -38,6 +38,7 @@ RUN = [
             "guides/benchmark",
             "guides/datasets",
             "guides/frameworks",
+            "guides/offline",
             "guides/opponent",
         ),
     )

@@ -81,6 +81,10 @@ CASES = {
         "dataset make ally-random-v0 --steps 600 --out datasets", ("datasets/fpg/*/data/metadata.json",)
     ),
     "dataset-check": Case("dataset check datasets"),
+    "offline": Case(
+        "offline bc datasets/fpg/ally-random-v0 --steps @steps --n-evals 0 --out cloned",
+        ("cloned/run.json", "cloned/agent/agent.json"),
+    ),
     "train": Case(
         "train ppo FPG/AllyVsScripted-v0 --hyperparams tiny.yml --steps @steps --n-evals 0 --out run",
         ("run/run.json", "run/agent/agent.json"),

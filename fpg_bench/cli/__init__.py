@@ -26,6 +26,7 @@ app = typer.Typer(
 for verb in (
     evaluation.play,
     training.train,
+    training.offline,
     evaluation.evaluate,
     evaluation.table,
     evaluation.curves,

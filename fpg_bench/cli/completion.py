@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from fpg_bench.common.ids import ACTION_MODES, ENVS, NAMED, id_with
+from fpg_bench.common.ids import ACTION_MODES, ENVS, NAMED, OFFLINE, id_with
 
 
 def complete_player(incomplete: str) -> list[str]:
@@ -47,7 +47,13 @@ def complete_algorithm(incomplete: str) -> list[str]:
     from fpg_bench.players.agent import baselines_folder
 
     names = (path.stem for path in (baselines_folder() / "hyperparams").glob("*.yml"))
-    return _beginning(incomplete, (name for name in names if not re.search("-(learned|discrete)", name)))
+    known = (name for name in names if not re.search("-(learned|discrete)", name) and name not in OFFLINE)
+    return _beginning(incomplete, known)
+
+
+def complete_offline(incomplete: str) -> list[str]:
+    """Return the algorithms that learn from data sets and begin so."""
+    return _beginning(incomplete, OFFLINE)
 
 
 def _beginning(incomplete: str, names: Iterable[str]) -> list[str]:

@@ -79,7 +79,8 @@ def check(
     Example: fpg-bench dataset check datasets --sample 1%
     """
     need("datasets", "minari", "h5py", "PIL")
-    from fpg_bench.datasets.check import check_dataset, find_datasets
+    from fpg_bench.datasets.check import check_dataset
+    from fpg_bench.datasets.read import find_datasets
 
     with shown_progress() as show:
         for data in find_datasets(folder):

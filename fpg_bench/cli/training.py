@@ -1,4 +1,4 @@
-"""The verbs of training: ``train``, ``selfplay``, ``best-response`` and ``export``."""
+"""The verbs of training: ``train``, ``offline``, ``selfplay``, ``best-response`` and ``export``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fpg_bench.cli.completion import complete_algorithm, complete_id, complete_player, complete_suite
+from fpg_bench.cli.completion import (
+    complete_algorithm,
+    complete_dataset,
+    complete_id,
+    complete_offline,
+    complete_player,
+    complete_suite,
+)
 from fpg_bench.cli.options import (
     EVALUATION,
     GAME,
@@ -42,15 +49,50 @@ from fpg_bench.cli.options import (
     whole_number,
 )
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import need
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
 from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
+    from fpg_bench.training.config import RunConfig
     from fpg_bench.training.run_folder import RunFolder
 
 ZOO = "zoo"  # in place of rivals
 ZIP = "Zip of Stable-Baselines3"
+
+
+RunOption = Annotated[Path, typer.Option(help="Folder of the run.", rich_help_panel=OUTPUT)]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="Continue an unfinished run.", rich_help_panel=OUTPUT)
+]
+RestartOption = Annotated[
+    bool, typer.Option("--restart", help="Start an unfinished run anew.", rich_help_panel=OUTPUT)
+]
+SeedOption = Annotated[
+    int | None, typer.Option(min=0, help="Training seed. Default: 0.", rich_help_panel=TRAINING)
+]
+SeedsOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Training seeds of several runs as a list, 0-4 or 0,2,5, each in OUT/seed_k.",
+        rich_help_panel=TRAINING,
+    ),
+]
+ScoringSuiteOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Suite that the policy is evaluated on during training. Default: the id's.",
+        autocompletion=complete_suite,
+        rich_help_panel=EVALUATION,
+    ),
+]
+EvaluationsOption = Annotated[
+    int,
+    typer.Option(
+        min=0, help="Number of evaluations during training; 0 for none.", rich_help_panel=EVALUATION
+    ),
+]
 
 
 def train(
@@ -68,31 +110,20 @@ def train(
             metavar="ID", help="The environment id (see fpg-bench envs).", autocompletion=complete_id
         ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder of the run.", rich_help_panel=OUTPUT)],
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an unfinished run.", rich_help_panel=OUTPUT)
-    ] = False,
-    restart: Annotated[
-        bool, typer.Option("--restart", help="Start an unfinished run anew.", rich_help_panel=OUTPUT)
-    ] = False,
+    out: RunOption,
+    resume: ResumeOption = False,
+    restart: RestartOption = False,
     steps: Annotated[
         int | None, steps_option("Training budget, 2e6 for instance. Default: the hyper-parameter file's.")
     ] = None,
     hyperparams: HyperparamsOption = None,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Training seed. Default: 0.", rich_help_panel=TRAINING)
-    ] = None,
-    seeds: Annotated[
-        str | None,
-        typer.Option(
-            help="Training seeds of several runs as a list, 0-4 or 0,2,5, each in OUT/seed_k.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = None,
+    seed: SeedOption = None,
+    seeds: SeedsOption = None,
     start: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of a finished run, whose weights training starts from.", rich_help_panel=TRAINING
+            help="Folder of a finished run, whose weights training starts from; for ppo also one of bc.",
+            rich_help_panel=TRAINING,
         ),
     ] = None,
     reward: Annotated[
@@ -101,20 +132,8 @@ def train(
             help="own (default), zero_sum, jamming, overlap or ally_cost.", rich_help_panel=TRAINING
         ),
     ] = None,
-    suite: Annotated[
-        str | None,
-        typer.Option(
-            help="Suite that the policy is evaluated on during training. Default: the id's.",
-            autocompletion=complete_suite,
-            rich_help_panel=EVALUATION,
-        ),
-    ] = None,
-    n_evals: Annotated[
-        int,
-        typer.Option(
-            min=0, help="Number of evaluations during training; 0 for none.", rich_help_panel=EVALUATION
-        ),
-    ] = 20,
+    suite: ScoringSuiteOption = None,
+    n_evals: EvaluationsOption = 20,
     against: Annotated[
         str | None,
         typer.Option(
@@ -155,9 +174,6 @@ def train(
     check_writable(out)  # before the seconds that the imports take
     from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.training.config import GameOptions, RunConfig
-    from fpg_bench.training.run_folder import RunFolder
-    from fpg_bench.training.train import parse_seeds, train_seeds
-    from fpg_bench.training.train import train as train_run
 
     game = GameOptions(
         scenario=scenario,
@@ -191,6 +207,70 @@ def train(
     )
     if seeds is None and (backend, address) != ("loky", None):
         raise UserError("backend, address: are for a list of runs; name its --seeds")
+    _train(config, out, seed, seeds, n_evals, resume, restart, n_jobs, backend, address)
+
+
+def offline(
+    algorithm: Annotated[
+        str,
+        typer.Argument(
+            help="bc, td3-bc, cql, iql or discrete-cql; bc-stack8 and so on see the last eight observations.",
+            autocompletion=complete_offline,
+        ),
+    ],
+    dataset: Annotated[
+        str,
+        typer.Argument(
+            metavar="DATASET",
+            help="Folder of a data set, or its name in Minari's folder (see fpg-bench dataset).",
+            autocompletion=complete_dataset,
+        ),
+    ],
+    out: RunOption,
+    resume: ResumeOption = False,
+    restart: RestartOption = False,
+    steps: Annotated[
+        int | None, steps_option("Number of gradient steps. Default: the hyper-parameter file's.")
+    ] = None,
+    hyperparams: HyperparamsOption = None,
+    seed: SeedOption = None,
+    seeds: SeedsOption = None,
+    suite: ScoringSuiteOption = None,
+    n_evals: EvaluationsOption = 5,
+    n_jobs: JobsOption = 2,
+) -> None:
+    """Train an offline algorithm on a data set, without a step in the game, and export the agent.
+
+    Example: fpg-bench offline td3-bc datasets/fpg/ally-mixed-v0 --out runs/td3_bc_0
+    """
+    check_writable(out)
+    need("offline", "minari", "h5py", "PIL", "torch", "stable_baselines3")
+    from fpg_bench.datasets.read import open_dataset
+    from fpg_bench.training.config import RunConfig
+
+    config = RunConfig.offline(
+        algorithm, open_dataset(dataset), seed=seed or 0, steps=steps, hyperparams=hyperparams, suite=suite
+    )
+    _train(config, out, seed, seeds, n_evals, resume, restart, n_jobs)
+
+
+def _train(
+    config: RunConfig,
+    out: Path,
+    seed: int | None,
+    seeds: str | None,
+    n_evals: int,
+    resume: bool,
+    restart: bool,
+    n_jobs: int,
+    backend: str = "loky",
+    address: str | None = None,
+) -> None:
+    """Train a run, or one for each of several seeds, and say what came of it."""
+    from fpg_bench.training.run_folder import RunFolder
+    from fpg_bench.training.train import parse_seeds, train_seeds
+    from fpg_bench.training.train import train as train_run
+
     if seed is not None and seeds is not None:
         raise UserError("seed, seeds: say one of them")
     if resume and seeds is None and not (out / "run.json").exists():

@@ -110,6 +110,14 @@ LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that le
 SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
 # All players of the package without a policy.
 NAMED = {"ally": (*SCRIPTED["ally"], *LEARNERS), "opponent": SCRIPTED["opponent"]}
+# Algorithms that learn from data sets, and the action modes that each can learn.
+OFFLINE = {
+    "bc": ("continuous", "discrete"),
+    "td3-bc": ("continuous",),
+    "cql": ("continuous",),
+    "iql": ("continuous",),
+    "discrete-cql": ("discrete",),
+}
 
 
 def policy_env(side: str) -> EnvConfig:

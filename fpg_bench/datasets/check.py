@@ -3,37 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import minari
 import numpy as np
 
-from fpg_bench.common.errors import UserError, first_line
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
-from fpg_bench.common.schema import parse
-from fpg_bench.datasets.make import METADATA, RECIPE, ROUNDS_PER_PART, content_sha256
+from fpg_bench.datasets.make import METADATA, ROUNDS_PER_PART, content_sha256
+from fpg_bench.datasets.read import ARRAYS, checked_recipe, iterate_rounds
 from fpg_bench.datasets.rounds import play_rounds, round_digest
 from fpg_bench.datasets.spec import DatasetSpec
-
-_ARRAYS = ("observations", "actions", "rewards")
-
-
-def find_datasets(folder: str | Path) -> list[Path]:
-    """Return the folders of the finished data sets in a folder, or itself, that hold ``metadata.json``.
-
-    Raises:
-        UserError: there is none.
-    """
-    folder = Path(folder)
-    found = sorted(path.parent for path in folder.rglob(METADATA))
-    finished = [
-        path for path in found if not any(part.startswith(".") for part in path.relative_to(folder).parts)
-    ]
-    if not finished:
-        raise UserError(f"data set {folder}: holds no {'finished ' if found else ''}data set")
-    return finished
 
 
 def check_dataset(
@@ -60,15 +41,15 @@ def check_dataset(
     if not 0 < sample <= 1:
         raise UserError(f"sample: expected a share above 0 and at most 100 %, got {100 * sample:g} %")
     metadata = read_json(Path(data) / METADATA, "data set")
-    spec, sha256 = _checked_recipe(metadata, where)
+    spec, sha256 = checked_recipe(metadata, where)
     count = spec.episodes
     if metadata.get("total_episodes") != count:
         raise UserError(f"{where}: has {metadata.get('total_episodes')} rounds, expected {count}")
     drawn = np.random.default_rng(sample_seed).choice(count, math.ceil(sample * count), replace=False)
     sampled = set(drawn.tolist())
     digests, kept = [], []
-    for k, episode in _episodes(data, spec, where):
-        digests.append(round_digest(*(getattr(episode, name) for name in _ARRAYS)))
+    for k, episode in iterate_rounds(data, spec, where):
+        digests.append(round_digest(*(getattr(episode, name) for name in ARRAYS)))
         if k in sampled:
             kept.append(episode)
         if k % ROUNDS_PER_PART == 0:
@@ -84,48 +65,11 @@ def check_dataset(
     )
 
 
-def _checked_recipe(metadata: dict[str, Any], where: str) -> tuple[DatasetSpec, str]:
-    """Return the specification and the hash that metadata name, if this version plays the same."""
-    recipe = metadata.get(RECIPE)
-    if not isinstance(recipe, dict) or not isinstance(recipe.get("content_sha256"), str):
-        raise UserError(f"{where}: was not made by fpg-bench dataset make, or is not finished")
-    maker = f"{where}, made by fpg-bench {recipe.get('version')}"
-    spec = parse(DatasetSpec, recipe.get("spec"), maker)
-    now = spec.recipe()
-    for key, what in (("scenario_sha256", f"scenario {spec.scenario!r}"), ("identities", "a player")):
-        if recipe.get(key) != now[key]:
-            raise UserError(
-                f"{maker}: {what} is another one in this version, {now['version']}; make it again"
-            )
-    return spec, recipe["content_sha256"]
-
-
-def _episodes(data: str | Path, spec: DatasetSpec, where: str) -> Iterator[tuple[int, minari.EpisodeData]]:
-    """Yield all rounds as Minari reads them, after a look at their seed, shapes and ends."""
-    steps = spec.load_scenario().steps_per_round
-    ends = {"terminations": np.zeros(steps, bool), "truncations": np.arange(steps) == steps - 1}
-    k = 0
-    try:
-        dataset = minari.MinariDataset(data)
-        seeds = [about.get("seed") for about in dataset.storage.get_episode_metadata(range(spec.episodes))]
-        for k, episode in enumerate(dataset.iterate_episodes(range(spec.episodes))):
-            if seeds[k] != spec.first_seed + k:
-                raise UserError(f"{where}: round {k} has the seed {seeds[k]}, expected {spec.first_seed + k}")
-            for name, expected in ends.items():
-                if not np.array_equal(getattr(episode, name), expected):
-                    raise UserError(f"{where}: round {k}: {name} are not those of a whole round")
-            yield k, episode
-    except UserError:
-        raise
-    except Exception as error:  # h5py and Minari raise many kinds for torn and foreign files
-        raise UserError(f"{where}: cannot be read from round {k} on: {first_line(error)}") from error
-
-
 def _compare(spec: DatasetSpec, episodes: list[minari.EpisodeData], where: str) -> None:
     """Play rounds again; raise UserError for the first that differs."""
     played = play_rounds(spec, [spec.first_seed + int(episode.id) for episode in episodes])
     for k, episode in enumerate(episodes):
-        for name in _ARRAYS:
+        for name in ARRAYS:
             kept, now = getattr(episode, name), getattr(played, name)[k]
             if not np.array_equal(kept, now):
                 by = f" (by up to {np.abs(kept - now).max():.1g})" if kept.shape == now.shape else ""

@@ -181,7 +181,11 @@ def _made_by(spec: PlayerSpec, player: Player) -> str:
     """Return a key that agents of one entry share; any other player is an entry of its own."""
     about = _about(player)
     alone = spec if isinstance(spec, str) else f"{_NAMELESS}{id(spec)}"
-    return alone if about is None else json.dumps([about.get(key) for key in _MADE_BY], sort_keys=True)
+    if about is None:
+        return alone
+    made = [about.get(key) for key in _MADE_BY]
+    made += [about["offline"]] if "offline" in about else []  # the key of all other agents stays
+    return json.dumps(made, sort_keys=True)
 
 
 def _names(

@@ -31,7 +31,7 @@ An agent of fpg-bench {version}, a benchmark for anti-jamming UAV communication.
 
 ## Training
 
-- Algorithm: `{algorithm}`, training seed {seed}, {steps} steps{time}.
+- Algorithm: `{algorithm}`, training seed {seed}, {steps} steps{data}{time}.
 - Environment: `{id}`, scenario `{scenario}` (the first digits of its hash).
 {training}
 ## Play it
@@ -77,7 +77,7 @@ def model_card(
     training = f"\n```sh\n{command}\n```\n" if command else ""
     if "curve.png" in files:
         training += "\n![Score over training steps](curve.png)\n"
-    seconds = about.get("seconds")
+    seconds, offline = about.get("seconds"), about.get("offline")
     return _CARD.format(
         metadata=metadata.to_yaml(),
         algorithm=about["algorithm"],
@@ -89,6 +89,7 @@ def model_card(
         results=results or "No records of an evaluation were uploaded.",
         seed="unknown" if about["training_seed"] is None else about["training_seed"],
         steps=f"{about['training_steps']:,}",
+        data=f" of gradient descent on the data set `{offline['dataset']}`" if offline else "",
         time=f", {seconds:,.0f} seconds" if isinstance(seconds, int | float) else "",
         scenario=str(about["scenario"])[:12],
         training=training,

@@ -233,6 +233,7 @@ class BoardEntry:
         reason: why it is not verified.
         figures: None where it is not verified.
         replays: files of the rounds that its page shows.
+        offline: the data sets that its policies learned from; empty if they learned by playing.
     """
 
     slug: str
@@ -252,6 +253,7 @@ class BoardEntry:
     reason: str | None
     figures: Figures | None
     replays: tuple[str, ...] = ()
+    offline: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -583,6 +585,15 @@ def _make_entry(
         description=submission.description,
         reason=reason,
         figures=figures,
+        offline=tuple(
+            sorted(
+                {
+                    policy.about["offline"]["dataset"]
+                    for policy in submission.policies
+                    if "offline" in policy.about
+                }
+            )
+        ),
     )
 
 

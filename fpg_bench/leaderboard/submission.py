@@ -637,9 +637,18 @@ def _read_agent(path: Path, seed: int | None, side: str | None) -> tuple[dict[st
         lines.append(f"algorithm: expected text of at most 60 characters, got {quoted(algorithm)}")
     if about.get("actions", "continuous") not in ACTION_MODES:
         lines.append(f"actions: expected one of {', '.join(ACTION_MODES)}, got {quoted(about['actions'])}")
+    if "offline" in about and not _is_offline(about["offline"]):
+        lines.append(
+            f"offline: expected a mapping with the name of a data set, got {quoted(about['offline'])}"
+        )
     if not _is_finite(about):
         lines.append("holds a number that is not finite")
     return about, lines
+
+
+def _is_offline(value: object) -> bool:
+    name = value.get("dataset") if isinstance(value, dict) else None
+    return isinstance(name, str) and name.isprintable() and 0 < len(name) <= 60
 
 
 def _is_steps(value: object) -> TypeGuard[int]:

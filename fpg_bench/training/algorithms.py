@@ -1,4 +1,4 @@
-"""Registry of algorithms: Stable-Baselines3's, with an LSTM or stacked frames, MADDPG, or a user's own."""
+"""Registry of algorithms: SB3's, with an LSTM or stacked frames, MADDPG, offline ones, or a user's own."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.ids import OFFLINE
 from fpg_bench.common.imports import imported
 
 # Of one side, with shipped hyper-parameters.
@@ -20,9 +21,14 @@ _CLASSES = {
     "qr-dqn": "sb3_contrib:QRDQN",
     "maskable-ppo": "sb3_contrib:MaskablePPO",
     "maddpg": "fpg_bench.training.maddpg:MADDPG",
+    "bc": "fpg_bench.training.offline:BC",
+    "td3-bc": "fpg_bench.training.offline:TD3BC",
+    "cql": "fpg_bench.training.offline:CQL",
+    "iql": "fpg_bench.training.offline:IQL",
+    "discrete-cql": "fpg_bench.training.offline:DiscreteCQL",
 }
 _VARIANTS = {"ppo-fast": "ppo"}  # the same class with a hyper-parameter file of its own
-_STACKED = re.compile(r"(ppo|sac|td3|dqn|qr-dqn|maskable-ppo)-stack([1-9]\d*)")
+_STACKED = re.compile(rf"(ppo|sac|td3|dqn|qr-dqn|maskable-ppo|{'|'.join(OFFLINE)})-stack([1-9]\d*)")
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,11 @@ class Algorithm:
         """True if it trains both sides at once."""
         return self.base == "maddpg"
 
+    @property
+    def offline(self) -> bool:
+        """True if it learns from a data set."""
+        return self.base in OFFLINE
+
 
 def find_algorithm(name: str | type[Any]) -> Algorithm:
     """Return the algorithm of a name or a class.
@@ -56,7 +67,8 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     Args:
         name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-fast`` (PPO tuned for the least time to a
             score), ``dqn``, ``qr-dqn``, ``maskable-ppo``, ``ppo-stack8`` (any number of frames, on any of
-            them without an LSTM), ``maddpg``, ``package.module:Class``, or a class.
+            them without an LSTM), ``maddpg``, a name of :data:`fpg_bench.common.ids.OFFLINE`,
+            ``package.module:Class``, or a class.
 
     Raises:
         UserError: no such algorithm, or a class that is no subclass of SB3's ``BaseAlgorithm``.
@@ -69,7 +81,7 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
         return Algorithm(name, stacked[1], imported(_CLASSES[stacked[1]], "algorithm"), int(stacked[2]))
     base = _VARIANTS.get(name, name)
     if base not in _CLASSES:
-        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, 'maddpg'))}")
+        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, 'maddpg', *OFFLINE))}")
     return Algorithm(name, base, imported(_CLASSES[base], "algorithm"))
 
 

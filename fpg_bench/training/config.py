@@ -6,17 +6,21 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import DUEL, ENVS, find_env, sides_of
+from fpg_bench.common.ids import DUEL, ENVS, OFFLINE, find_env, policy_env, sides_of
 from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.hub import pinned
 from fpg_bench.players.player import SIDES, Player
+from fpg_bench.training.algorithms import find_algorithm
+
+if TYPE_CHECKING:
+    from fpg_bench.datasets.read import Dataset
 
 Players = str | Player | Sequence[str | Player]  # one, or several to draw from per round
 
@@ -80,11 +84,12 @@ class RunConfig:
         game: options of the games.
         suite: suite that scores the policy during training, on tuning seeds; None takes that of the id.
         against: the other side's player or players, whichever side that is.
-        start: folder of a finished run of the same side, algorithm and networks; the new run starts from its
-            weights, optimizer and normalization, and skips imitation.
+        start: folder of a finished run of the same side, algorithm and networks, for PPO also of ``bc``; the
+            new run starts from its weights, optimizer and normalization, and skips imitation.
         transcript: transcript of a run with a language model; its plans are replayed without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
             the endpoint.
+        dataset: what an offline algorithm learns from; see :meth:`offline`.
     """
 
     algorithm: str | type[BaseAlgorithm]
@@ -98,6 +103,29 @@ class RunConfig:
     start: str | Path | None = None
     transcript: str | Path | None = None
     llm: Mapping[str, Any] | None = None
+    dataset: Dataset | None = None
+
+    @classmethod
+    def offline(cls, algorithm: str, dataset: Dataset, **options: Any) -> RunConfig:
+        """Return the run that learns from a data set, with the environment of the recorded rounds.
+
+        Args:
+            algorithm: one of :data:`fpg_bench.common.ids.OFFLINE`, with stacked frames or without.
+            dataset: the data set.
+            **options: further attributes.
+
+        Raises:
+            UserError: an algorithm that does not learn from data sets, or not from one of this action mode.
+        """
+        spec, base = dataset.spec, find_algorithm(algorithm).base
+        if spec.actions not in OFFLINE.get(base, ()):
+            fitting = [name for name, modes in OFFLINE.items() if spec.actions in modes]
+            raise UserError(
+                f"{algorithm}: does not learn from a data set of {spec.actions} actions, as {spec.name} is; "
+                f"these do: {', '.join(fitting)}"
+            )
+        game = GameOptions(**spec.env_options, actions=spec.actions)
+        return cls(algorithm, policy_env(spec.side).id, game=game, dataset=dataset, **options)
 
     @property
     def id(self) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
@@ -122,12 +123,7 @@ class _Imitation:
         """Return ``(T, N)`` float32 discounted returns, with the critic's value after the last step."""
         with torch.no_grad():
             value = self._policy.predict_values(torch.as_tensor(self._obs)).numpy().ravel()
-            mean = float(rewards.mean()) / (1 - self._gamma)  # value after a round's end, on average
-        returns = np.empty(rewards.shape, np.float32)
-        for step in range(len(rewards) - 1, -1, -1):
-            value = rewards[step] + self._gamma * np.where(dones[step], mean, value)
-            returns[step] = value
-        return returns
+        return discounted_returns(rewards, dones, value, self._gamma)
 
     def _fit(self, obs: torch.Tensor, labels: torch.Tensor, returns: torch.Tensor) -> float:
         with torch.no_grad():
@@ -135,21 +131,41 @@ class _Imitation:
         for _ in range(self._config.n_epochs):
             for rows in torch.split(torch.randperm(len(obs)), self._config.batch_size):
                 values = self._policy.predict_values(obs[rows]).flatten()
-                loss = self._actor_loss(obs[rows], labels[rows]) + 0.5 * mse_loss(values, returns[rows])
+                loss = actor_loss(self._policy, obs[rows], labels[rows])
+                loss += 0.5 * mse_loss(values, returns[rows])
                 self._optimizer.zero_grad()
                 loss.backward()  # type: ignore[no-untyped-call]
                 self._optimizer.step()
         return error
-
-    def _actor_loss(self, obs: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-        distribution = self._policy.get_distribution(obs)
-        if self._choices is None:
-            return mse_loss(distribution.mode(), labels)
-        loss: torch.Tensor = -distribution.log_prob(labels).mean()
-        return loss
 
     def _error(self, obs: torch.Tensor, labels: torch.Tensor) -> float:
         mode: torch.Tensor = self._policy.get_distribution(obs).mode()
         if self._choices is None:
             return mse_loss(mode.clamp(-1, 1), labels).item()
         return float((mode != labels).float().mean())
+
+
+def actor_loss(policy: ActorCriticPolicy, obs: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+    """Return the mean squared difference of mean actions to labels; of choices their negative likelihood."""
+    distribution = policy.get_distribution(obs)
+    if isinstance(policy.action_space, spaces.Box):
+        return mse_loss(distribution.mode(), labels)
+    loss: torch.Tensor = -distribution.log_prob(labels).mean()
+    return loss
+
+
+def discounted_returns(rewards: np.ndarray, dones: np.ndarray, value: np.ndarray, gamma: float) -> np.ndarray:
+    """Return the discounted returns ``(T, N)`` float32.
+
+    Args:
+        rewards: ``(T, N)``.
+        dones: ``(T, N)`` bool, where a round ends; after it the value is that of the mean reward.
+        value: ``(N,)``, after the last step.
+        gamma: discount factor.
+    """
+    mean = float(rewards.mean()) / (1 - gamma)  # value after a round's end, on average
+    returns = np.empty(rewards.shape, np.float32)
+    for step in range(len(rewards) - 1, -1, -1):
+        value = rewards[step] + gamma * np.where(dones[step], mean, value)
+        returns[step] = value
+    return returns

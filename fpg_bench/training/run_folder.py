@@ -27,6 +27,7 @@ _IDENTITY = (
     "training_steps",
     "hyperparameters",
     "options",
+    "offline",
     "policies",
 )
 
@@ -86,7 +87,7 @@ class RunFolder:
             return None
         state = self.read()
         differing = [key for key in _IDENTITY if state.get(key) != about.get(key)]
-        if differing == ["training_steps"]:
+        if differing == ["training_steps"] and "offline" not in about:  # where --start leads on
             raise UserError(
                 f"{self.path}: holds this run with {state['training_steps']:,} steps, and its budget stays; "
                 f"to train on, finish it, then begin another with its weights: --start {self.path} --out NEW"

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -53,7 +53,11 @@ from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.models import by_side, is_finite, make_games, make_model, tells_divergence
+from fpg_bench.training.offline import Transitions
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
+
+if TYPE_CHECKING:
+    from fpg_bench.datasets.read import Dataset
 
 EVALUATIONS = 20
 _OVERSHOOT = 1.2  # of the steps that were asked for, from which on it is said
@@ -226,6 +230,9 @@ class _Run:
         if self.algorithm.joint != (len(self.sides) == 2):
             scope = "both sides, in" if self.algorithm.joint else "one side, not both, as in"
             raise UserError(f"{self.algorithm.name}: trains {scope} {DUEL}; got {config.env_id}")
+        if self.algorithm.offline != (config.dataset is not None):
+            how = "offline ALGORITHM DATASET" if self.algorithm.offline else "train ALGORITHM ID"
+            raise UserError(f"{self.algorithm.name}: is trained by fpg-bench {how}")
         options = config.game_options()
         self.parameters = load_hyperparameters(
             self.algorithm, config.id, config.hyperparams, path=options.get("path"), actions=config.actions
@@ -239,6 +246,7 @@ class _Run:
         options |= {"planner": planner}
         self.games = make_games(config.id, self.parameters, training_seed(config.seed), **options)
         self.suites = config.suites()
+        self._dataset = config.dataset
         self.about = self._describe(config, budget)
         self._start = None if config.start is None else Path(config.start)
         self._seconds_before = 0.0
@@ -251,11 +259,15 @@ class _Run:
         options = config.options()
         entry = {"n_envs": parameters.n_envs, "normalize": parameters.normalize} | parameters.entry()
         del entry["n_timesteps"]
-        command_options = {"seed": config.seed, "steps": budget, **options}
+        command_options: dict[str, Any] = {"seed": config.seed, "steps": budget}
         if isinstance(config.hyperparams, str | Path):
             command_options["hyperparams"] = config.hyperparams
+        if (data := config.dataset) is None:
+            command = command_line("train", name, config.id, **command_options, **options)
+        else:
+            command = command_line("offline", name, data.spec.name, **command_options)
         about = {
-            "command": command_line("train", name, config.id, **command_options),
+            "command": command,
             "algorithm": name,
             "id": config.id,
             "side": " and ".join(self.sides),
@@ -266,6 +278,7 @@ class _Run:
             "training_seed": config.seed,
             "training_steps": budget,
             "hyperparameters": entry,
+            **({} if data is None else {"offline": _offline(data)}),
             **({"policies": core.policies} if isinstance(core, SingleAgentGame) and core.policies else {}),
             "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "revision": revision(),
@@ -281,6 +294,12 @@ class _Run:
             _check_start(self._start, self.about)
             load_weights(self.model, self._start)
             self._starts_fresh = False
+        if self._dataset is not None:
+            model = cast(Any, self.model)  # an OfflineAlgorithm
+            frames = self.parameters.frame_stack or 1
+            model.data = Transitions(
+                *self._dataset.read(), model.gamma, frames, model.get_vec_normalize_env()
+            )
         if (imitation := self.parameters.imitate) is not None:
             teacher_of(imitation, self.model, self.sides[0], self.games.core.scenario)
         try:
@@ -310,8 +329,9 @@ class _Run:
         self._starts_fresh = False
         self._seed_games()
         if has_steps_left:
+            drawn = "matches" if self._dataset is None else "batches"
             _logger.info(
-                f"{self.folder.path}: resumed at {self.model.num_timesteps:,} steps with new matches, so its "
+                f"{self.folder.path}: resumed at {self.model.num_timesteps:,} steps with new {drawn}, so its "
                 "policy differs from that of an uninterrupted run"
             )
 
@@ -399,11 +419,19 @@ def _warn_of_overshoot(model: BaseAlgorithm, steps: int) -> None:
             )
 
 
+def _offline(data: Dataset) -> dict[str, Any]:
+    """Return what an agent says of the data set that it learned from."""
+    steps = data.spec.episodes * data.spec.load_scenario().steps_per_round
+    return {"dataset": data.spec.dataset_id, "content_sha256": data.sha256, "transitions": steps}
+
+
 def _check_start(run: Path, about: dict[str, Any]) -> None:
     """Raise UserError where a run cannot start from the weights of another."""
     other = read_json(run / "run.json", "start")
     other |= other.get("hyperparameters", {})
     expected = {key: about[key] for key in ("algorithm", "side")} | {"finished": True}
+    if other.get("algorithm") == about["algorithm"].replace("ppo", "bc"):  # a clone has PPO's networks
+        del expected["algorithm"]
     for key, value in (expected | {"normalize": about["hyperparameters"]["normalize"]}).items():
         if other.get(key) != value:
             raise UserError(f"start {run}: {key} is {other.get(key)!r} there, expected {value!r}")

@@ -9,8 +9,9 @@ import pytest
 from minari.data_collector import EpisodeBuffer
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.datasets.check import check_dataset, find_datasets
+from fpg_bench.datasets.check import check_dataset
 from fpg_bench.datasets.make import content_sha256, make_dataset
+from fpg_bench.datasets.read import find_datasets
 from fpg_bench.datasets.rounds import round_digest
 from tests.datasets.making import rewrite, sha256, tiny
 

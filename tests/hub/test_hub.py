@@ -117,6 +117,13 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert TOKEN.encode() not in b"".join(files.values())
 
 
+def test_the_model_card_says_which_data_set_an_agent_learned_from(hub, tmp_path):
+    agent(tmp_path / "own", 0, offline={"dataset": "fpg/ally-mixed-v0"})
+    run("push", tmp_path / "own", "me/mine")
+    _, text = metadata(hub.repositories["me/mine"].files()["README.md"])
+    assert "1,000 steps of gradient descent on the data set `fpg/ally-mixed-v0`" in text
+
+
 @pytest.mark.slow
 def test_a_run_is_pushed_with_its_curve_and_results_and_again_without_them(hub, finished, tmp_path):
     own = finished / "agent"
@@ -217,6 +224,7 @@ def test_what_cannot_be_done_is_one_clear_line(hub, first, tmp_path, monkeypatch
         ({"policy_sha256": "0" * 64}, None, r"policy_sha256: is not that of policy.onnx"),
         ({"id": "FPG/AllyVsScripted-v9"}, None, r"agent.json: .*which this version does not have"),
         ({"training_steps": -1}, None, r"training_steps: expected a whole number"),
+        ({"offline": "yes"}, None, r"offline: expected a mapping with the name of a data set"),
         ({"algorithm": "a\x1b[2J"}, None, r"algorithm: expected printable text"),
         ({"padding": "x" * 70_000}, None, r"agent.json:? holds 70,\d+ bytes, at most 64,000"),
     ],

@@ -154,6 +154,7 @@ def _entry(
         description=text,
         reason=None if is_verified else f"seed_0: outran the limit {text}".strip(),
         figures=figures if is_verified else None,
+        offline=(f"fpg/ally-mixed-v0{text}",) if kind == "submitted" else (),
     )
 
 

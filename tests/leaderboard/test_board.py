@@ -33,7 +33,11 @@ def entered(board, in_process, kept):
     enter(board, "ally", "wise", script="expert", name="<b>Wise</b>")
     enter(board, "ally", "still", script="idle")
     enter(board, "ally", "linear", seeds=(0, 10, 2))
-    enter(board, "ally", "few", seeds=(0,), algorithm="few")
+    few = enter(board, "ally", "few", seeds=(0,), algorithm="few")
+    about = few / "seed_0/agent.json"
+    about.write_text(
+        json.dumps(json.loads(about.read_text()) | {"offline": {"dataset": "fpg/ally-mixed-v0"}})
+    )
     enter(board, "opponent", "near", script="adaptive")
     enter(board, "opponent", "far", script="tone", path="learned")
     assert all(verdict.is_good for verdict in verify(board))
@@ -67,6 +71,7 @@ def test_entries_are_ranked_and_marked(entered):
     assert sum(wise.histograms["jam"]) == pytest.approx(1, abs=1e-4)
     assert [figures[slug].has_few_seeds for slug in ("wise", "few", "linear")] == [False, True, False]
     assert entries["linear"].kind == "submitted"
+    assert (entries["linear"].offline, entries["few"].offline) == ((), ("fpg/ally-mixed-v0",))
     assert all(1 <= of.rank[0] <= of.rank[1] <= 4 for of in figures.values())
     assert wise.seeds_gap is None
     for of in figures.values():

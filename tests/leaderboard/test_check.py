@@ -219,6 +219,8 @@ def test_scripts_and_recordings_that_are_not_there_are_named(tmp_path, change, l
         ({"format": 7}, "format 7"),
         ({"training_seed": 3}, "training_seed: expected 1, as the folder is called, got 3"),
         ({"actions": "many"}, "actions: expected one of continuous, discrete"),
+        ({"offline": {"dataset": 3}}, "offline: expected a mapping with the name of a data set, got"),
+        ({"offline": "much"}, "offline: expected a mapping with the name of a data set, got"),
         ({"seconds": float("nan")}, "holds a number that is not finite"),
         ({"algorithm": "x" * 61}, "algorithm: expected text"),
     ],

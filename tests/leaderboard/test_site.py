@@ -180,6 +180,8 @@ def test_the_page_of_an_entry_has_its_citation_badge_and_rivals(site, pages):
         f"fpg-bench play --ally no-such/agent/seed_0{HOSTILE[1]} --opponent trained-0 --path pursuit --seed 7"
     )
     assert command in pages[entry_file(1)].texts
+    learned = "Learned offlinefrom fpg/ally-mixed-v0"
+    assert [number for number in range(1, 5) if learned in pages[entry_file(number)].text] == [2]
     assert "returns 1234.5 in all" in pages[entry_file(3)].text
     assert "fpg-bench play --ally idle --opponent trained-0" in pages[entry_file(3)].text
     assert 'title="TD3, trained against expert">trained-0 (TD3)</th>' in (site / "ranking.html").read_text()

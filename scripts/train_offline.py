@@ -1,0 +1,165 @@
+"""Train every offline algorithm on data sets of several behaviours, evaluate the agents, and write the table.
+
+python scripts/train_offline.py [--seeds 0-4] [--datasets datasets]    run it again to go on
+python scripts/train_offline.py --table      writes the table of docs/guides/offline.md alone
+
+A row per agent goes to ``baselines/scores/offline/scores.jsonl`` as soon as it is evaluated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.ids import OFFLINE
+from fpg_bench.common.output import print_messages
+from fpg_bench.common.rows import RowFile
+from fpg_bench.datasets.make import make_dataset
+from fpg_bench.datasets.read import Dataset, open_dataset
+from fpg_bench.datasets.spec import load_spec
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.statistics import FEW_SEEDS, mean_interval
+from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
+from fpg_bench.evaluation.summary import summarise, summary_of
+from fpg_bench.evaluation.table import bounds, markdown_table, number
+from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.players.agent import baselines_folder
+from fpg_bench.training.config import RunConfig
+from fpg_bench.training.run_folder import RunFolder
+from fpg_bench.training.train import parse_seeds, train
+
+ROWS = baselines_folder() / "scores" / "offline" / "scores.jsonl"
+PAGE = baselines_folder().parent / "docs" / "guides" / "offline.md"
+BEGIN, END = "<!-- scores -->\n", "<!-- end -->"
+BEHAVIOUR = "behaviour"
+# Each data set, and the zoo's group that was trained online in the same game.
+DATASETS = {
+    "ally-random-v0": "ally-scripted",
+    "ally-medium-v0": "ally-scripted",
+    "ally-expert-v0": "ally-scripted",
+    "ally-mixed-v0": "ally-scripted",
+    "ally-discrete-mixed-v0": "ally-scripted-discrete",
+    "opponent-mixed-v0": "opponent-pursuit",
+}
+TRANSITIONS = 300_000
+
+
+def suite_for(name: str) -> Suite:
+    """Return the suite that measures the agents of a data set."""
+    spec = load_spec(name)
+    return load_suite(suite_of(spec.env_id, spec.env_options))
+
+
+def missing(rows: RowFile, seeds: list[int]) -> list[tuple[str, str, int | None]]:
+    """Return the data sets, algorithms and training seeds without a row; seeds are the outer loop."""
+    done = {(row["dataset"], row["algorithm"], row["training_seed"]) for row in rows.read()}
+    wanted: list[tuple[str, str, int | None]] = [(name, BEHAVIOUR, None) for name in DATASETS]
+    for seed in seeds:
+        for name in DATASETS:
+            actions = load_spec(name).actions
+            wanted += [(name, algorithm, seed) for algorithm, of in OFFLINE.items() if actions in of]
+    return [each for each in wanted if each not in done]
+
+
+def behaviour_row(name: str) -> dict[str, Any]:
+    """Return the row of a data set's own players: the mean of their scores."""
+    spec, suite = load_spec(name), suite_for(name)
+    entries = [player_entry(player, player, None) for player in spec.players]
+    records = [play(entry, suite, rival) for entry in entries for rival in suite.rivals]
+    scores = {summary.entry: summary.score.value for summary in summarise(records, suite)}
+    return {"score": round(float(np.mean([scores[player] for player in spec.players])), 2)}
+
+
+def agent_row(data: Dataset, algorithm: str, seed: int, steps: int | None, out: Path) -> dict[str, Any]:
+    """Train and evaluate one agent, and return its row."""
+    config = RunConfig.offline(algorithm, data, seed=seed, steps=steps)
+    agent = train(config, out, evaluations=0, progress=False, resume=True)
+    suite, entry = suite_for(data.spec.name), player_entry(str(agent), algorithm, seed)
+    summary = summary_of([play(entry, suite, rival) for rival in suite.rivals], suite)
+    about = RunFolder(out).read()
+    return {
+        "score": round(summary.score.value, 2),
+        "rivals": {name: round(reward.value, 3) for name, reward in summary.by_rival.items()},
+        "steps": about["training_steps"],
+        "seconds": about["seconds"],
+        "content_sha256": data.sha256,
+        "policy_sha256": entry.fingerprint,
+    }
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Return the table of scores, a row per data set."""
+    zoo, algorithms = load_zoo(), list(OFFLINE)
+    lines = [["data set", "suite", BEHAVIOUR, *algorithms, "zoo's best, online"]]
+    for name, group_name in DATASETS.items():
+        suite = suite_for(name)
+        scores: dict[str, list[float]] = {}
+        for row in sorted(rows, key=lambda row: row["training_seed"] or 0):
+            if row["dataset"] == name:
+                scores.setdefault(row["algorithm"], []).append(row["score"])
+        group = next(group for group in zoo.groups if group.name == group_name)
+        best = next(each for each in summarise(zoo.read_records(group, suite), suite) if each.trained)
+        cells = [_cell(scores.get(algorithm, [])) for algorithm in (BEHAVIOUR, *algorithms)]
+        lines.append([f"`{name}`", suite.name, *cells, f"{number(best.score.value)} (`{best.entry}`)"])
+    return markdown_table(lines) + "\n"
+
+
+def _cell(scores: list[float]) -> str:
+    """Return the mean with its interval; of too few training seeds the scores themselves."""
+    if len(scores) < FEW_SEEDS:
+        return ", ".join(map(number, scores)) or "-"
+    interval = mean_interval(np.array(scores), "training seeds")
+    return f"{number(interval.value)} {bounds(interval)}"
+
+
+def write_table(rows: list[dict[str, Any]]) -> None:
+    """Write the table into its page."""
+    head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    tail = rest.partition(END)[2]
+    write_whole(PAGE, f"{head}{BEGIN}{table(rows)}{END}{tail}")
+
+
+def main() -> int:
+    """Train, evaluate and write what is missing."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seeds", default="0-4", help="training seeds, 0-4 for instance")
+    parser.add_argument("--steps", type=int, help="gradient steps; default: the hyper-parameters'")
+    parser.add_argument("--datasets", type=Path, default=Path("datasets"), help="folder of the data sets")
+    parser.add_argument("--runs", type=Path, default=Path("runs/offline"), help="the runs' folders")
+    parser.add_argument("--table", action="store_true", help="write the table alone")
+    options = parser.parse_args()
+    print_messages()
+    rows = RowFile(ROWS)
+    if not options.table:
+        with rows.locked():
+            for name, algorithm, seed in missing(rows, parse_seeds(options.seeds)):
+                if seed is None:
+                    row = behaviour_row(name)
+                else:
+                    folder = make_dataset(load_spec(name, TRANSITIONS), options.datasets)
+                    out = options.runs / name / algorithm / f"seed_{seed}"
+                    row = agent_row(open_dataset(folder), algorithm, seed, options.steps, out)
+                head = {"dataset": name, "algorithm": algorithm, "training_seed": seed}
+                rows.append([head | row])
+                print(f"{name} {algorithm} {seed}: {row['score']}", flush=True)
+    write_table(rows.read())
+    print(f"written: {PAGE}")
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except UserError as error:
+        sys.exit(f"train_offline: {error}")
+    except KeyboardInterrupt:
+        sys.exit("train_offline: stopped; finished rows are kept, run it again to go on")

@@ -1,0 +1,55 @@
+"""The script that makes the table of offline algorithms."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from fpg_bench.common.rows import RowFile
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+import train_offline as script
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    (tmp_path / "page.md").write_text(f"before\n\n{script.BEGIN}old\n{script.END}\n\nafter\n")
+    for name, value in {
+        "ROWS": tmp_path / "scores.jsonl",
+        "PAGE": tmp_path / "page.md",
+        "DATASETS": {"ally-random-v0": "ally-scripted"},
+        "OFFLINE": {"bc": ("continuous",), "discrete-cql": ("discrete",)},
+        "TRANSITIONS": 900,
+    }.items():
+        monkeypatch.setattr(script, name, value)
+    words = ["--seeds", "0-2", "--steps", "20", "--datasets", tmp_path / "data", "--runs", tmp_path / "runs"]
+    monkeypatch.setattr(sys, "argv", ["train_offline", *map(str, words)])
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_agents_are_trained_and_scored_once_and_stand_in_the_table(here, monkeypatch):
+    assert script.main() == 0
+    rows = [json.loads(line) for line in (here / "scores.jsonl").read_text().splitlines()]
+    found = [(row["algorithm"], row["training_seed"]) for row in rows]
+    assert found == [("behaviour", None), ("bc", 0), ("bc", 1), ("bc", 2)]
+    assert {row.get("steps") for row in rows} == {None, 20}
+    mean = sum(row["score"] for row in rows[1:]) / 3
+    text = (here / "page.md").read_text()
+    assert text.startswith("before\n")
+    assert text.endswith("after\n")
+    (line,) = (line for line in text.splitlines() if line.startswith("| `ally-random-v0` | ally-v1 |"))
+    assert f"| {script.number(rows[0]['score'])} | {mean:.1f} [" in line
+    assert "old" not in text
+    few = " {}, {} |".format(*(script.number(row["score"]) for row in rows[1:3]))
+    assert few in script.table(rows[:3])
+    monkeypatch.setattr(script, "train", None)
+    monkeypatch.setattr(script, "play", None)
+    assert script.main() == 0  # nothing is repeated
+
+
+@pytest.mark.slow
+def test_the_table_of_the_guide_is_that_of_the_rows():
+    table = script.PAGE.read_text().split(script.BEGIN)[1].split(script.END)[0]
+    assert table == script.table(RowFile(script.ROWS).read())
