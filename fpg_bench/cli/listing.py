@@ -112,7 +112,9 @@ def zoo(
         return
     typer.echo(f"{'agent':40} {'seeds':>5} {'steps':>10} {'score':>6} {'95 % interval':>14}  suite")
     for row in rows:
-        interval = "" if row["low"] is None else f"[{number(row['low'])}, {number(row['high'])}]"
+        interval = "-" if "seeds" in row else ""
+        if row["low"] is not None:
+            interval = f"[{number(row['low'])}, {number(row['high'])}]"
         typer.echo(
             f"{row['agent']:40} {row.get('seeds', ''):5} {row['steps']:10,} {number(row['score']):>6} "
             f"{interval:>14}  {row['suite']}"

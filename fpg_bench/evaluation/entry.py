@@ -183,6 +183,8 @@ def _made_by(spec: PlayerSpec, player: Player) -> str:
     alone = spec if isinstance(spec, str) else f"{_NAMELESS}{id(spec)}"
     if about is None:
         return alone
+    if "recipe" in about:  # of champions; each seed has responders of its own
+        return json.dumps(about["recipe"], sort_keys=True)
     made = [about.get(key) for key in _MADE_BY]
     made += [about["offline"]] if "offline" in about else []  # the key of all other agents stays
     return json.dumps(made, sort_keys=True)

@@ -79,6 +79,16 @@ def test_agents_that_were_made_otherwise_are_entries_of_their_own(suite, agent, 
     assert names([*mine, *theirs, "expert"], suite) == [*entries, ("expert", None)]
 
 
+def test_seeds_of_a_champion_are_one_entry_though_each_met_its_own_responders(suite, agent):
+    recipe, met = (
+        {"name": "brave", "stages": []},
+        [f"runs/brave/seed_{k}/responder_0/agent" for k in range(2)],
+    )
+    seeds = [agent(f"b/seed_{k}", k, recipe=recipe, options={"opponent": [met[k]]}) for k in range(2)]
+    other = agent("c/seed_0", 0, policy=9, recipe=recipe | {"name": "bold"})
+    assert names([*seeds, other], suite) == [("b", 0), ("b", 1), ("c", 0)]
+
+
 def test_folders_that_begin_alike_have_names_that_tell_them_apart(suite, agent):
     """These paths differ by more than the training seed, so that the whole path is said."""
     one = agent("runs/a/seed_0/agent", 0)

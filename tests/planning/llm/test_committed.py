@@ -25,7 +25,10 @@ def test_the_transcripts_give_the_table(tmp_path):
     committed = rows((COMMITTED / "table.md").read_text())
     replayed = rows((tmp_path / "table.md").read_text())
     assert len(replayed) > 5
-    assert {name: replayed[name] for name in replayed} == {name: committed[name] for name in replayed}
+    of_table = {"rank", "from the first"}  # depend on who else stands in it
+    for name, row in replayed.items():
+        known = {key: value for key, value in committed[name].items() if key not in of_table}
+        assert {key: value for key, value in row.items() if key not in of_table} == known
 
 
 def test_the_page_says_what_the_table_says():
