@@ -111,13 +111,11 @@ def test_a_job_that_finished_before_its_worker_was_lost_is_not_run_again(tmp_pat
     assert begun(tmp_path) == ["wild"]
 
 
-def test_ctrl_c_lets_jobs_save_and_the_next_call_resumes(tmp_path):
-    kept = []
-    quick = Job("quick", partial(working.square, tmp_path, 2), kept.append, done=lambda: bool(kept))
-    jobs = [held(tmp_path, "a"), quick, held(tmp_path, "b"), held(tmp_path, "c")]
+def interrupted(jobs, ready):
+    """Run jobs on two workers, and interrupt this process as Ctrl-C does once a condition holds."""
 
     def stop():
-        wait_for(lambda: begun(tmp_path) == ["2", "a", "b"] and kept)
+        wait_for(ready)
         os.kill(os.getpid(), signal.SIGINT)
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -128,6 +126,13 @@ def test_ctrl_c_lets_jobs_save_and_the_next_call_resumes(tmp_path):
         assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_lets_jobs_save_and_the_next_call_resumes(tmp_path):
+    kept = []
+    quick = Job("quick", partial(working.square, tmp_path, 2), kept.append, done=lambda: bool(kept))
+    jobs = [held(tmp_path, "a"), quick, held(tmp_path, "b"), held(tmp_path, "c")]
+    interrupted(jobs, lambda: begun(tmp_path) == ["2", "a", "b"] and kept)
     assert {path.name for path in tmp_path.glob("saved_*")} == {"saved_a", "saved_b"}
     assert kept == [4]
     (tmp_path / "go").touch()
@@ -136,36 +141,15 @@ def test_ctrl_c_lets_jobs_save_and_the_next_call_resumes(tmp_path):
 
 
 def test_ctrl_c_within_a_callback_stops_a_job_and_prints_nothing(tmp_path, capfd):
-    def stop():
-        wait_for(lambda: begun(tmp_path) == ["a", "b"])
-        os.kill(os.getpid(), signal.SIGINT)
-
     jobs = [Job(name, partial(working.hold_in_callback, tmp_path, name)) for name in "ab"]
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        threading.Thread(target=stop).start()
-        with pytest.raises(KeyboardInterrupt):
-            run_jobs(jobs, n_jobs=2)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    interrupted(jobs, lambda: begun(tmp_path) == ["a", "b"])
     assert begun(tmp_path) == ["a", "a", "b", "b"]
     assert "Exception ignored" not in capfd.readouterr().err
 
 
 def test_an_import_that_ctrl_c_made_fail_is_no_failed_job(tmp_path, messages):
     jobs = [Job(name, partial(working.fail_import, tmp_path, name)) for name in "ab"]
-
-    def stop():
-        wait_for(lambda: begun(tmp_path) == ["a", "b"])
-        os.kill(os.getpid(), signal.SIGINT)
-
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        threading.Thread(target=stop).start()
-        with pytest.raises(KeyboardInterrupt):
-            run_jobs(jobs, n_jobs=2)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    interrupted(jobs, lambda: begun(tmp_path) == ["a", "b"])
     assert messages == ["2 jobs, 2 at a time"]
 
 
