@@ -30,7 +30,7 @@ from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import summarise, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table, number
 from fpg_bench.evaluation.zoo import load_zoo
-from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import parse_seeds, train
@@ -81,7 +81,7 @@ def agent_row(data: Dataset, algorithm: str, seed: int, steps: int | None, out: 
     """Train and evaluate one agent, and return its row."""
     config = RunConfig.offline(algorithm, data, seed=seed, steps=steps)
     agent = train(config, out, evaluations=0, progress=False, resume=True)
-    suite, entry = suite_for(data.spec.name), player_entry(str(agent), algorithm, seed)
+    suite, entry = suite_for(data.spec.name), player_entry(load_agent(agent), algorithm, seed)
     summary = summary_of([play(entry, suite, rival) for rival in suite.rivals], suite)
     about = RunFolder(out).read()
     return {

@@ -1,6 +1,8 @@
 """The script that makes the table of offline algorithms."""
 
+import hashlib
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -35,6 +37,9 @@ def test_agents_are_trained_and_scored_once_and_stand_in_the_table(here, monkeyp
     found = [(row["algorithm"], row["training_seed"]) for row in rows]
     assert found == [("behaviour", None), ("bc", 0), ("bc", 1), ("bc", 2)]
     assert {row.get("steps") for row in rows} == {None, 20}
+    policies = [here / f"runs/ally-random-v0/bc/seed_{seed}/agent/policy.onnx" for seed in range(3)]
+    hashes = [hashlib.sha256(policy.read_bytes()).hexdigest() for policy in policies]
+    assert [row["policy_sha256"] for row in rows[1:]] == hashes
     mean = sum(row["score"] for row in rows[1:]) / 3
     text = (here / "page.md").read_text()
     assert text.startswith("before\n")
@@ -51,5 +56,8 @@ def test_agents_are_trained_and_scored_once_and_stand_in_the_table(here, monkeyp
 
 @pytest.mark.slow
 def test_the_table_of_the_guide_is_that_of_the_rows():
+    rows = RowFile(script.ROWS).read()
     table = script.PAGE.read_text().split(script.BEGIN)[1].split(script.END)[0]
-    assert table == script.table(RowFile(script.ROWS).read())
+    assert table == script.table(rows)
+    trained = [row for row in rows if row["algorithm"] != script.BEHAVIOUR]
+    assert all(re.fullmatch(r"[0-9a-f]{64}", row["policy_sha256"]) for row in trained)
