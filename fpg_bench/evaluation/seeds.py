@@ -99,8 +99,8 @@ class SeasonKey:
         return f"{public.rpartition('-v')[0]}-season-{self.number}"
 
 
-def season_word(number: int, scenario: str) -> int | str:
-    """Return the word for a season in its seed and its folder's name: 2, or ``2-link``."""
+def season_label(number: int, scenario: str) -> int | str:
+    """Return the label of a season in its seed and its folder's name: 2, or ``2-link``."""
     return number if scenario == "standard" else f"{number}-{scenario}"
 
 
@@ -146,7 +146,7 @@ def _key(name: str) -> SeasonKey:
     scenario = str(content.get("scenario", "standard"))
     try:
         hashes = [of for listed in entries.values() for of in listed]
-        follows = seed_from(content.get("protocol", ""), season_word(number, scenario), hashes) == seed
+        follows = seed_from(content.get("protocol", ""), season_label(number, scenario), hashes) == seed
     except TypeError:  # no lists
         follows = False
     if not follows:

@@ -13,7 +13,7 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
-from fpg_bench.evaluation.seeds import PROTOCOL, season_word
+from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.leaderboard.close_season import ROUNDS, play_candidate, shuffled, train_candidate
 from fpg_bench.leaderboard.season import (
     Recipe,
@@ -90,8 +90,8 @@ def check_entries(season: Season, entries: list[SeasonEntry]) -> None:
             raise UserError(f"season {season.name}: was closed over the entry {name}, which is missing")
         if list(by_name[name].hashes) != hashes:
             raise UserError(f"season {season.name}: the entry {name} has changed since it was closed")
-    word = season.name if season.number is None else season_word(season.number, season.scenario)
-    if season_seed(season.protocol, word, [by_name[name] for name in season.entries]) != season.seed:
+    label = season.name if season.number is None else season_label(season.number, season.scenario)
+    if season_seed(season.protocol, label, [by_name[name] for name in season.entries]) != season.seed:
         raise UserError(f"season {season.name}: its seed does not follow from its entries")
     if season.protocol != PROTOCOL:
         raise UserError(

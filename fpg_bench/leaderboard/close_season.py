@@ -27,7 +27,7 @@ from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.seeds import PROTOCOL, season_word
+from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard.season import (
@@ -374,8 +374,8 @@ class Closing:
     @property
     def seed(self) -> str:
         """The season's seed; a training population's follows from its name instead of a number."""
-        word = self.name if self.number is None else season_word(self.number, self.scenario)
-        return season_seed(PROTOCOL, word, self.entries)
+        label = self.name if self.number is None else season_label(self.number, self.scenario)
+        return season_seed(PROTOCOL, label, self.entries)
 
     def rival_entries(self, side: str) -> list[SeasonEntry]:
         """Return the entries that play against the candidates of a side."""
@@ -417,7 +417,7 @@ def make_closing(
         raise UserError(f"scenario: expected {' or '.join(SCENARIOS)}, got {scenario!r}")
     entries = tuple(read_entries(board, scenario=scenario))
     if number is not None:
-        name = f"season-{season_word(number, scenario)}"
+        name = f"season-{season_label(number, scenario)}"
     return Closing(name, number, entries, work, candidates, size, rounds, scale, scenario)
 
 
