@@ -66,11 +66,7 @@ GROUPS = {
     ),
     "opponent-pursuit": (
         "opponent",
-        "four scripted allies (reactive, expert, expert-spread, always-hop), drawn anew every round",
-    ),
-    "opponent-population": (
-        "opponent, of a population",
-        "five scripted allies and those of the public population training-1, drawn anew every round",
+        "four scripted allies (reactive, expert, expert-spread, always-hop), and idle where PPO learned",
     ),
     "opponent-learned": (
         "opponent that flies itself",
@@ -82,7 +78,7 @@ GROUPS = {
     ),
     "ally-discrete": (
         "ally of a population, discrete",
-        "seven scripted opponents and those of the public population training-1, drawn anew every round",
+        "twelve scripted opponents and those of the public population training-1, drawn anew every round",
     ),
     "opponent-discrete": (
         "opponent, discrete actions",

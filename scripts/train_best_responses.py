@@ -1,11 +1,12 @@
-"""Train best responses to the board's trained entries, and make public suites of the strongest.
+"""Train best responses to trained entries of the board, and make public suites of the strongest.
 
-python scripts/train_best_responses.py [--only ally/ally-scripted-ppo] [--n-jobs 2]     run it again to resume
+python scripts/train_best_responses.py [ally/ally-champion ...] [--n-jobs 2]     run it again to resume
 
-Responses to each entry's first training seed are trained by several algorithms and budgets. Each has a
-row in leaderboard/results/best_responses.jsonl, with its recipe and the entry's return per step against it.
-The strongest response to an entry becomes an agent folder baselines/suites/responses-v1/<side>/<entry>, and a
-rival in the suite of best responses of its track, such as baselines/suites/ally-responses-v1.yml.
+Responses to each entry's first training seed are trained by one or more recipes: to an ally for what it
+loses, to an opponent for what the response itself earns. Each has a row in
+leaderboard/results/best_responses.jsonl, with its recipe and the entry's return per step against it. The
+strongest response to an entry becomes an agent folder baselines/suites/responses-v2/<side>/<entry>, and a
+rival in the suite of best responses of its track, such as baselines/suites/ally-responses-v2.yml.
 """
 
 from __future__ import annotations
@@ -34,13 +35,35 @@ from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.league import best_responses, response_folder
 
-RECIPES = ("ppo:250000", "td3:40000", "sac:10000", "sac:40000")  # algorithm:steps
+RECIPES = ("ppo-stack8:1500000:discrete",)  # algorithm:steps:actions
+# The first five trained entries of each table, by what they earned among the unseen of season 1.
+TARGETS = (
+    "ally/ally-discrete-ppo-stack8",
+    "ally/ally-champion",
+    "ally/ally-population-ppo-stack8",
+    "ally/ally-scripted-discrete-recurrent-ppo",
+    "ally/ally-scripted-ppo-stack8",
+    "opponent/opponent-champion-2-pursuit",
+    "opponent/opponent-discrete-ppo-stack8",
+    "opponent/opponent-pursuit-td3",
+    "opponent/opponent-pursuit-sac",
+    "opponent/opponent-pursuit-ppo",
+    "opponent/opponent-champion-2",
+    "opponent/opponent-champion",
+    "opponent/opponent-learned-ppo",
+    "opponent/opponent-learned-sac",
+    "opponent/opponent-learned-td3",
+)
+# Reward of the responses by the side of the entry: an ally's lowest return is what anybody can do to it, an
+# opponent's is taken against allies that play for themselves.
+REWARDS = {"ally": "zero_sum", "opponent": "own"}
+CONTINUOUS = "continuous"
 SCENARIO = "standard"  # scenario of all tracks
 MATCHES = 25  # per rival in the suites
-FOLDER = "responses-v1"
-_ROW_KEYS = ("algorithm", "steps", "start", "training_seed", "reward", "return", "earned")
+FOLDER = "responses-v2"
+_ROW_KEYS = ("algorithm", "steps", "actions", "start", "training_seed", "reward", "return", "earned")
 PURSUIT = "pursuit"  # path of tracks without one
-Recipe = tuple[str, int]  # algorithm, steps
+Recipe = tuple[str, int, str]  # algorithm, steps, action mode
 _HEAD = "# Best responses to single entries of the board. Made by: python scripts/train_best_responses.py\n"
 
 
@@ -66,7 +89,7 @@ class Target:
 
     @property
     def name(self) -> str:
-        """Name of its job, and value of ``--only``."""
+        """Name of its job, and of the command's argument."""
         return f"{self.side}/{self.slug}"
 
     @property
@@ -77,14 +100,14 @@ class Target:
     def is_done(self, recipes: Sequence[Recipe], seeds: int, file: RowFile) -> bool:
         """Return True if there is a row for each response to this very policy, and the strongest agent."""
         own = {"track": self.track, "slug": self.slug, "policy_sha256": self.sha256, "protocol": PROTOCOL}
-        rows = Counter((row["algorithm"], row["steps"]) for row in file.read() if own.items() <= row.items())
+        rows = Counter(recipe_of(row) for row in file.read() if own.items() <= row.items())
         has_agent = (suites_folder() / self.response / "agent.json").is_file()
         return has_agent and all(rows[recipe] >= seeds for recipe in recipes)
 
 
-def targets(board: Path, only: str | None = None) -> Iterator[Target]:
-    """Yield the targets of a board, or the one of an entry."""
-    for folder in submission_folders(board, [] if only is None else [only]):
+def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
+    """Yield the targets of these entries of a board, or of all; those of other scenarios are none."""
+    for folder in submission_folders(board, names):
         if folder.parent.name in SIDES:
             entry = load_submission(folder, contract=False)
             if entry.policies and entry.scenario == SCENARIO:
@@ -96,23 +119,30 @@ def targets(board: Path, only: str | None = None) -> Iterator[Target]:
 
 
 def parse_recipe(text: str) -> Recipe:
-    """Return algorithm and steps of ``ppo:500000``; raises UserError for any other text."""
-    algorithm, _, steps = text.partition(":")
-    if not steps.isdecimal():
+    """Return the recipe of ``ppo:500000`` or ``ppo:500000:discrete``; raises UserError for any other text."""
+    algorithm, steps, *actions = text.split(":") if ":" in text else (text, "")
+    if not steps.isdecimal() or len(actions) > 1:
         raise UserError(f"recipe {text!r}: expected algorithm:steps, as ppo:500000")
-    return algorithm, int(steps)
+    return algorithm, int(steps), *(actions or [CONTINUOUS])
+
+
+def recipe_of(row: Row) -> Recipe:
+    """Return the recipe of a response's row."""
+    return row["algorithm"], row["steps"], row.get("actions", CONTINUOUS)
 
 
 def train_responses(target: Target, recipes: Sequence[Recipe], seeds: int, out: Path) -> list[Row]:
     """Train the missing responses to a target, and return the results of all of them."""
     result: Row = {}
-    for algorithm, steps in recipes:  # each result includes the former ones
+    for algorithm, steps, actions in recipes:  # each result includes the former ones
         result = best_responses(
             target.agent,
             out,
             algorithm=algorithm,
             steps=steps,
             n_seeds=seeds,
+            reward=REWARDS[target.side],
+            actions=actions,
             side=target.side,
             scenario=SCENARIO,
             path=target.path,
@@ -122,19 +152,21 @@ def train_responses(target: Target, recipes: Sequence[Recipe], seeds: int, out: 
 
 
 def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> None:
-    """Replace the rows of a target, and copy its strongest response to the suites."""
+    """Replace the rows of these responses to a target, and copy its strongest one to the suites."""
     strongest = min(responses, key=lambda response: response["return"])
     agent = out / response_folder(strongest) / "agent"
     for name in ("policy.onnx", "agent.json"):
         write_whole(suites_folder() / target.response / name, (agent / name).read_bytes())
-    rows = [row for row in file.read() if (row["track"], row["slug"]) != (target.track, target.slug)]
+    made = {recipe_of(response) for response in responses}
+    own = (target.track, target.slug)
+    rows = [row for row in file.read() if (row["track"], row["slug"]) != own or recipe_of(row) not in made]
     for response in responses:
         rows.append(
             {
                 "track": target.track,
                 "slug": target.slug,
                 "agent": target.agent,
-                **{key: response[key] for key in _ROW_KEYS},
+                **{key: response[key] for key in _ROW_KEYS if key in response},
                 "jammed": response["measures"]["jamming_success_rate"],
                 "policy_sha256": target.sha256,
                 "protocol": PROTOCOL,
@@ -146,7 +178,7 @@ def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> 
 
 def write_suites(board: Path) -> Iterator[Path]:
     """Write the suite of each track that has responses to entries of the board; yields the paths."""
-    answered = [target for target in targets(board) if (suites_folder() / target.response).is_dir()]
+    answered = [target for target in targets(board, ()) if (suites_folder() / target.response).is_dir()]
     for track in TRACKS.values():
         if own := [target for target in answered if target.track == track.key]:
             public = load_suite(track.public)
@@ -172,8 +204,12 @@ def _rival(target: Target, other_side: str) -> dict[str, str]:
 def main() -> int:
     """Train what is missing; returns 0 if all went well."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--only", help="one entry, as ally/ally-scripted-ppo")
-    parser.add_argument("--recipe", action="append", help=f"algorithm:steps; default: {' '.join(RECIPES)}")
+    parser.add_argument(
+        "entries", nargs="*", default=TARGETS, help="entries of the board; default: the first five"
+    )
+    parser.add_argument(
+        "--recipe", action="append", help=f"algorithm:steps[:actions]; default: {' '.join(RECIPES)}"
+    )
     parser.add_argument("--n-seeds", type=int, default=1, help="responses of each recipe")
     parser.add_argument("--n-jobs", type=int, default=2, help="entries at once, one thread each")
     parser.add_argument("--board", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
@@ -188,7 +224,7 @@ def main() -> int:
             partial(keep, target, file, out),
             partial(target.is_done, recipes, options.n_seeds, file),
         )
-        for target in targets(options.board, options.only)
+        for target in targets(options.board, options.entries)
         for out in [(options.runs / target.name).absolute()]
     ]
     check_all_done(run_jobs(jobs, options.n_jobs))

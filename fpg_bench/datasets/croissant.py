@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from fpg_bench.version import __version__
 
 
 def croissant(spec: DatasetSpec, folder: Path) -> dict[str, Any]:
-    """Return the Croissant metadata of a data set as JSON-LD.
+    """Return the Croissant metadata of a data set that is finished today, as JSON-LD.
 
     Args:
         spec: its specification.
@@ -42,4 +43,5 @@ def croissant(spec: DatasetSpec, folder: Path) -> dict[str, Any]:
                 "The content of a version never changes; changed rules or players make another version."
             ),
         },
+        datePublished=datetime.now(UTC).date().isoformat(),
     )

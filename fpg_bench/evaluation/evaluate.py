@@ -183,6 +183,11 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[Entry]) -> None
 
 def _about(folder: Path) -> dict[str, Any]:
     """Return the description of a results folder; raises UserError for an older or damaged one."""
+    if not (folder / ABOUT).exists() and (folder / "run.json").is_file():
+        raise UserError(
+            f"results {folder}: is a training run without results; play it first: "
+            f"fpg-bench evaluate {folder} --out DIR"
+        )
     about = read_json(folder / ABOUT, "results")
     if not isinstance(about.get("suite"), str) or not isinstance(about.get("matches"), int):
         raise UserError(

@@ -93,8 +93,7 @@ class TrackSuites:
                 public, matches=min(public.matches, PUBLIC_SEEDS_MATCHES)
             )
             others[UNSEEN] = season.suite_name(track.public)
-        stem, _, version = track.public.rpartition("-v")
-        others |= {role: f"{stem}-{role}-v{version}" for role in (SHIFTED, RESPONSES)}
+        others |= {role: name for role in (SHIFTED, RESPONSES) if (name := _newest(track.public, role))}
         for role, name in others.items():
             if (suites_folder() / f"{name}.yml").is_file():
                 suites[role] = dataclasses.replace(self._load(name), season=seeds)
@@ -106,6 +105,13 @@ class TrackSuites:
         return self._loaded[name]
 
 
+def _newest(public: str, role: str) -> str | None:
+    """Return the name of a role's newest suite that is not newer than the public one; None without any."""
+    stem, _, version = public.rpartition("-v")
+    names = (f"{stem}-{role}-v{number}" for number in range(int(version), 0, -1))
+    return next((name for name in names if (suites_folder() / f"{name}.yml").is_file()), None)
+
+
 def ranked_by(roles: Collection[str]) -> str:
     """Return the role of the suite that ranks: the unseen one if entries play it, else the public one."""
     return UNSEEN if UNSEEN in roles else PUBLIC
@@ -115,14 +121,14 @@ TRACKS = MappingProxyType(
     {
         track.key: track
         for track in (
-            Track("ally", "ally", None, "Allies", "ally-v1"),
-            Track("opponent-pursuit", "opponent", "pursuit", "Opponents in pursuit", "opponent-v1"),
+            Track("ally", "ally", None, "Allies", "ally-v2"),
+            Track("opponent-pursuit", "opponent", "pursuit", "Opponents in pursuit", "opponent-v2"),
             Track(
                 "opponent-learned",
                 "opponent",
                 "learned",
                 "Opponents that fly themselves",
-                "opponent-learned-v1",
+                "opponent-learned-v2",
             ),
             Track("planner", "planner", None, "Planners of the opponent's path", "planner-v1"),
             Track("ally-link", "ally", None, "Allies on a radio link", "ally-link-v1", "link"),

@@ -1,5 +1,6 @@
 """Data sets: what Minari reads is what was played, however it was made, and nothing half is left."""
 
+import datetime
 import errno
 import hashlib
 import json
@@ -150,6 +151,8 @@ def test_croissant_names_every_file_with_its_hash(tmp_path):
     seeds = f"{tiny().first_seed} to {tiny().first_seed + 4}:"
     assert seeds in about["rai:dataCollection"]
     assert about["rai:personalSensitiveInformation"]
+    made = datetime.date.fromisoformat(about["datePublished"])
+    assert abs((datetime.datetime.now(datetime.UTC).date() - made).days) <= 1
 
 
 def test_the_page_lists_every_shipped_data_set():

@@ -134,6 +134,14 @@ def test_a_folder_of_the_old_protocol_is_named(suite, tmp_path):
         assert json.loads((out / "evaluation.json").read_text()) == about
 
 
+def test_a_run_without_results_is_told_from_a_results_folder(tmp_path):
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(
+        UserError, match="is a training run without results; play it first: fpg-bench evaluate"
+    ):
+        read_results(tmp_path)
+
+
 def test_an_evaluation_that_never_began_claims_no_folder(suite, tmp_path):
     with contextlib.suppress(UserError):
         evaluate(["expertt"], suite, tmp_path / "out")

@@ -33,11 +33,12 @@ def _meets(path: str) -> list[dict[str, str]]:
 
 
 SUITES = {
-    "ally-v1": SUITE,
-    "opponent-v1": _OPPONENTS | {"rivals": _meets("pursuit")},
-    "opponent-learned-v1": _OPPONENTS | {"rivals": _meets("learned")},
+    "ally-v2": SUITE,
+    "opponent-v2": _OPPONENTS | {"rivals": _meets("pursuit")},
+    "opponent-learned-v2": _OPPONENTS | {"rivals": _meets("learned")},
     "planner-v1": yaml.safe_load(PLANNER_SUITE),
 }
+FIRST_SUITES = {name.replace("v2", "v1"): content for name, content in SUITES.items() if "v2" in name}
 LINK_SUITES = {
     "ally-link-v1": SUITE | {"scenario": "link"},
     "opponent-link-v1": _OPPONENTS | {"scenario": "link", "rivals": _meets("pursuit")},
@@ -49,7 +50,7 @@ def make_suites(folder: Path) -> Path:
     folder.mkdir(parents=True)
     for name in ("agents", "hyperparams"):
         (folder / name).symlink_to(baselines_folder() / name)
-    for name, content in (SUITES | LINK_SUITES).items():
+    for name, content in (SUITES | FIRST_SUITES | LINK_SUITES).items():
         write_suite(folder, name, content)
     return folder
 
@@ -70,7 +71,7 @@ def close_season(baselines: Path, number: int = 1, **suites: dict[str, Any]) -> 
     season = {"number": number, "protocol": PROTOCOL, "seed": seed_from(PROTOCOL, number, ()), "entries": {}}
     (folder / "season.yml").write_text(yaml.safe_dump(season))
     for public, content in SUITES.items():
-        track = public.removesuffix("-v1")
+        track = public.rpartition("-v")[0]
         write_suite(baselines, f"{track}-season-{number}", content | suites.get(track.replace("-", "_"), {}))
     return season["seed"]
 

@@ -106,9 +106,9 @@ def with_figures(board: Board, slug: str, **figures: Any) -> Board:
 
 def _suites(side: str, public: list[str], season: int | None) -> tuple[BoardSuite, ...]:
     """Return the public suite alone before a season is closed, all that there can be after it."""
-    rivals = {PUBLIC: (f"{side}-v1", public)}
+    rivals = {PUBLIC: (f"{side}-v2", public)}
     if season is not None:
-        rivals[PUBLIC_SEEDS] = f"{side}-v1", public
+        rivals[PUBLIC_SEEDS] = f"{side}-v2", public
         rivals[UNSEEN] = f"{side}-season-{season}", [f"trained-{k}" for k in range(3)]
         rivals[SHIFTED] = f"{side}-shifted-v1", [f"{public[0]}, {change}" for change in CHANGED_RULES]
     return tuple(

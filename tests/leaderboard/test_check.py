@@ -37,7 +37,7 @@ def test_a_sound_submission_is_read(tmp_path):
     assert problems(folder) == []
     submission = load_submission(folder)
     assert (submission.slug, submission.training.seeds) == ("mine", (0, 1))
-    assert public_suite(submission) == "ally-v1"
+    assert public_suite(submission) == "ally-v2"
     assert [(p.seed, p.model == policy(p.seed)) for p in submission.policies] == [(0, True), (1, True)]
     before = submission.fingerprint
     (folder / "submission.yaml").write_text("# a remark\n" + (folder / "submission.yaml").read_text())
@@ -54,8 +54,8 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
     assert [p.about["algorithm"] for p in load_submission(zoo).policies] == ["ppo"] * 5
     for track, path, name, suite in (
         ("planner", None, "hold", "planner-v1"),
-        ("opponent", "pursuit", "tone", "opponent-v1"),
-        ("opponent", "learned", "comb", "opponent-learned-v1"),
+        ("opponent", "pursuit", "tone", "opponent-v2"),
+        ("opponent", "learned", "comb", "opponent-learned-v2"),
     ):
         entry = {"name": name, "track": track, "path": path, "training": None, "script": name}
         assert public_suite(load_submission(write_submission(tmp_path / name, (), **entry))) == suite

@@ -285,7 +285,7 @@ def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(closed):
     assert season.entries["ally/broken"]
     profile = RowFile(work / "opponent/o00" / PROFILE).read()
     lost = [row["ally"] for row in profile if row["entry"] == "ally/broken"]
-    assert lost == [pytest.approx(load_suite("ally-v1").scale.reward(-100), rel=0.01)] * 2
+    assert lost == [pytest.approx(load_suite("ally-v2").scale.reward(-100), rel=0.01)] * 2
 
 
 @pytest.mark.slow

@@ -55,9 +55,9 @@ def record_of(player, suite, rival):
 @pytest.mark.parametrize("spec", ["reactive", 3])
 def test_a_pair_plays_as_an_evaluation_does(spec):
     """Both sides' returns per step, and how much was jammed."""
-    pair = play_pair(entry("ally-v1", "a", spec), entry("opponent-v1", "o", "adaptive"), rounds=ROUNDS)
+    pair = play_pair(entry("ally-v2", "a", spec), entry("opponent-v2", "o", "adaptive"), rounds=ROUNDS)
     player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
-    tally = record_of(player, "ally-v1", "adaptive/pursuit").tally
+    tally = record_of(player, "ally-v2", "adaptive/pursuit").tally
     expected = {
         "ally_rewards": pytest.approx((tally["ally_return"] / tally["steps"],), rel=1e-5),
         "opponent_rewards": pytest.approx((tally["opponent_return"] / tally["steps"],), rel=1e-5),
@@ -89,15 +89,15 @@ def test_a_team_plays_each_game_as_its_member_alone_would():
 
 def test_lost_rounds_go_to_the_other_side(in_process):
     in_process.loses = (0,)
-    opponent = entry("opponent-v1", "o", "tone")
-    lost = play_pair(ally := entry("ally-v1", "a", 0, shipped=False), opponent, rounds=2)
+    opponent = entry("opponent-v2", "o", "tone")
+    lost = play_pair(ally := entry("ally-v2", "a", 0, shipped=False), opponent, rounds=2)
     assert lost.lost == (1, 0)
     assert lost.jamming_success_rate >= 0.5
     scale, (reward,) = ally.scale, lost.ally_rewards
     worst = scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)
     assert reward <= (worst + scale.top) / 2
-    ally = entry("ally-v1", "a", "idle")
-    lost = play_pair(ally, entry("opponent-v1", "o", 0, shipped=False), rounds=2)
+    ally = entry("ally-v2", "a", "idle")
+    lost = play_pair(ally, entry("opponent-v2", "o", 0, shipped=False), rounds=2)
     assert lost.lost == (0, 1)
     assert lost.jamming_success_rate <= 0.5
 
@@ -164,8 +164,8 @@ def test_only_new_pairs_are_played(played):
     ],
 )
 def test_who_lacks_pairs_is_taken_out(played, left):
-    opponents = [entry("opponent-v1", str(k), *["tone"] * (k + 1)) for k in range(3)]
-    allies = [entry("ally-v1", str(k), *["idle"] * (k + 1)) for k in range(len(played))]
+    opponents = [entry("opponent-v2", str(k), *["tone"] * (k + 1)) for k in range(3)]
+    allies = [entry("ally-v2", str(k), *["idle"] * (k + 1)) for k in range(len(played))]
     known = {
         pair_key(ally, opponent, ROUNDS): None
         for ally, row in zip(allies, played, strict=True)

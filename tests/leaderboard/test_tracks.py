@@ -101,12 +101,12 @@ def test_before_a_season_everybody_plays_the_public_suite(small_suites):
 
 
 def test_a_closed_season_adds_its_suite_and_plays_all_on_its_seeds(small_suites):
-    write_suite(small_suites, "ally-v1", SUITE | {"matches": 40})
+    write_suite(small_suites, "ally-v2", SUITE | {"matches": 40})
     seed = close_season(small_suites, ally={"rivals": [{"opponent": "tone"}]})
     assert current_season() == SeasonKey(1, seed)
     suites = suites_of("ally")
     assert [suite.matches for suite in suites.values()] == [40, PUBLIC_SEEDS_MATCHES, 4]
-    assert names(suites) == {"public": "ally-v1", "public-seeds": "ally-v1", "unseen": "ally-season-1"}
+    assert names(suites) == {"public": "ally-v2", "public-seeds": "ally-v2", "unseen": "ally-season-1"}
     assert [suite.season for suite in suites.values()] == [seed, SEASON, seed]
     assert len({suite.hash for suite in suites.values()}) == 3
     assert ranked_by(suites) == "unseen"
@@ -148,7 +148,7 @@ def test_a_season_s_file_that_was_edited_is_refused(small_suites, text):
 def test_a_board_s_suite_names_only_players_of_the_package(small_suites, player, monkeypatch):
     monkeypatch.setattr("fpg_bench.players.registry.import_object", lambda *how: 1 / 0)
     for key in ("opponent", "planner"):
-        write_suite(small_suites, "ally-v1", SUITE | {"rivals": [{"opponent": "adaptive", key: player}]})
+        write_suite(small_suites, "ally-v2", SUITE | {"rivals": [{"opponent": "adaptive", key: player}]})
         with pytest.raises(UserError, match="a board plays scripts and agents of the package alone"):
             suites_of("ally")
 
@@ -189,7 +189,7 @@ def test_a_board_loads_each_suite_once(board, small_suites, monkeypatch):
     loaded, load = Counter(), tracks.load_suite
     monkeypatch.setattr(tracks, "load_suite", lambda name, **how: loaded.update([name]) or load(name, **how))
     assert all(verdict.is_good for verdict in verify(board))
-    assert loaded == dict.fromkeys(["ally-v1", "ally-season-1", "opponent-v1", "opponent-season-1"], 1)
+    assert loaded == dict.fromkeys(["ally-v2", "ally-season-1", "opponent-v2", "opponent-season-1"], 1)
     loaded.clear()
     make_board(board)
     n_standard = sum(track.scenario == "standard" for track in TRACKS.values())

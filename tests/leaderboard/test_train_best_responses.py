@@ -58,9 +58,10 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
         assert script("--recipe", "ppo:400", *words) == 0
         return [line for line in capsys.readouterr().out.splitlines() if "begins" in line]
 
-    assert begun() == ["ally/linear: begins", "opponent/flying: begins"]
-    assert begun("--n-seeds", "2", "--only", "ally/linear") == ["ally/linear: begins"]
-    assert begun() == []
+    both = "ally/linear", "opponent/flying"
+    assert begun(*both) == ["ally/linear: begins", "opponent/flying: begins"]
+    assert begun("--n-seeds", "2", "ally/linear") == ["ally/linear: begins"]
+    assert begun(*both) == []
     rows = rows_of(board)
     assert [(row["track"], row["slug"], row["steps"], row["training_seed"]) for row in rows] == [
         ("ally", "linear", 400, 0),
@@ -70,17 +71,17 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
     assert all(row["agent"].endswith("seed_1") for row in rows[:2])
     assert all(0 <= row["jammed"] <= 1 for row in rows)
     strongest = min(rows[:2], key=lambda row: row["return"])
-    about = json.loads((small_suites / "suites/responses-v1/ally/linear/agent.json").read_text())
+    about = json.loads((small_suites / "suites/responses-v2/ally/linear/agent.json").read_text())
     assert about["training_seed"] == strongest["training_seed"]
-    suite, public = load_suite("ally-responses-v1"), TrackSuites().public(TRACKS["ally"])
+    suite, public = load_suite("ally-responses-v2"), TrackSuites().public(TRACKS["ally"])
     assert suite == TrackSuites().of(TRACKS["ally"])["responses"]
     (met,) = suite.rivals
-    assert (met.name, met.players) == ("response to linear", ("responses-v1/ally/linear",))
+    assert (met.name, met.players) == ("response to linear", ("responses-v2/ally/linear",))
     assert (met.scenario.opponent_path, suite.scale) == ("pursuit", public.scale)
     assert len(identity(met.players[0])) == 64
-    (other,) = load_suite("opponent-learned-responses-v1").rivals
+    (other,) = load_suite("opponent-learned-responses-v2").rivals
     assert other.scenario.opponent_path == "learned"
-    assert not (small_suites / "suites/opponent-responses-v1.yml").exists()
+    assert not (small_suites / "suites/opponent-responses-v2.yml").exists()
     (verdict,) = verify(board, ["ally/wise"])  # all meet the strongest
     assert verdict.is_good
     head = json.loads((board / "results/ally/wise.jsonl").read_text().splitlines()[0])
@@ -88,5 +89,6 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
 
 
 def test_what_is_no_recipe_is_told(script):
-    with pytest.raises(UserError, match="recipe 'ppo': expected algorithm:steps, as ppo:500000"):
-        script("--recipe", "ppo")
+    for text in ("ppo", "ppo:x", "ppo:400:discrete:more"):
+        with pytest.raises(UserError, match=f"recipe '{text}': expected algorithm:steps, as ppo:500000"):
+            script("--recipe", text)
