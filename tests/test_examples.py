@@ -65,7 +65,12 @@ def kind_of(code):
 @pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "last"), [("quick_start", "mine .* score"), ("enter_the_board", "my-first: nothing is wrong")]
+    ("name", "last"),
+    [
+        ("quick_start", "mine .* score"),
+        ("enter_the_board", "my-first: nothing is wrong"),
+        ("offline_learning", "my-iql: nothing is wrong"),
+    ],
 )
 def test_a_notebook_runs_from_its_first_cell_to_its_last(name, last, tmp_path):
     notebook = json.loads((ROOT / "examples" / f"{name}.ipynb").read_text())
