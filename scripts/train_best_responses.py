@@ -36,7 +36,7 @@ from fpg_bench.players.player import SIDES
 from fpg_bench.training.league import best_responses, response_folder
 
 RECIPES = ("ppo-stack8:1500000:discrete",)  # algorithm:steps:actions
-# The first five trained entries of each table, by what they earned among the unseen of season 1.
+# The first trained entries of each table, by what they earned among the unseen of season 1.
 TARGETS = (
     "ally/ally-discrete-ppo-stack8",
     "ally/ally-champion",
@@ -51,8 +51,6 @@ TARGETS = (
     "opponent/opponent-champion-2",
     "opponent/opponent-champion",
     "opponent/opponent-learned-ppo",
-    "opponent/opponent-learned-sac",
-    "opponent/opponent-learned-td3",
 )
 # Reward of the responses by the side of the entry: an ally's lowest return is what anybody can do to it, an
 # opponent's is taken against allies that play for themselves.
@@ -205,7 +203,7 @@ def main() -> int:
     """Train what is missing; returns 0 if all went well."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
-        "entries", nargs="*", default=TARGETS, help="entries of the board; default: the first five"
+        "entries", nargs="*", default=TARGETS, help="entries of the board; default: the first of each table"
     )
     parser.add_argument(
         "--recipe", action="append", help=f"algorithm:steps[:actions]; default: {' '.join(RECIPES)}"
