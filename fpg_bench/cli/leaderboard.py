@@ -283,7 +283,7 @@ def close_season(
 
 @leaderboard.command()
 def audit_season(
-    name: Annotated[str, typer.Argument(help="A shipped season (season-1), or its folder.")],
+    name: Annotated[str, typer.Argument(help="A shipped season (season-2), or its folder.")],
     work: Annotated[Path, typer.Option(help="Folder to train in.")],
     folder: FolderOption = Path("leaderboard"),
     member: Annotated[
@@ -296,7 +296,7 @@ def audit_season(
 ) -> None:
     """Train members of a season again, and compare the entries' returns against both.
 
-    Example: fpg-bench leaderboard audit-season season-1 --work runs/audit
+    Example: fpg-bench leaderboard audit-season season-2 --work runs/audit
     """
     need("train", "torch")
     from fpg_bench.leaderboard import audit_season as auditing

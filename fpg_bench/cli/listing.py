@@ -192,7 +192,7 @@ def suites(
 ) -> None:
     """List the suites with their rivals, or describe one of them or a season.
 
-    Example: fpg-bench suites season-1
+    Example: fpg-bench suites season-2
     """
     from fpg_bench.evaluation.suite import load_suite
     from fpg_bench.players.agent import suites_folder

@@ -111,7 +111,7 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert "fpg-bench play --ally hf://me/mine" in text
     records = [json.loads(line) for line in files["records.jsonl"].splitlines()]
     assert {record["fingerprint"] for record in records} == {about["policy_sha256"][:16]}
-    assert {record["suite"] for record in records} == {"ally-v1", "ally-season-1"}
+    assert {record["suite"] for record in records} == {"ally-v1", "ally-season-2"}
     assert files["replay.html"].startswith(b"<!DOCTYPE html>")
     assert "curve.png" not in files
     assert TOKEN.encode() not in b"".join(files.values())
