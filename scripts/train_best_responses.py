@@ -56,7 +56,7 @@ TARGETS = (
 # opponent's is taken against allies that play for themselves.
 REWARDS = {"ally": "zero_sum", "opponent": "own"}
 CONTINUOUS = "continuous"
-SCENARIO = "standard"  # scenario of all tracks
+SCENARIO = "standard"  # that of the entries which are answered
 MATCHES = 25  # per rival in the suites
 FOLDER = "responses-v2"
 _ROW_KEYS = ("algorithm", "steps", "actions", "start", "training_seed", "reward", "return", "earned")

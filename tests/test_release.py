@@ -36,7 +36,11 @@ HASHES = {
     "link-slow-hop": "2f907b75d1025a41be83637c6de0c32f6a10926dad705047efee4eb021a4db56",
     "link-throughput": "29f3d89e52f52c834ec32f290209d6b5c9593d03717024d5e94e6ced4b766f91",
 }
-SEASONS = {"season-1": "0f8e36742a9772d6a2c0cc26bbff9dff286edc94164772012543dedfd77ee27c"}
+SEASONS = {
+    "season-1": "0f8e36742a9772d6a2c0cc26bbff9dff286edc94164772012543dedfd77ee27c",
+    "season-2-link": "ef9ccfe35134aa0e336be04b1421a300b9fd1ac2e848bc6cead86d7550dfc868",
+    "season-2": "6467b5a950eeefdfffef475cffc95ae91965d2097dbc8d3fe9834a5038caf44a",
+}
 
 
 def test_the_version_stands_in_one_place():
