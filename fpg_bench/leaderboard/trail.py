@@ -27,7 +27,8 @@ def training_of(rival: Rival) -> str:
     if len(rival.players) > 1 or not path.is_file():
         return ""
     about = read_json(path, "agent")
-    met = str(about["options"].get(other_side(about["side"]), "")).split(",")
+    met = about["options"].get(other_side(about["side"]), "")
+    met = met.split(",") if isinstance(met, str) else met
     names = [name.removeprefix("leaderboard/submissions/").partition("/seed_")[0] for name in met]
     return f"{about['algorithm'].upper()}, trained against {', '.join(dict.fromkeys(names))}"
 

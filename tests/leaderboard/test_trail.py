@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fpg_bench.cli import app
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.result import read_result
 from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, RESPONSES, SHIFTED, TRACKS, UNSEEN, TrackSuites
@@ -30,9 +31,9 @@ def rival_of(suites, track, role, name):
     ("track", "slug", "role", "rival"),
     [
         ("ally", "expert-spread", PUBLIC, "adaptive/circle"),
-        ("ally", "ally-population-recurrent-ppo", UNSEEN, "o04"),
+        ("ally", "ally-population-recurrent-ppo", UNSEEN, "o12"),
         ("ally", "plain-torch", RESPONSES, "response to ally-champion"),
-        ("opponent-learned", "opponent-champion", UNSEEN, "a11"),
+        ("opponent-learned", "opponent-champion", UNSEEN, "a16"),
         ("ally-link", "sulk-link", PUBLIC, "tone/pursuit"),
     ],
 )
@@ -59,9 +60,10 @@ def test_rivals_whose_game_play_does_not_offer_have_no_command(suites):
 
 
 def test_a_season_s_rival_says_how_it_was_trained(suites):
-    _, rival = rival_of(suites, "ally", UNSEEN, "o04")
-    expected = (
+    _, rival = rival_of(suites, "ally", UNSEEN, "o22")
+    assert training_of(rival) == "TD3, trained against ally-planner/ppo, epsilon-greedy, by-type"
+    older = load_suite("ally-season-1").named("o04")  # whose agent.json has the names in one text
+    assert training_of(older) == (
         "TD3, trained against ally-planner/td3, expert-spread, ally/plain-torch, ally-population/td3, expert"
     )
-    assert training_of(rival) == expected
     assert training_of(rival_of(suites, "ally", PUBLIC, "tone/pursuit")[1]) == ""
