@@ -199,9 +199,10 @@ def champions() -> dict[str, str]:
     entries = {}
     for slug, (name, place) in CHAMPIONS.items():
         for folder in sorted((baselines_folder() / "agents" / name).glob("*")):
+            role = slug.replace("-", " ")
             text = f"Made to be hard to beat; trained by python scripts/train_champions.py --only {name}."
             saw = "scripts, agents of the zoo, and those who had learned to beat it"
-            entries[f"{place.track}/{slug}"] = trained(folder, place, name.replace("-", " "), saw, text)
+            entries[f"{place.track}/{slug}"] = trained(folder, place, role, saw, text)
     return entries
 
 

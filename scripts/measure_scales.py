@@ -26,7 +26,7 @@ from fpg_bench.players.agent import suites_folder
 DIGITS = 2
 # Suites that are older than the scripts with memory; in paper, allies have no bound but the best known.
 OLDER = re.compile(r"(opponent-|opponent-learned-|(ally|opponent)-paper-)v1")
-BORROWING = ("-shifted-v1", "-responses-v1")  # suites with the scale of their track's public suite
+BORROWING = ("-shifted-", "-responses-")  # suites with the scale of their track's public suite
 
 
 def rewards(name: str, suite: Suite) -> list[float]:
@@ -63,7 +63,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("suites", nargs="*", help="names or files; default: all public ones")
     public = sorted(path.stem for path in suites_folder().glob("*-v[0-9].yml"))
-    names = parser.parse_args().suites or [name for name in public if not name.endswith(BORROWING)]
+    names = parser.parse_args().suites or [name for name in public if not any(part in name for part in BORROWING)]
     differ = False
     for suite in map(load_suite, names):
         zero, top = (round(value, DIGITS) for value in scale(suite))

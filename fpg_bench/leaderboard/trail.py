@@ -21,7 +21,7 @@ def training_of(rival: Rival) -> str:
     """Describe how a rival that a suite brings along was trained; empty for others.
 
     Returns:
-        Such as ``TD3, trained against expert, ally-population/td3``.
+        Such as ``PPO-stack8, trained against expert, ally-population/td3``.
     """
     path = suites_folder() / rival.players[0] / "agent.json"
     if len(rival.players) > 1 or not path.is_file():
@@ -30,7 +30,8 @@ def training_of(rival: Rival) -> str:
     met = about["options"].get(other_side(about["side"]), "")
     met = met.split(",") if isinstance(met, str) else met
     names = [name.removeprefix("leaderboard/submissions/").partition("/seed_")[0] for name in met]
-    return f"{about['algorithm'].upper()}, trained against {', '.join(dict.fromkeys(names))}"
+    name, *frames = about["algorithm"].partition("-")
+    return f"{name.upper()}{''.join(frames)}, trained against {', '.join(dict.fromkeys(names))}"
 
 
 def play_options(suite: Suite, rival: Rival) -> str:
