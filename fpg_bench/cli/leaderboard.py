@@ -260,7 +260,7 @@ def close_season(
 ) -> None:
     """Close a season: train candidates from a seed given by the entries, and select the suite from them.
 
-    Example: fpg-bench leaderboard close-season 2 --work runs/season-2
+    Example: fpg-bench leaderboard close-season 3 --work runs/season-3
     """
     need("train", "torch")
     from fpg_bench.leaderboard import close_season as closing_season
