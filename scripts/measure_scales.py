@@ -63,7 +63,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("suites", nargs="*", help="names or files; default: all public ones")
     public = sorted(path.stem for path in suites_folder().glob("*-v[0-9].yml"))
-    names = parser.parse_args().suites or [name for name in public if not any(part in name for part in BORROWING)]
+    names = parser.parse_args().suites or [
+        name for name in public if not any(part in name for part in BORROWING)
+    ]
     differ = False
     for suite in map(load_suite, names):
         zero, top = (round(value, DIGITS) for value in scale(suite))

@@ -111,11 +111,12 @@ def test_random_play_stands_at_0_and_nobody_above_100(shown):
     """0 was measured on the seeds of the public suites; a season's are others, so it is met but nearly."""
     for key in ("ally", "opponent-pursuit", "opponent-learned", "planner"):
         known = {
-            entry.slug.removesuffix("-learned"): figures.scores[PUBLIC].value
+            entry.slug.removesuffix("-learned"): figures.scores[PUBLIC]
             for entry, figures in shown[key].verified()
         }
-        assert known["random"] == pytest.approx(0, abs=2), key
-        assert max(known.values()) < 105, key
+        random = known["random"]
+        assert abs(random.value) < random.high - random.low + 0.5, key  # twice the half of its interval
+        assert max(score.value for score in known.values()) < 105, key
 
 
 def test_worst_is_no_higher_than_any_score(shown):

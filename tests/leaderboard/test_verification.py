@@ -84,7 +84,7 @@ def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, 
     folder = enter(board, "ally", "linear", seeds=(0, 2))
     verdicts_of(board)
     agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
-    (evaluated,) = evaluate(agents, "ally-v1", tmp_path / "results", name="linear")
+    (evaluated,) = evaluate(agents, "ally-v2", tmp_path / "results", name="linear")
     case = load_case(board, folder)
     assert summaries_of(case.result.records, case.suites)[PUBLIC].records == evaluated.records
     score = case.result.totals.scores[PUBLIC]
@@ -163,7 +163,7 @@ def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process)
             '"scores":{"public":{"value":9',
             "its summary does not follow",
         ),
-        ('"suites":{"public":["ally-v1","', '"suites":{"public":["ally-v1","0', "of other suites; make"),
+        ('"suites":{"public":["ally-v2","', '"suites":{"public":["ally-v2","0', "of other suites; make"),
     ],
     ids=["score", "suites"],  # tests of results try all others
 )
@@ -293,7 +293,7 @@ verify(Path(sys.argv[3]))
 
 @pytest.mark.process
 def test_what_is_killed_goes_on_and_gives_the_same(board, small_suites, tmp_path):
-    write_suite(small_suites, "ally-v1", SUITE | {"matches": 100})
+    write_suite(small_suites, "ally-v2", SUITE | {"matches": 100})
     for slug in ("expert", "reactive"):
         enter(board, "ally", f"the-{slug}", script=slug)
     command = [sys.executable, "-c", VERIFY, small_suites, tmp_path / "cache", board]

@@ -49,6 +49,7 @@ def test_its_process_ends_with_the_game_that_it_played_in(submission):
     player = load_agent(submission / "seed_0", "ally")
     player.predict(np.zeros((1, 15), np.float32))
     pid, player.game = player._client.pid, {"player": player}  # a cycle, as games hold their players
+    gc.collect()  # what other tests left
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         del player
