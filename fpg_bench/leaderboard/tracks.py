@@ -67,9 +67,9 @@ class TrackSuites:
         """Return the suites that an entry of a track plays, by role.
 
         ``public`` is the public suite, ``unseen`` that of the season, ``shifted`` trained rivals under
-        changed rules, ``responses`` best responses to single entries. All are played on seeds that follow from
-        the season's seed, which nobody knew before entries were closed. ``public-seeds`` is the public suite on
-        public seeds. Before the first season is closed, everything is played on public seeds.
+        changed rules, ``responses`` best responses to single entries. All are played on seeds that follow
+        from the season's seed, which nobody knew before entries were closed. ``public-seeds`` is the public
+        suite on public seeds. Before the first season is closed, everything is played on public seeds.
 
         Args:
             track: the track.
