@@ -93,7 +93,8 @@ class TrackSuites:
                 public, matches=min(public.matches, PUBLIC_SEEDS_MATCHES)
             )
             others[UNSEEN] = season.suite_name(track.public)
-        others |= {role: name for role in (SHIFTED, RESPONSES) if (name := _newest(track.public, role))}
+        stem, _, version = track.public.rpartition("-v")
+        others |= {role: f"{stem}-{role}-v{version}" for role in (SHIFTED, RESPONSES)}
         for role, name in others.items():
             if (suites_folder() / f"{name}.yml").is_file():
                 suites[role] = dataclasses.replace(self._load(name), season=seeds)
@@ -103,13 +104,6 @@ class TrackSuites:
         if name not in self._loaded:
             self._loaded[name] = load_suite(name, shipped=True)
         return self._loaded[name]
-
-
-def _newest(public: str, role: str) -> str | None:
-    """Return the name of a role's newest suite that is not newer than the public one; None without any."""
-    stem, _, version = public.rpartition("-v")
-    names = (f"{stem}-{role}-v{number}" for number in range(int(version), 0, -1))
-    return next((name for name in names if (suites_folder() / f"{name}.yml").is_file()), None)
 
 
 def ranked_by(roles: Collection[str]) -> str:

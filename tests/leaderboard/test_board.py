@@ -184,7 +184,7 @@ def season(board, small_suites, in_process):
     """A board whose first season is closed: two opponents are unseen, and some rules shifted."""
     close_season(small_suites, ally={"rivals": [{"opponent": "tone"}, {"opponent": "comb"}]})
     slow = [{"opponent": ["tone", "comb"], "changes": {"ally_speed_m_s": [3, 6]}, "name": "a slower ally"}]
-    write_suite(small_suites, "ally-shifted-v1", SUITE | {"matches": 2, "rivals": slow})
+    write_suite(small_suites, "ally-shifted-v2", SUITE | {"matches": 2, "rivals": slow})
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "still", script="idle")
     enter(board, "ally", "linear", seeds=(0, 10, 2))

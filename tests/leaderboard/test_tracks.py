@@ -154,7 +154,7 @@ def test_a_board_s_suite_names_only_players_of_the_package(small_suites, player,
 
 
 def test_shifted_rules_and_responses_are_played_where_they_are_published(small_suites):
-    for name in ("ally-shifted-v1", "ally-responses-v1", "opponent-learned-shifted-v1"):
+    for name in ("ally-shifted-v2", "ally-responses-v2", "opponent-learned-shifted-v2"):
         side = {} if name.startswith("ally") else {"side": "opponent", "rivals": [{"ally": "idle"}]}
         write_suite(small_suites, name, SUITE | side)
     assert list(suites_of("ally")) == ["public", "shifted", "responses"]

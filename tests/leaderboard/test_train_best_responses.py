@@ -62,7 +62,10 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
     assert begun(*both) == ["ally/linear: begins", "opponent/flying: begins"]
     assert begun("--n-seeds", "2", "ally/linear") == ["ally/linear: begins"]
     assert begun(*both) == []
-    rows = rows_of(board)
+    assert begun("opponent/flying", "--recipe", "ppo:400:discrete") == ["opponent/flying: begins"]
+    *rows, discrete = rows_of(board)
+    assert (discrete["slug"], discrete["actions"]) == ("flying", "discrete")
+    assert [row["reward"] for row in (*rows, discrete)] == ["zero_sum", "zero_sum", "own", "own"]
     assert [(row["track"], row["slug"], row["steps"], row["training_seed"]) for row in rows] == [
         ("ally", "linear", 400, 0),
         ("ally", "linear", 400, 1),

@@ -93,8 +93,8 @@ def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, 
 
 def test_all_suites_of_the_track_are_played(board, small_suites):
     """Before a season all on public seeds, and then on the season's."""
-    write_suite(small_suites, "ally-shifted-v1", SUITE | {"matches": 2})
-    write_suite(small_suites, "ally-responses-v1", SUITE | {"matches": 3})
+    write_suite(small_suites, "ally-shifted-v2", SUITE | {"matches": 2})
+    write_suite(small_suites, "ally-responses-v2", SUITE | {"matches": 3})
     folder = enter(board, "ally", "wise", script="expert")
     verdicts_of(board)
     head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
