@@ -52,6 +52,10 @@ def test_a_hint_names_what_is_near_in_all_parts_or_else_everything_once(word, hi
     assert nearest(word, KNOWN * 2) == hint
 
 
+def test_a_hint_names_no_more_than_a_line_can_bear():
+    assert nearest("?", [f"{k:03}" for k in range(100)]).endswith(", 028, 029 and 70 more")
+
+
 def test_rows_come_back_in_order_and_a_broken_one_is_named(tmp_path):
     file = RowFile(tmp_path / "deep" / "rows.jsonl")
     assert file.read() == []

@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 _NEAR = 0.6  # of difflib's ratio
+_MOST = 30  # names in a line
 
 
 class UserError(ValueError):
@@ -35,9 +36,13 @@ def first_line(error: BaseException) -> str:
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return the end of an error message on an unknown word: the nearest known word, or all of them."""
+    """Return the end of an error message on an unknown word: the nearest known word, or all of them.
+
+    Of very many the first are named, and how many more there are.
+    """
     known = sorted(set(known))
-    return meant(word, known) or f"; known: {', '.join(known)}"
+    more = f" and {len(known) - _MOST} more" if len(known) > _MOST else ""
+    return meant(word, known) or f"; known: {', '.join(known[:_MOST])}{more}"
 
 
 def meant(word: str, known: Iterable[str]) -> str:
