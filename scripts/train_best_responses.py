@@ -56,7 +56,7 @@ TARGETS = (
 # opponent's is taken against allies that play for themselves.
 REWARDS = {"ally": "zero_sum", "opponent": "own"}
 CONTINUOUS = "continuous"
-SCENARIO = "standard"  # that of the entries which are answered
+SCENARIO = "standard"  # the scenario of the entries that responses are trained against
 MATCHES = 25  # per rival in the suites
 FOLDER = "responses-v2"
 _ROW_KEYS = ("algorithm", "steps", "actions", "start", "training_seed", "reward", "return", "earned")
@@ -118,10 +118,11 @@ def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
 
 def parse_recipe(text: str) -> Recipe:
     """Return the recipe of ``ppo:500000`` or ``ppo:500000:discrete``; raises UserError for any other text."""
-    algorithm, steps, *actions = text.split(":") if ":" in text else (text, "")
-    if not steps.isdecimal() or len(actions) > 1:
+    algorithm, _, rest = text.partition(":")
+    steps, _, actions = rest.partition(":")
+    if not steps.isdecimal() or ":" in actions:
         raise UserError(f"recipe {text!r}: expected algorithm:steps, as ppo:500000")
-    return algorithm, int(steps), *(actions or [CONTINUOUS])
+    return algorithm, int(steps), actions or CONTINUOUS
 
 
 def recipe_of(row: Row) -> Recipe:

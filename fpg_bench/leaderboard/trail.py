@@ -30,8 +30,8 @@ def training_of(rival: Rival) -> str:
     met = about["options"].get(other_side(about["side"]), "")
     met = met.split(",") if isinstance(met, str) else met
     names = [name.removeprefix("leaderboard/submissions/").partition("/seed_")[0] for name in met]
-    name, *frames = about["algorithm"].partition("-")
-    return f"{name.upper()}{''.join(frames)}, trained against {', '.join(dict.fromkeys(names))}"
+    base, dash, variant = about["algorithm"].partition("-")
+    return f"{base.upper()}{dash}{variant}, trained against {', '.join(dict.fromkeys(names))}"
 
 
 def play_options(suite: Suite, rival: Rival) -> str:
