@@ -1,10 +1,12 @@
 """A study whose trials train nothing, to test storages and workers.
 
 As a program: ``python -m tests.training.tuning.fake FOLDER URL N_TRIALS MODE`` is one worker; a dash stands
-for no URL. MODE is ``quick``, ``wait`` (trials end with Ctrl-C only) or ``deaf`` (not even with the first).
+for no URL. MODE is ``quick``, ``both`` (trials end once two workers are at work), ``wait`` (trials end with
+Ctrl-C only) or ``deaf`` (not even with the first).
 """
 
 import contextlib
+import os
 import sys
 import time
 from pathlib import Path
@@ -61,14 +63,18 @@ def miss_heartbeats(folder, url=None):
 
 
 def main(folder, url, n_trials, mode):
+    def is_over():
+        return mode == "quick" or (mode == "both" and len(list(Path(folder).glob("*.at_work"))) == 2)
+
     def make_objective(check_stop):
         def objective(trial):
             check_stop()
             value = highest_x(trial)
             print(f"at work on {trial.number}", flush=True)
-            while mode != "quick":
+            Path(folder, f"{os.getpid()}.at_work").touch()
+            while not is_over():
                 time.sleep(0.01)
-                if mode == "wait":
+                if mode != "deaf":
                     check_stop()
             return value
 

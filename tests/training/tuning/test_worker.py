@@ -46,7 +46,7 @@ def test_a_killed_workers_trial_is_retried_with_its_values(tmp_path, at_work):
 
 @pytest.mark.process
 def test_two_workers_share_a_study(tmp_path, start):
-    both = [start(tmp_path, n_trials=10) for _ in range(2)]
+    both = [start(tmp_path, n_trials=10, mode="both") for _ in range(2)]
     output = [process.communicate(timeout=120) for process in both]
     assert [process.returncode for process in both] == [0, 0], output
     assert "at work" in output[0][0]
