@@ -14,7 +14,7 @@ from fpg_bench.players.agent import suites_folder
 
 PUBLIC, PUBLIC_SEEDS, UNSEEN, SHIFTED, RESPONSES = "public", "public-seeds", "unseen", "shifted", "responses"
 PUBLIC_SEEDS_MATCHES = 25  # on public seeds: only to see whether they were learned by heart
-TRANSCRIPT_MATCHES = 20  # of each ally: a fifth of the tokens of the suite's 100, for wider intervals
+TRANSCRIPT_MATCHES = 4  # of each ally: 200 plans in all, which a small or paid model can be asked for
 
 
 @dataclass(frozen=True)
