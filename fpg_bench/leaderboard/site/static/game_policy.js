@@ -117,6 +117,18 @@ const fpgPolicy = (() => {
 
   const sum = ([first, ...others]) => tensor(first.shape, first.data.map((value, i) => others.reduce((total, x) => f32(total + x.data[i]), value)));
 
+  /** An operator on two tensors of one size, or on one and a single number. */
+  const pairwise = (of) => ([a, b]) => {
+    const [long, short] = a.data.length < b.data.length ? [b, a] : [a, b], single = short.data.length === 1;
+    if (!single && short.data.length !== long.data.length) throw new Error(`${a.shape} and ${b.shape} are not played together`);
+    return tensor(long.shape, long.data.map((_, i) => of(a.data[a === short && single ? 0 : i], b.data[b === short && single ? 0 : i])));
+  };
+
+  function reduceSum([x, axes]) {
+    if (x.shape[0] !== 1 || String(axes.data) !== String(x.shape.length - 1)) throw new Error("ReduceSum: only one row is played");
+    return tensor([1, 1], Float32Array.of(x.data.reduce((total, value) => f32(total + value), 0)));
+  }
+
   /** One layer, forwards, gates in the order input, output, forget, cell. */
   function lstm([x, w, r, b, , h0, c0], { hidden_size: size, direction = "forward" }) {
     if (direction !== "forward" || x.shape[1] !== 1) throw new Error("LSTM: only one row, forwards, is played");
@@ -139,7 +151,8 @@ const fpgPolicy = (() => {
   const PLAYED = {
     Gemm: gemm, Tanh: each((x) => f32(Math.tanh(x))), Relu: each((x) => Math.max(0, x)), Sigmoid: each((x) => f32(sigmoid(x))), Clip: clip,
     Slice: slice, Concat: concat, Reshape: reshape, Transpose: transpose, Gather: gather, Unsqueeze: unsqueeze, Squeeze: squeeze,
-    ArgMax: argmax, Sum: sum, LSTM: lstm,
+    ArgMax: argmax, Sum: sum, LSTM: lstm, MatMul: ([a, b]) => gemm([a, b], {}), ReduceSum: reduceSum, Abs: each(Math.abs), Sqrt: each(Math.sqrt),
+    Mul: pairwise((x, y) => x * y), Div: pairwise((x, y) => x / y), Max: pairwise(Math.max),
   };
 
   /** A player of one round; its memory begins empty. */
