@@ -315,7 +315,7 @@ class SingleAgentGame(Core):
         sensed: int = self.duel.batch.games["sensed_type"][game]
         if self.side == "opponent" or base is None or sensed < 0:
             return None
-        return str(base.entries[sensed].advice)
+        return str(base[sensed].advice)
 
 
 class JointGame(Core):
