@@ -220,6 +220,3 @@ class PolicyClient(Batched):
         if self._sandbox is None:
             raise ValueError("a PolicyClient plays inside a with block")
         return self._sandbox
-
-    def __repr__(self) -> str:
-        return f"PolicyClient(seed {self.policy.seed}, {self.about.get('algorithm')})"
