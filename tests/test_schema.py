@@ -6,7 +6,7 @@ import dataclasses
 from typing import Annotated, Literal
 
 import pytest
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.schema import Expected, Items, NonNegativeInt, PositiveInt, Strict, parse
@@ -50,7 +50,7 @@ def test_valid_data_becomes_a_frozen_object_with_its_defaults():
 
 def test_types_that_are_no_models_are_validated_too():
     assert parse(list[int], [1, 2], "here") == [1, 2]
-    assert parse(TypeAdapter(int | None), None, "here") is None
+    assert parse(int | None, None, "here") is None
     assert parse(Plain, {"length": 2}, "here") == Plain(2)
     with pytest.raises(UserError, match=r"^here: unknown key 'widht'; did you mean 'width'"):
         parse(Plain, {"length": 1, "widht": 2}, "here")
@@ -101,6 +101,6 @@ def test_the_first_problem_is_told_in_one_line(data, message):
 
 
 def test_a_type_words_what_it_expects():
-    rate = TypeAdapter(Annotated[float, Field(gt=0, lt=1), Expected("a share between 0 and 1")])
+    rate = Annotated[float, Field(gt=0, lt=1), Expected("a share between 0 and 1")]
     with pytest.raises(UserError, match=r"^share: expected a share between 0 and 1, got 2\.5$"):
         parse(rate, 2.5, "share")

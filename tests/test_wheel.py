@@ -33,7 +33,7 @@ from fpg_bench.evaluation.checkers import check_player
 assert pathlib.Path(fpg_bench.__file__).is_relative_to(sys.prefix), fpg_bench.__file__
 assert baselines_folder().is_relative_to(sys.prefix) and (baselines_folder() / "hyperparams/ppo.yml").exists()
 assert (baselines_folder().parent / "constraints.txt").exists()
-assert fpg_bench.preset("standard").knowledge_base.entries
+assert fpg_bench.preset("standard").knowledge_base
 env = gymnasium.make("FPG/AllyVsScripted-v0")
 env.reset(seed=1)
 env.step(env.action_space.sample())

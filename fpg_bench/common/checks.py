@@ -22,6 +22,14 @@ def whole(value: object, where: str, least: int = 1) -> int:
     return int(value)
 
 
+def one_of(value: object, where: str, known: Collection[str]) -> str:
+    """Return the value if it is one of the known words; raise UserError otherwise, naming the nearest."""
+    if not isinstance(value, str) or value not in known:
+        hint = nearest(str(value), known)
+        raise UserError(f"{where}: expected one of {', '.join(known)}, got {value!r}{hint}")
+    return value
+
+
 def flag(value: object, where: str) -> bool:
     """Return the value if it is a bool; raise UserError otherwise."""
     if not isinstance(value, bool):

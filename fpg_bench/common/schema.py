@@ -54,11 +54,11 @@ NonNegativeInt = Annotated[int, Field(ge=0), Expected("a whole number, 0 or more
 Items = Annotated[tuple[T, ...], Field(strict=False)]
 
 
-def parse(kind: type[T] | TypeAdapter[T], data: object, where: str) -> T:
+def parse(kind: type[T], data: object, where: str) -> T:
     """Validate data against a model or a type.
 
     Args:
-        kind: a pydantic model, another type, or a TypeAdapter (for a union, for instance).
+        kind: a pydantic model, or another type.
         data: what was read from a file or given by a caller.
         where: what is validated; begins the message.
 
@@ -70,7 +70,8 @@ def parse(kind: type[T] | TypeAdapter[T], data: object, where: str) -> T:
             else a value with its path, what was expected, and what was found instead.
     """
     try:
-        return _adapter(kind).validate_python(data)
+        validated: T = _adapter(typing.cast(Any, kind)).validate_python(data)
+        return validated
     except ValidationError as error:
         problem = _problem(kind, data, error.errors(include_url=False))
     raise UserError(f"{where}: {problem}")
@@ -97,12 +98,8 @@ def problems_of(model: type[M], data: Mapping[str, object]) -> tuple[M, list[str
     return model.model_validate({key: value for key, value in data.items() if key not in by_key}), lines
 
 
-def _adapter(kind: type[T] | TypeAdapter[T]) -> TypeAdapter[T]:
-    return kind if isinstance(kind, TypeAdapter) else _cached_adapter(typing.cast(Any, kind))
-
-
 @functools.lru_cache(maxsize=256)
-def _cached_adapter(kind: Any) -> TypeAdapter[Any]:
+def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
@@ -229,8 +226,6 @@ def _known_keys(kind: object, location: Sequence[int | str]) -> set[str]:
 
 def _structures(kind: object) -> Iterator[type]:
     """Yield the types with named keys in an annotation, through unions, lists and mappings."""
-    if isinstance(kind, TypeAdapter):
-        kind = kind._type
     if isinstance(kind, type) and _fields(kind):
         yield kind
     for inner in typing.get_args(kind):

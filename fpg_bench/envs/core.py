@@ -11,6 +11,7 @@ from typing import Any, Unpack
 import numpy as np
 from gymnasium import spaces
 
+from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import SCRIPTED, EnvConfig, find_env
 from fpg_bench.envs.two_player import CommonOptions, PlannerSpec, TwoPlayerBatch, make_duel
@@ -193,11 +194,7 @@ class SingleAgentGame(Core):
         if own is not None:
             raise UserError(f"{self.side}: in {config.id} you play the {self.side}; name the {other_side}")
         self.other_specs = with_members(_as_list(other, config.other), other_side)
-        if reward not in (None, *REWARDS):
-            raise UserError(
-                f"reward: expected one of {', '.join(REWARDS)}, got {reward!r}{nearest(str(reward), REWARDS)}"
-            )
-        self._reward = reward or "own"
+        self._reward = "own" if reward is None else one_of(reward, "reward", REWARDS)
         if planner is not None and config.planner is None:
             raise UserError(f"planner: {config.id} plans no paths; FPG/AllyVsPlanner-v0 does")
         has_own_rounds = scenario is not None and not (isinstance(scenario, str) and scenario in PRESETS)
@@ -231,12 +228,7 @@ class SingleAgentGame(Core):
 
     def _waterfall(self, observation: str | None, history: int | None) -> Waterfall | None:
         """Return the waterfall that the caller asks for; None for the 15 numbers."""
-        if observation not in (None, *OBSERVATIONS):
-            raise UserError(
-                f"observation: expected one of {', '.join(OBSERVATIONS)}, got {observation!r}"
-                f"{nearest(str(observation), OBSERVATIONS)}"
-            )
-        if observation != "waterfall":
+        if observation is None or one_of(observation, "observation", OBSERVATIONS) == "numbers":
             if history is not None:
                 raise UserError("history: counts the rows of a waterfall; add observation='waterfall'")
             return None
@@ -315,7 +307,7 @@ class SingleAgentGame(Core):
         sensed: int = self.duel.batch.games["sensed_type"][game]
         if self.side == "opponent" or base is None or sensed < 0:
             return None
-        return str(base.entries[sensed].advice)
+        return str(base[sensed].advice)
 
 
 class JointGame(Core):

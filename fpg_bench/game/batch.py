@@ -52,11 +52,9 @@ class GameBatch:
 
     def __init__(self, scenario: Scenario, games: int = 1, threads: int | None = None) -> None:
         threads = min(2, os.cpu_count() or 1) if threads is None else threads
-        for name, value in (("games", games), ("threads", threads)):
-            whole(value, name)
         self.scenario = scenario
-        self.count = int(games)
-        self.threads = int(threads)
+        self.count = whole(games, "games")
+        self.threads = whole(threads, "threads")
         self._rules = rules_record(scenario)
         self._radio = radio_record(scenario)
         self.games = np.zeros(self.count, GAME)

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.checks import one_of
 from fpg_bench.common.ids import ACTION_MODES
 from fpg_bench.game.batch import ActionError, described
 from fpg_bench.game.compiling import compiled
@@ -197,9 +197,7 @@ def action_choices(side: str, mode: str, scenario: Scenario) -> Choices | None:
     Raises:
         UserError: an unknown mode.
     """
-    if mode not in ACTION_MODES:
-        known = ", ".join(ACTION_MODES)
-        raise UserError(f"actions: expected one of {known}, got {mode!r}{nearest(str(mode), ACTION_MODES)}")
+    one_of(mode, "actions", ACTION_MODES)
     return None if mode == "continuous" else Choices(side, mode, scenario)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from fpg_bench.common.checks import check_keys, flag, is_whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml
+from fpg_bench.game.names import JAMMING_TYPES
 
 EXPERT_FILE = Path(__file__).with_name("knowledge.yml")
 _KEYS = ("spectrum", "guard_mhz", "strategy", "candidates", "spread", "advice")
@@ -30,42 +31,33 @@ class Entry:
     spacing_mhz: float
     guard_mhz: float
     candidates: int
-    strategy: str
     spread: bool
     advice: str
 
 
-@dataclass(frozen=True)
-class KnowledgeBase:
-    """Entries in the order of the jamming types: tone, narrowband, broadband, comb."""
-
-    entries: tuple[Entry, ...]
-
-    def canonical(self) -> list[dict[str, Any]]:
-        """Return what the game reads, for the scenario's hash; the advice is not part of it."""
-        return [{k: v for k, v in vars(e).items() if k not in ("strategy", "advice")} for e in self.entries]
-
-
-def load_knowledge(name: str, jamming_types: tuple[str, ...]) -> KnowledgeBase | None:
+def load_knowledge(name: str) -> tuple[Entry, ...] | None:
     """Load the knowledge base ``expert`` of the package or a YAML file; None for ``none``.
+
+    Returns:
+        Entries in the order of the jamming types: tone, narrowband, broadband, comb.
 
     Raises:
         UserError: the file cannot be read, or an entry or key is missing, unknown or bad.
     """
     if name == "none":
         return None
-    return _expert(jamming_types) if name == "expert" else _load(Path(name), jamming_types)
+    return _expert() if name == "expert" else _load(Path(name))
 
 
 @functools.cache
-def _expert(jamming_types: tuple[str, ...]) -> KnowledgeBase:
-    return _load(EXPERT_FILE, jamming_types)
+def _expert() -> tuple[Entry, ...]:
+    return _load(EXPERT_FILE)
 
 
-def _load(path: Path, jamming_types: tuple[str, ...]) -> KnowledgeBase:
+def _load(path: Path) -> tuple[Entry, ...]:
     content = read_yaml(path, "knowledge (expert, none or a YAML file)")
-    check_keys(content, jamming_types, f"knowledge {path}", needed=jamming_types)
-    return KnowledgeBase(tuple(_entry(f"knowledge {path}: {name}", content[name]) for name in jamming_types))
+    check_keys(content, JAMMING_TYPES, f"knowledge {path}", needed=JAMMING_TYPES)
+    return tuple(_entry(f"knowledge {path}: {name}", content[name]) for name in JAMMING_TYPES)
 
 
 def _entry(where: str, content: dict[str, Any]) -> Entry:
@@ -80,7 +72,6 @@ def _entry(where: str, content: dict[str, Any]) -> Entry:
         spacing_mhz=0.0 if spacing is None else _positive(f"{where}: spacing_mhz", spacing),
         guard_mhz=_positive(f"{where}: guard_mhz", content["guard_mhz"]),
         candidates=0 if candidates == "all" else candidates,
-        strategy=str(content["strategy"]),
         spread=flag(content["spread"], f"{where}: spread"),
         advice=str(content["advice"]),
     )

@@ -19,7 +19,7 @@ def rules_record(scenario: Scenario) -> np.ndarray:
     row = rules[0]
     row["per_box"] = [1 / size for size in s.box_m]
     row["box"], row["base_station"] = s.box_m, s.base_station_m
-    row["steps"], row["rounds"] = s.steps_per_round, s.rounds_per_match
+    row["steps"] = s.steps_per_round
     row["band_low"], row["band_high"] = s.band_low_mhz, s.band_high_mhz
     row["band_middle"] = (s.band_low_mhz + s.band_high_mhz) / 2
     row["band_half"] = (s.band_high_mhz - s.band_low_mhz) / 2
@@ -44,7 +44,8 @@ def rules_record(scenario: Scenario) -> np.ndarray:
     row["curve"] = s.ally_path_m or 0
     row["curve_altitude"], row["chords"] = s.ally_path_altitude_m, s.ally_path_chords
     row["reselect"], row["always_hops"] = s.reselect_on_despread, s.hopping == "always"
-    _fill_paths(row, s)
+    row["paths"] = len(s.paths)
+    row["path"][: len(s.paths)] = [PATHS.index(name) for name in s.paths]
     row["opponent_speed"], row["tuning_span"] = s.opponent_speed_m_s, s.tuning_span_mhz
     row["patrol_centre"], row["patrol_radius"] = s.patrol_centre_m, s.patrol_radius_m
     row["waypoints"] = s.waypoints
@@ -105,17 +106,11 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
     return radio
 
 
-def _fill_paths(row: np.void, scenario: Scenario) -> None:
-    paths = scenario.paths
-    row["paths"] = len(paths)
-    row["path"][: len(paths)] = [PATHS.index(name) for name in paths]
-
-
 def _fill_knowledge(row: np.void, scenario: Scenario) -> None:
     base = scenario.knowledge_base
     row["knowledge"] = base is not None
     if base is not None:
         tolerance = scenario.footprint_tolerance_mhz
-        row["strategy_half_width"] = [e.half_width_mhz + e.guard_mhz + tolerance for e in base.entries]
-        row["strategy_spacing"] = [e.spacing_mhz for e in base.entries]
-        row["strategy_candidates"] = [e.candidates for e in base.entries]
+        row["strategy_half_width"] = [e.half_width_mhz + e.guard_mhz + tolerance for e in base]
+        row["strategy_spacing"] = [e.spacing_mhz for e in base]
+        row["strategy_candidates"] = [e.candidates for e in base]

@@ -18,7 +18,7 @@ import yaml
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml, write_whole
-from fpg_bench.game.knowledge import KnowledgeBase, load_knowledge
+from fpg_bench.game.knowledge import Entry, load_knowledge
 from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, MOST_PATHS, PATHS, SNR_MODELS
 
 RULES_VERSION = 1
@@ -372,12 +372,12 @@ class Scenario:
         for spec in fields(self):
             object.__setattr__(self, spec.name, checked(spec, getattr(self, spec.name)))
         check_mix(self)
-        object.__setattr__(self, "_knowledge_base", load_knowledge(self.knowledge, JAMMING_TYPES))
+        object.__setattr__(self, "_knowledge_base", load_knowledge(self.knowledge))
 
     @property
-    def knowledge_base(self) -> KnowledgeBase | None:
-        """The parsed expert knowledge base; None if ``knowledge`` is ``none``."""
-        base: KnowledgeBase | None = vars(self)["_knowledge_base"]
+    def knowledge_base(self) -> tuple[Entry, ...] | None:
+        """The expert knowledge base, an entry per jamming type; None if ``knowledge`` is ``none``."""
+        base: tuple[Entry, ...] | None = vars(self)["_knowledge_base"]
         return base
 
     @property
@@ -404,10 +404,11 @@ class Scenario:
             if name != "knowledge" and value != released[name]
         }
         base = self.knowledge_base
+        played = [{k: v for k, v in vars(entry).items() if k != "advice"} for entry in base or ()]
         content = {
             "rules": RULES_VERSION,
             "fields": changed,
-            "knowledge": None if base is None else base.canonical(),
+            "knowledge": None if base is None else played,
         }
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 

@@ -109,7 +109,6 @@ RULES = np.dtype(
         ("per_box", "f8", (3,)),  # 1 / box, as are all fields that begin with per_
         ("base_station", "f8", (3,)),
         ("steps", "i8"),
-        ("rounds", "i8"),
         ("band_low", "f8"),
         ("band_high", "f8"),
         ("band_middle", "f8"),

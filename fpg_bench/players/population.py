@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.players.agent import OnnxPlayer, load_agent, suites_folder
@@ -24,14 +23,9 @@ class SuiteMember(OnnxPlayer):
     @property
     def flies(self) -> str:
         """``learned`` if the opponent flew itself in its training, otherwise ``pursuit``."""
-        return flight_of(self.about)
-
-
-def flight_of(about: dict[str, Any]) -> str:
-    """Return the opponent's flight in an agent's training: ``learned`` or ``pursuit``."""
-    scenario = about.get("scenario_fields")
-    path = scenario.get("opponent_path", "pursuit") if isinstance(scenario, dict) else "pursuit"
-    return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
+        scenario = self.about.get("scenario_fields")
+        path = scenario.get("opponent_path") if isinstance(scenario, dict) else None
+        return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
 
 
 def as_member(folder: str | os.PathLike[str], side: str | None = None) -> SuiteMember:
@@ -78,13 +72,9 @@ def load_member(spec: str, side: str) -> SuiteMember:
     if _folder(name) is not None:
         raise UserError(f"{spec}: is a whole suite, to draw from per round; here one player is expected")
     suite, _, member = name.rpartition("/")
-    known = _members(PREFIX + suite, side) if suite else []
+    known = _members(PREFIX + (suite or name), side)
     if spec not in known:
-        raise UserError(
-            f"{side} {spec!r}: no such suite{nearest(name, _shipped())}"
-            if not known
-            else f"{side} {spec!r}: the suite has no such member{nearest(spec, known)}"
-        )
+        raise UserError(f"{side} {spec!r}: the suite has no such member{nearest(spec, known)}")
     folder = _folder(suite)
     assert folder is not None
     return as_member(folder / side / member, side)

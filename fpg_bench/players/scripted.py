@@ -52,7 +52,7 @@ def scenario_scales(scenario: Scenario) -> np.ndarray:
             scenario.script_broadband_m,
             scenario.script_comb_m,
             scenario.tuning_span_mhz,
-            (scenario.band_high_mhz - scenario.band_low_mhz) / (scenario.frequency_points - 1),
+            scenario.point_spacing_mhz,
         ]
     )
 
@@ -269,7 +269,7 @@ class OracleOpponent(Batched):
         start = OPPONENT + RELATIVE_POSITION
         root = seen[:, start : start + 3]
         away = np.sign(root) * root**2 * self._box
-        actions[:, 6:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 10.0)
+        actions[:, 6:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), PURSUIT_M)
         return actions, None
 
 

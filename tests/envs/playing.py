@@ -1,4 +1,4 @@
-"""Small hands for the tests of the groups: fixed actions, and what each view shows under them."""
+"""Helpers of the environments' tests: ids, a short scenario, and fixed actions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small hands for the tests of the game: actions by name, and games set up to order."""
+"""Helpers of the game's tests: actions by name, and games in a given state."""
 
 from __future__ import annotations
 

@@ -353,7 +353,7 @@ class ReferenceGame:
         self.spreading_s = self.spreading_s + 1 if spread else 0
 
     def expert_candidates(self, strategy: int) -> list[int]:
-        s, entry = self.s, self.s.knowledge_base.entries[strategy]
+        s, entry = self.s, self.s.knowledge_base[strategy]
         middle, half = (s.band_low_mhz + s.band_high_mhz) / 2, (s.band_high_mhz - s.band_low_mhz) / 2
         centre = middle + half * float(self.ally_observation[9])
         away = [self._point_mhz(point) - centre for point in range(s.frequency_points)]

@@ -11,7 +11,7 @@ from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 RULES = Path(__file__).parents[2] / "docs/reference/rules.md"
 
 
-def told(heading, side):
+def documented(heading, side):
     """The name of each number in a table of the rules."""
     section = RULES.read_text().split(f" {heading}\n")[1].split("\n## ")[0]
     table = re.split(r"\*\*(Ally|Opponent)\*\*", section)
@@ -26,7 +26,7 @@ def told(heading, side):
     ids=["seen", "chosen"],
 )
 def test_names_are_those_of_the_rules(heading, named, size, side):
-    found = told(heading, side)
+    found = documented(heading, side)
     assert len(found) == len(named[side]) == size
     for name, rule in zip(named[side], found, strict=True):
         assert name.startswith(rule.removesuffix("s"))

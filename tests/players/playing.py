@@ -1,4 +1,4 @@
-"""Small hands for the tests of the players: observations by name, and pairings played out."""
+"""Helpers of the players' tests: observations by name, and tallies of two scripts."""
 
 from __future__ import annotations
 

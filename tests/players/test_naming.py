@@ -59,7 +59,6 @@ def test_an_object_class_or_function_of_a_module(name, scenario):
     ("spec", "message"),
     [
         ("expret", "unknown ally 'expret'; did you mean 'expert'"),
-        ("tone", "'tone' plays the opponent"),
         (":X", "ally ':X': expected package.module:object"),
         ("../x:y", "ally '../x:y': expected package.module:object"),
         (f"{__name__}:NeedsTwo", "^ally '.*:NeedsTwo': making it failed: TypeError: .*'gain'"),

@@ -9,14 +9,15 @@ from fpg_bench.game.full_state import ALLY, FULL_STATE_SIZE, OPPONENT
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.scripted import OracleAlly, OracleOpponent
 
+from .playing import opponent_sees
+
 HOP, SPREAD, SPEED, PREFERENCE, KNOWLEDGE = range(5)
 
 
 def state(frequency=0.0, known=0.5, check_in_s=4, away_m=(0.0, 0.0, 0.0)):
     seen = np.zeros((1, FULL_STATE_SIZE), np.float32)
+    seen[0, OPPONENT : OPPONENT + 15] = opponent_sees(away_m)
     seen[0, ALLY + 6], seen[0, OPPONENT + 6], seen[0, OPPONENT + 8] = frequency, known, check_in_s / 6
-    away = np.asarray(away_m)
-    seen[0, OPPONENT + 3 : OPPONENT + 6] = np.sign(away) * np.sqrt(np.abs(away) / np.array(STANDARD.box_m))
     return seen
 
 

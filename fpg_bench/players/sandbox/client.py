@@ -18,8 +18,6 @@ from fpg_bench.players.player import Memory
 from fpg_bench.players.sandbox.process import Limits, PolicyFailed, Sandbox
 from fpg_bench.players.seeded import Batched
 
-__all__ = ["Limits", "Policy", "PolicyClient", "PolicyFailed", "check_policies", "check_policy"]
-
 MOST_BYTES = 5_000_000  # of policy.onnx
 AGENT_FILES = {"agent.json": 64_000, "policy.onnx": MOST_BYTES}  # of an untrusted agent, and their most bytes
 SIZE = struct.Struct("<I")  # of a file that is checked, and of the answer
@@ -222,6 +220,3 @@ class PolicyClient(Batched):
         if self._sandbox is None:
             raise ValueError("a PolicyClient plays inside a with block")
         return self._sandbox
-
-    def __repr__(self) -> str:
-        return f"PolicyClient(seed {self.policy.seed}, {self.about.get('algorithm')})"
