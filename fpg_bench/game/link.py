@@ -90,8 +90,8 @@ def teeth(jamming_type: int, jamming_mhz: float, rules: Record) -> tuple[int, in
     spacing = rules.tooth_spacing[jamming_type]
     if spacing == 0.0:
         return 0, 1
-    first = math.ceil((rules.band_low - rules.tolerance - jamming_mhz) / spacing)
-    return first, max(math.floor((rules.band_high + rules.tolerance - jamming_mhz) / spacing), first) + 1
+    first = math.ceil((rules.band_low - jamming_mhz) / spacing)
+    return first, max(math.floor((rules.band_high - jamming_mhz) / spacing), first) + 1
 
 
 @compiled

@@ -133,7 +133,6 @@ RULES = np.dtype(
         ("allowed", "i8", (TYPES,)),  # 1 or 0; Numba knows no nested array of b1
         ("half_width", "f8", (TYPES,)),
         ("tooth_spacing", "f8", (TYPES,)),  # 0: in one piece
-        ("tolerance", "f8"),
         ("detection", "i8"),  # index into names.DETECTIONS
         ("first_check", "i8", (2,)),
         ("check_interval", "i8", (2,)),

@@ -189,17 +189,17 @@ class ReferenceGame:
     # -- radio of the model link ------------------------------------------------------------------------
 
     def _teeth(self, kind: int, centre_mhz: float) -> list[tuple[float, float]]:
-        """From where to where a jammer radiates, on equal power per MHz."""
+        """From where to where a jammer radiates, on equal power per MHz.
+
+        Teeth are numbered from the centre, by division: rounding decides on a tooth on the very edge.
+        """
         s, half = self.s, self.s.footprint_half_widths_mhz[kind]
         centres = [centre_mhz]
         if JAMMING_TYPES[kind] == "comb":
             spacing = s.comb_spacing_points * (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
-            low, high = (
-                s.band_low_mhz - s.footprint_tolerance_mhz,
-                s.band_high_mhz + s.footprint_tolerance_mhz,
-            )
-            every = [centre_mhz + k * spacing for k in range(-100, 101)]
-            centres = [f for f in every if low <= f <= high] or [centre_mhz]
+            low, high = ((edge - centre_mhz) / spacing for edge in (s.band_low_mhz, s.band_high_mhz))
+            numbers = range(math.ceil(low), math.floor(high) + 1)
+            centres = [centre_mhz + k * spacing for k in numbers] or [centre_mhz]
         return [(f - half, f + half) for f in centres]
 
     def _passed(self, kind: int, centre_mhz: float) -> tuple[float, float, tuple[float, float]]:

@@ -15,6 +15,7 @@ from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import preset
 
 from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, begin, opponent, place, to_point
+from .reference import ReferenceGame
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import waveforms
@@ -46,6 +47,16 @@ def test_the_sinr_is_that_of_a_waveform(kind, jamming, channel, spreading, snr, 
     symbols = 2500 if spreading else 20_000
     sent = waveforms.Transmission(kind, jamming, channel, spreading, snr, js, symbols)
     assert closed_sinr(LINK, sent) == pytest.approx(waves.sinr_db(sent), abs=0.6)
+
+
+@pytest.mark.parametrize("point", range(LINK.frequency_points))
+def test_a_comb_has_the_teeth_that_lie_in_the_band(point):
+    """Centred on a frequency point, too, where rounding decides on teeth on the band's edge."""
+    centre = LINK.band_low_mhz + point * LINK.point_spacing_mhz
+    first, end = link.teeth(COMB, centre, RULES)
+    expected = [low for low, _ in ReferenceGame(LINK, 0)._teeth(COMB, centre)]
+    spacing, half = LINK.comb_spacing_points * LINK.point_spacing_mhz, LINK.footprint_half_widths_mhz[COMB]
+    assert [centre + k * spacing - half for k in range(first, end)] == pytest.approx(expected)
 
 
 def test_bit_errors_after_despreading_are_those_of_gaussian_noise():
