@@ -126,7 +126,7 @@ def _recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str,
         planner.budget = budget
         return planner
 
-    return Entry(name, None, _fingerprint(about), make, LLMPlanner.tier)
+    return Entry(name, None, _fingerprint(about), make)
 
 
 def _replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> list[Entry]:
@@ -157,7 +157,7 @@ def _replayed_entry(folder: Path, suite: Suite) -> Entry:
         chain = chain_start(about, transcript_name(ally.name))
         return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name), chain)
 
-    return Entry(folder.name, None, _fingerprint(about), make, LLMPlanner.tier)
+    return Entry(folder.name, None, _fingerprint(about), make)
 
 
 def begun(about: Mapping[str, Any]) -> dict[str, Any]:
