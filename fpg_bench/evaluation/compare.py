@@ -14,7 +14,7 @@ from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.entry import Entry, planner_entry
 from fpg_bench.evaluation.evaluate import Progress, play_into, with_matches
-from fpg_bench.evaluation.match import asks_llm, replaying
+from fpg_bench.evaluation.match import replaying
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
 from fpg_bench.evaluation.summary import Summary
@@ -65,16 +65,16 @@ def compare(
     played = with_matches(load_suite(suite, side=PLANNER), matches)
     specs: list[PlannerSpec] = []
     for named in planners:
-        for spec in [name for name in PLANNERS if not asks_llm(name)] if named == ALL else [named]:
+        for spec in [name for name in PLANNERS if name not in LLM_CONTROLS] if named == ALL else [named]:
             if spec not in specs:
                 specs.append(spec)
     entries = []
     for spec in specs:
-        if isinstance(spec, str) and asks_llm(spec):
+        if isinstance(spec, str) and spec in LLM_CONTROLS:
             entries.append(_recorded_entry(spec, played, out / TRANSCRIPTS / spec, llm or {}))
         else:
             entries.append(planner_entry(spec, played))
-    if llm and not any(isinstance(spec, str) and asks_llm(spec) for spec in specs):
+    if llm and not any(isinstance(spec, str) and spec in LLM_CONTROLS for spec in specs):
         raise UserError(f"{next(iter(llm))}: is for the planners {', '.join(LLM_CONTROLS)}; name one of them")
     if transcripts is not None:
         entries += _replayed_entries(Path(transcripts), played, [entry.name for entry in entries])
@@ -120,13 +120,13 @@ def _recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str,
             control=control,
             transcript=folder / transcript_name(ally.name),
             mode="record",
-            chain=chain_of(header, ally.name),
+            chain=chain_start(header, transcript_name(ally.name)),
             **rest,
         )
         planner.budget = budget
         return planner
 
-    return Entry(name, None, _fingerprint(about), make, LLMPlanner.tier)
+    return Entry(name, None, _fingerprint(about), make)
 
 
 def _replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> list[Entry]:
@@ -154,10 +154,10 @@ def _replayed_entry(folder: Path, suite: Suite) -> Entry:
         raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
 
     def make(ally: Rival) -> LLMPlanner:
-        recorded, chain = transcript_file(folder, ally.name), chain_of(about, ally.name)
-        return replaying(suite.scenario, prompt, about, recorded, chain)
+        chain = chain_start(about, transcript_name(ally.name))
+        return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name), chain)
 
-    return Entry(folder.name, None, _fingerprint(about), make, LLMPlanner.tier)
+    return Entry(folder.name, None, _fingerprint(about), make)
 
 
 def begun(about: Mapping[str, Any]) -> dict[str, Any]:
@@ -175,11 +175,6 @@ def nonce_of(about: Mapping[str, Any], season: SeasonKey) -> dict[str, Any]:
     """Return the season's number, and a hash of its seed and of the run's description."""
     words = [season.seed, *(about[key] for key in (*_DECIDING, "suite_hash"))]
     return {"season": season.number, "nonce": hashlib.sha256("/".join(words).encode()).hexdigest()}
-
-
-def chain_of(about: Mapping[str, Any], ally: str) -> str | None:
-    """Return the first hash of the transcript's chain; None for recordings without a chain."""
-    return chain_start(about, transcript_name(ally)) if "nonce" in about else None
 
 
 def _claim(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any]:

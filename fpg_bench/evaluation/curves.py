@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EVALUATIONS = "evaluations.jsonl"  # scores during training, in a run's folder
-BANDS = ("interval", "range")
 GREY = "#7f7f7f"
 _POINTS = 200
 # Colours of Okabe and Ito, for all kinds of colour vision.

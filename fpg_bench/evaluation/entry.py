@@ -40,7 +40,6 @@ class Entry:
         training_seed: None for a script or a planner.
         fingerprint: hash of the policy or source file, or the name of a script.
         make: returns the player (or planner) that meets a rival.
-        tier: tier of a planner's knowledge; None for players.
         made: hash of all that made an agent but its training seed; None for all else.
         training: training steps and seconds of an agent, as far as they are known.
     """
@@ -49,7 +48,6 @@ class Entry:
     training_seed: int | None
     fingerprint: str
     make: Callable[[Rival], PlayerSpec | PlannerSpec]
-    tier: str | None = None
     made: str | None = None
     training: dict[str, float] = dataclasses.field(default_factory=dict)
 
@@ -148,14 +146,14 @@ def planner_entry(spec: PlannerSpec, suite: Suite) -> Entry:
     """Return the entry of a planner, given by its name or as an object.
 
     Raises:
-        UserError: no such planner, one that does not say what it knows, or one by the name of another.
+        UserError: no such planner, one without a valid name or tier, or one by the name of another.
     """
-    planner = as_planner(spec, suite.scenario)
+    as_planner(spec, suite.scenario)  # refuses what is none, before anything is played
     name = spec if isinstance(spec, str) else str(getattr(spec, "name", type(spec).__name__))
     code = spec if isinstance(spec, str) else f"{type(spec).__module__}:{name}"
     if not isinstance(spec, str) and name in PLANNERS:
         raise UserError(f"planner {spec!r}: calls itself {name}, as one of the package does; rename it")
-    return Entry(name, None, code_fingerprint(code), Same(spec), planner.tier)
+    return Entry(name, None, code_fingerprint(code), Same(spec))
 
 
 def code_fingerprint(name: str) -> str:

@@ -8,13 +8,15 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+
+import pydantic
 
 from fpg_bench.common.checks import whole
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import RowFile
+from fpg_bench.common.schema import PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import Entry, check_kept, check_seeds, entries_of
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_records
@@ -112,19 +114,19 @@ def play_into(
 def _summaries(folder: Path, suite: Suite) -> list[Summary]:
     """Return the summaries of a folder's records, with the training of agents where the folder has it."""
     summaries = summarise(records_of(RowFile(folder / RECORDS)), suite)
-    trainings = _about(folder).get("training", {})
+    trainings = _about(folder).training
     return [
         dataclasses.replace(each, training=_training(trainings.get(each.entry, {}), each))
         for each in summaries
     ]
 
 
-def _training(by_seed: Mapping[str, Mapping[str, float]], summary: Summary) -> Training | None:
+def _training(by_seed: Mapping[str, Mapping[str, float]], summary: Summary) -> Training:
     known = [by_seed.get(str(seed), {}) for seed in summary.seed_scores()]
     steps = [cost["steps"] for cost in known if "steps" in cost]
     seconds = [cost["seconds"] for cost in known if "seconds" in cost]
     if not steps:
-        return None
+        return Training()
     return Training(int(steps[0]), sum(seconds) / len(seconds) if len(seconds) == len(known) else None)
 
 
@@ -141,9 +143,9 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
     """
     folder = Path(folder)
     about = _about(folder)
-    suite = with_matches(load_suite(about["suite"]), about["matches"])
-    if suite.hash != about.get("suite_hash"):
-        raise UserError(f"results {folder}: played under another version of {about['suite']}; evaluate again")
+    suite = with_matches(load_suite(about.suite), about.matches)
+    if suite.hash != about.suite_hash:
+        raise UserError(f"results {folder}: played under another version of {about.suite}; evaluate again")
     return _summaries(folder, suite), suite
 
 
@@ -152,64 +154,55 @@ def with_matches(suite: Suite, matches: int | None) -> Suite:
     return suite if matches is None else dataclasses.replace(suite, matches=whole(matches, "matches"))
 
 
+class _ResultsFile(Strict):
+    """Content of ``evaluation.json``: the suite, and how the entries' agents were made and at what cost."""
+
+    suite: str
+    suite_hash: str
+    matches: PositiveInt
+    made: dict[str, str] = pydantic.Field(default_factory=dict)
+    training: dict[str, dict[str, dict[str, int | float]]] = pydantic.Field(default_factory=dict)
+
+
 def _claim(out: Path, name: str, suite: Suite, entries: Sequence[Entry]) -> None:
     """Write into a folder the suite of its records, and how its agents were made and at what cost.
 
     Raises:
         UserError: it holds records of another suite, or differently made agents of one of these names.
     """
-    about: dict[str, Any] = {"suite": name, "suite_hash": suite.hash, "matches": suite.matches}
+    about = _ResultsFile(suite=name, suite_hash=suite.hash, matches=suite.matches)
     if (out / ABOUT).exists():
         known = _about(out)
-        if not (out / RECORDS).stat().st_size:
-            known = {}
-        elif known.get("suite_hash") != suite.hash:
-            raise UserError(
-                f"results {out}: hold records of {known['suite']} with {known['matches']} matches, or of "
-                f"another version of it, not of {name} with {suite.matches}; choose another folder"
-            )
-        about |= known
-    made, training = dict(about.get("made", {})), dict(about.get("training", {}))
+        if (out / RECORDS).stat().st_size:
+            about = known
+    if about.suite_hash != suite.hash:
+        raise UserError(
+            f"results {out}: hold records of {about.suite} with {about.matches} matches, or of "
+            f"another version of it, not of {name} with {suite.matches}; choose another folder"
+        )
     for entry in entries:
-        if entry.made is not None and made.setdefault(entry.name, entry.made) != entry.made:
+        if entry.made is not None and about.made.setdefault(entry.name, entry.made) != entry.made:
             raise UserError(
                 f"results {out}: hold {entry.name!r} with another budget, other hyper-parameters or other "
                 "opponents; say --name to call this one otherwise"
             )
         if entry.training:
-            training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training
-    write_json(out / ABOUT, about | {"made": made} | ({"training": training} if training else {}))
+            about.training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training
+    write_json(out / ABOUT, about.model_dump(exclude=None if about.training else {"training"}))
 
 
-def _about(folder: Path) -> dict[str, Any]:
-    """Return the description of a results folder; raises UserError for an older or damaged one."""
+def _about(folder: Path) -> _ResultsFile:
+    """Return the description of a results folder; raises UserError for a damaged one."""
     if not (folder / ABOUT).exists() and (folder / "run.json").is_file():
         raise UserError(
             f"results {folder}: is a training run without results; play it first: "
             f"fpg-bench evaluate {folder} --out DIR"
         )
-    about = read_json(folder / ABOUT, "results")
-    if not isinstance(about.get("suite"), str) or not isinstance(about.get("matches"), int):
-        raise UserError(
-            f"results {folder}: {ABOUT} names no suite, so an older version wrote it; evaluate again into "
-            "another folder"
-        )
-    for key in ("made", "training"):
-        if not isinstance(about.get(key, {}), dict):
-            raise UserError(f"results {folder}: {ABOUT}: {key}: expected a mapping, got {about[key]!r:.40}")
-    trainings = [cost for by_seed in about.get("training", {}).values() for cost in _values(by_seed)]
-    if not all(_is_number(value) for cost in trainings for value in _values(cost)):
-        raise UserError(f"results {folder}: {ABOUT}: training: expected steps and seconds by entry and seed")
-    return about
-
-
-def _values(content: object) -> list[object]:
-    """Return the values of a mapping; of anything else a list that holds no number."""
-    return list(content.values()) if isinstance(content, dict) else [None]
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    content = read_json(folder / ABOUT, "results")
+    try:
+        return parse(_ResultsFile, content, f"results {folder}: {ABOUT}")
+    except UserError as error:
+        raise UserError(f"{error}; evaluate again into another folder") from error
 
 
 def _missing(entries: Sequence[Entry], suite: Suite, file: RowFile) -> Iterator[tuple[Entry, Rival]]:

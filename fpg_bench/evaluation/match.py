@@ -50,8 +50,8 @@ class Round:
 
     row: Row
     recording: Recording
-    talk: tuple[Attempt, ...] = ()
-    problem: str | None = None
+    talk: tuple[Attempt, ...]
+    problem: str | None
 
     @property
     def measures(self) -> dict[str, float | None]:
@@ -119,17 +119,11 @@ def run_match(
         return list(_rounds(match, flier, players, file, file.begin(match), progress))
 
 
-def replay_match(
-    path: str | Path,
-    progress: Progress = lambda index, played: None,
-    *,
-    allow: Collection[str] = (),
-) -> tuple[Match, list[Round]]:
+def replay_match(path: str | Path, *, allow: Collection[str] = ()) -> tuple[Match, list[Round]]:
     """Replay a match from its file alone, without network, and compare it bit by bit.
 
     Args:
         path: the file.
-        progress: see :func:`run_match`.
         allow: the ``package.module:object`` that the file may name; code is never run on a file's word.
 
     Raises:
@@ -143,7 +137,7 @@ def replay_match(
             raise UserError(f"match {path}: would run {name}; if you trust that code, add --allow {name}")
     planner = _replayed_planner(match, file.path)
     players = {side: as_player(getattr(match, side), side, match.scenario) for side in SIDES}
-    return match, list(_rounds(match, planner, players, file, rows, progress))
+    return match, list(_rounds(match, planner, players, file, rows))
 
 
 def _rounds(
@@ -152,7 +146,7 @@ def _rounds(
     players: Mapping[str, Player],
     file: MatchFile | None,
     known: Sequence[Row],
-    progress: Progress,
+    progress: Progress = lambda index, played: None,
 ) -> Iterator[Round]:
     """Play the match; rounds that the file holds are checked, the others added."""
     batch = make_match(TwoPlayerBatch(match.scenario, 1, planner), players["ally"], players["opponent"])
@@ -217,7 +211,7 @@ class Match:
     opponent: str
     scenario: Scenario
     seed: int
-    llm: dict[str, Any] | None = None
+    llm: dict[str, Any] | None
 
     @property
     def rounds(self) -> int:
@@ -366,12 +360,12 @@ def _planner(
 
     ``path``, the match's file, is the language model's transcript, too.
     """
-    if isinstance(spec, str) and asks_llm(spec):
+    if isinstance(spec, str) and spec in LLM_CONTROLS:
         return _llm_planner(spec, scenario, path, dict(options))
     if options:
         raise UserError(f"{next(iter(options))}: is for the planner 'llm', not for {spec!r}")
     planner = as_planner(spec, scenario)
-    if path is not None and asks_llm(getattr(planner, "name", "")):
+    if path is not None and getattr(planner, "name", "") in LLM_CONTROLS:
         raise UserError("planner: name it 'llm' and pass its options with it, so that the file describes it")
     return planner, None
 
@@ -382,7 +376,7 @@ def _replayed_planner(match: Match, path: Path) -> Planner:
     Raises:
         UserError: an unknown planner, or a language model that the file does not describe completely.
     """
-    if not asks_llm(match.planner):
+    if match.planner not in LLM_CONTROLS:
         return as_planner(match.planner, match.scenario)
     description = match.llm or {}
     try:
@@ -418,11 +412,6 @@ def replaying(
     planner = LLMPlanner(scenario, prompt=prompt, control=description["control"], **recorded)
     planner.transcript.check_header(description)
     return planner
-
-
-def asks_llm(name: str) -> bool:
-    """Return True for the name of a planner that asks a language model."""
-    return name in LLM_CONTROLS
 
 
 def _llm_planner(

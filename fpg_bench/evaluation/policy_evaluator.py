@@ -74,7 +74,12 @@ class PolicyEvaluator:
 
     def _play(self, player: Player) -> tuple[np.ndarray, dict[str, float | None]]:
         """Play new matches; return the rewards per step ``(rivals, matches)`` and the pooled measures."""
-        batches = self._match_batches(player)
+        batches = [match_of(player, self.suite, rival) for rival in self.suite.rivals]
+        shared = _SharedPlayer(player, self.suite.side, batches)
+        batches = [
+            dataclasses.replace(batch, **{self.suite.side: _Part(shared, k)})  # type: ignore[arg-type]
+            for k, batch in enumerate(batches)
+        ]
         returns, tallies = [], []
         points = np.zeros((2, self.suite.scenario.frequency_points), np.int64)
         for number in range(self.suite.rounds_per_match):
@@ -87,12 +92,6 @@ class PolicyEvaluator:
         rewards = np.array([self.suite.rewards(each.ravel()) for each in by_round])
         played = np.concatenate(tallies)
         return rewards, Pooled(pool(played), points, len(played), 0, None).measures
-
-    def _match_batches(self, player: Player) -> list[MatchBatch]:
-        batches = [match_of(player, self.suite, rival) for rival in self.suite.rivals]
-        shared = _SharedPlayer(player, self.suite.side, batches)
-        actors = [{self.suite.side: _Part(shared, k)} for k in range(len(batches))]
-        return [dataclasses.replace(batch, **actor) for batch, actor in zip(batches, actors, strict=True)]  # type: ignore[arg-type]
 
 
 def _in_scenario(suite: Suite, scenario: Scenario) -> Suite:

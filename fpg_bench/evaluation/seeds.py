@@ -123,9 +123,9 @@ def current_seasons() -> dict[str, SeasonKey]:
     return {key.scenario: key for key in sorted(closed, key=lambda key: key.number)}
 
 
-def current_season(scenario: str = "standard") -> SeasonKey | None:
-    """Return the newest closed season of a scenario; None before the first. Raises as the above."""
-    return current_seasons().get(scenario)
+def current_season() -> SeasonKey | None:
+    """Return the newest closed season of ``standard``; None before the first. Raises as the above."""
+    return current_seasons().get("standard")
 
 
 def season_key(number: int) -> SeasonKey:

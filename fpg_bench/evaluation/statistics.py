@@ -17,7 +17,7 @@ from fpg_bench.common.extras import need
 need("evaluate", "scipy", "matplotlib")  # here, so that nothing is played before
 
 FEW_SEEDS = 3  # fewer training seeds are marked: their spread is hardly known
-TRAINING_SEEDS, MATCHES, ROUNDS = "training seeds", "matches", "rounds"
+TRAINING_SEEDS, MATCHES = "training seeds", "matches"
 
 
 @dataclass(frozen=True)
@@ -139,4 +139,4 @@ def probability_of_improvement(better: np.ndarray, other: np.ndarray) -> Interva
         return Interval(value, 0.0, 1.0, "nothing: one run each")
     error = np.sqrt(sum(share.var(ddof=1) / len(share) for share in shares))
     half = student_t(min(map(len, shares))) * float(error)
-    return Interval(value, max(value - half, 0.0), min(value + half, 1.0), "training seeds")
+    return Interval(value, max(value - half, 0.0), min(value + half, 1.0), TRAINING_SEEDS)

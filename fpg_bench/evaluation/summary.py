@@ -16,15 +16,15 @@ from fpg_bench.evaluation.suite import Suite
 
 @dataclass(frozen=True)
 class Training:
-    """Cost of the training of an entry's agents.
+    """Cost of the training of an entry's agents; None for all else, and where it is unknown.
 
     Attributes:
         steps: training budget of each seed.
-        seconds: mean wall time over the training seeds, without evaluations; None where it is unknown.
+        seconds: mean wall time over the training seeds, without evaluations.
     """
 
-    steps: int
-    seconds: float | None
+    steps: int | None = None
+    seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Summary:
         rewards: ``(training seeds, rivals, matches)`` rewards per step; one training seed for a script.
         trained: true if the first axis is training seeds.
         records: the records that it summarises, in the order of training seed and rival.
-        training: of agents; None where it is unknown.
+        training: cost of the training of agents.
     """
 
     entry: str
@@ -45,7 +45,7 @@ class Summary:
     rewards: np.ndarray
     trained: bool
     records: tuple[Record, ...]
-    training: Training | None = None
+    training: Training = Training()
 
     @property
     def training_seeds(self) -> int:

@@ -139,8 +139,8 @@ def flat(s: Summary) -> dict[str, Any]:
     line |= {"worst_rival": s.worst, "lost": s.pooled.lost}
     line |= {f"return_per_step {name}": reward.value for name, reward in s.by_rival.items()}
     if s.suite.side != PLANNER:
-        line |= {"training_steps": _steps(s), "training_seconds": _seconds(s)}
-    if s.suite.side == PLANNER:
+        line |= {"training_steps": s.training.steps, "training_seconds": s.training.seconds}
+    else:
         for k, score in enumerate(learning_curve(s), 1):
             line |= _ends(f"round_{k}", score)
         plans = s.pooled.plans
@@ -306,24 +306,12 @@ def learning_curve(summary: Summary) -> list[Interval]:
     return [over_rounds(summary, slice(k, k + 1)) for k in range(summary.suite.rounds_per_match)]
 
 
-def _steps(s: Summary) -> int | None:
-    return None if s.training is None else s.training.steps
-
-
-def _seconds(s: Summary) -> float | None:
-    return None if s.training is None else s.training.seconds
-
-
 def short(count: int | None) -> str:
     """Return a count with three digits, as 2.5M or 400k; a dash if there is none."""
     if count is None:
         return "-"
     factor, unit = next((pair for pair in ((10**6, "M"), (10**3, "k")) if count >= pair[0]), (1, ""))
     return f"{count / factor:.3g}{unit}"
-
-
-def _minutes(s: Summary) -> str:
-    return number(_seconds(s), 1 / 60)
 
 
 def _measure(name: str, factor: float) -> Callable[[Summary], str]:
@@ -338,8 +326,8 @@ _FIRST_MEASURE = 3  # what they can be spared for: all but jamming, before the c
 _OF_PLAYERS = (
     Column("player", lambda s: s.entry),
     Column("seeds", lambda s: str(s.training_seeds or "-"), spare=2),
-    Column("steps", lambda s: short(_steps(s)), spare=3),
-    Column("minutes", _minutes, spare=4),
+    Column("steps", lambda s: short(s.training.steps), spare=3),
+    Column("minutes", lambda s: number(s.training.seconds, 1 / 60), spare=4),
     Column("score", lambda s: number(s.score.value)),
     Column(_INTERVAL, lambda s: bounds(s.score) + (" †" if 0 < s.training_seeds < FEW_SEEDS else "")),
     Column("return", lambda s: number(s.reward.value, digits=2), spare=2),

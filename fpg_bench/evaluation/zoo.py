@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from fpg_bench.evaluation.entry import Entry
 
 
-class _GroupEntry(Strict):
+class _GroupFile(Strict):
     """A group of agents in ``zoo.yml``; see :class:`ZooGroup` for the attributes."""
 
     id: str
@@ -39,11 +39,10 @@ class _ZooFile(Strict):
     """Content of ``zoo.yml``."""
 
     seeds: Annotated[Items[NonNegativeInt], Constraint(min_length=1)]
-    groups: Annotated[dict[str, _GroupEntry], Constraint(min_length=1)]
+    groups: Annotated[dict[str, _GroupFile], Constraint(min_length=1)]
 
 
-@dataclass(frozen=True)
-class ZooGroup:
+class ZooGroup(_GroupFile):
     """A group of agents that are trained on one environment id with the same options.
 
     Attributes:
@@ -58,13 +57,7 @@ class ZooGroup:
     """
 
     name: str
-    id: str
     side: str
-    options: dict[str, Any]
-    suites: tuple[str, ...]
-    steps: dict[str, int]
-    hyperparams: dict[str, str]
-    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -210,16 +203,5 @@ def load_zoo(folder: Path | None = None) -> Zoo:
     for name, entry in content.groups.items():
         sides = sides_of(entry.id)
         side = sides[0] if len(sides) == 1 else load_suite(entry.suites[0]).side
-        groups.append(
-            ZooGroup(
-                name,
-                entry.id,
-                side,
-                entry.options,
-                entry.suites,
-                entry.steps,
-                entry.hyperparams,
-                entry.note,
-            )
-        )
+        groups.append(ZooGroup(name=name, side=side, **dict(entry)))
     return Zoo(folder, content.seeds, tuple(groups))

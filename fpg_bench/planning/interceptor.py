@@ -16,7 +16,7 @@ import numpy as np
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.curve import CHORDS, PARAMETERS, SPEED, fit_games, trace
 from fpg_bench.planning.patterns import Patrol
-from fpg_bench.planning.planner import Array, BatchPlanner, Plan, Request
+from fpg_bench.planning.planner import Array, BatchPlanner, Limits, Plan, Request
 from fpg_bench.planning.pursuit import chase_waypoints
 
 CURVES = 24  # refined in each fit
@@ -40,11 +40,8 @@ class Interceptor(BatchPlanner):
 
     def __init__(self, scenario: Scenario) -> None:
         self._circle = Patrol("circle", scenario)
-        self._n, round_s = scenario.waypoints, scenario.steps_per_round
-        parts = np.arange(self._n)
-        starts, ends = -(-parts * round_s // self._n), -(-(parts + 1) * round_s // self._n)
-        self._times = (starts + ends) // 2 + 1.0  # at which the history's positions were taken
-        self._seconds = np.arange(round_s + 1.0)
+        self._times = Limits.of(scenario).middles_s().astype(float)
+        self._seconds = np.arange(scenario.steps_per_round + 1.0)
         self._rules = np.array(
             [*scenario.base_station_m, scenario.distance_reward, max(scenario.distance_reward_m, 1.0)]
         )
@@ -107,7 +104,7 @@ class Interceptor(BatchPlanner):
         curves = np.zeros((len(histories), CURVES, PARAMETERS))
         kept, fresh = 0, slice(None)
         if before[0] is not None:
-            kept, start = KEPT, measured.shape[1] // self._n * FRESH % LIBRARY
+            kept, start = KEPT, measured.shape[1] // len(self._times) * FRESH % LIBRARY
             fresh = slice(start, start + FRESH)  # another part of the library in each round
             curves[:, :KEPT] = [self._fits[key] for key in before if key is not None]
         fit_games(

@@ -49,6 +49,11 @@ class Limits:
         """Return the whole second ``(n,)`` at which each waypoint is due, (i + 1) T / n rounded up."""
         return np.ceil((np.arange(self.waypoints) + 1) * self.round_s / self.waypoints)
 
+    def middles_s(self) -> np.ndarray:
+        """Return the whole second ``(n,)`` in the middle of each part: that of its position in a history."""
+        edges = -(-np.arange(self.waypoints + 1) * self.round_s // self.waypoints)
+        return np.asarray((edges[:-1] + edges[1:]) // 2 + 1)
+
 
 @dataclass(frozen=True)
 class Plan:

@@ -17,7 +17,6 @@ from fpg_bench.game.flight import distance_m, fly_waypoints
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.planner import Array, BatchPlanner, Limits, Plan, Request
 
-CHASERS = ("pursuit", "lead-pursuit")
 _STEPS_M = np.repeat([80.0, 40.0, 20.0, 10.0, 5.0], 3)
 _COVERED = 0.3  # assumed share of seconds in which a jammed frequency is the ally's
 

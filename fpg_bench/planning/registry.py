@@ -13,7 +13,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.interceptor import Interceptor
 from fpg_bench.planning.patterns import PATTERNS
 from fpg_bench.planning.planner import Planner, check_described, planner_name
-from fpg_bench.planning.pursuit import CHASERS, Chaser, Optimised
+from fpg_bench.planning.pursuit import Chaser, Optimised
 from fpg_bench.planning.search import CMAES, HillClimb
 
 # Planners that ask a language model, and what each control withholds from the model
@@ -21,10 +21,6 @@ LLM_CONTROLS = MappingProxyType(
     {"llm": "none", "llm-shuffled-rewards": "shuffled-rewards", "llm-no-history": "no-history"}
 )
 _METHODS = ("plan", "plan_batch")
-
-
-def _chaser(name: str, scenario: Scenario) -> Chaser:
-    return Chaser(name)
 
 
 def _language_model(name: str, scenario: Scenario) -> Any:
@@ -39,7 +35,8 @@ _MAKERS: dict[str, Callable[[Scenario], Any]] = {
     "cma-es": lambda scenario: CMAES(),
     "interceptor": Interceptor,
     **{name: partial(_language_model, name) for name in LLM_CONTROLS},
-    **{name: partial(_chaser, name) for name in CHASERS},
+    "pursuit": lambda scenario: Chaser("pursuit"),
+    "lead-pursuit": lambda scenario: Chaser("lead-pursuit"),
     "optimised": Optimised,
     "optimised-flown": partial(Optimised, flown=True),
 }

@@ -15,7 +15,6 @@ from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
 
-KEY = "sk-never-to-be-seen-3141592653"
 MATCHES, ROUNDS, ALLIES = 2, 3, ("idle", "expert")
 PLANS = MATCHES * ROUNDS * len(ALLIES)
 CHASER = """\
@@ -48,21 +47,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "short.yml").write_text("steps_per_round: 64\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    for name in ("BASE_URL", "MODEL", "API_KEY", "SERVER"):
-        monkeypatch.delenv(f"FPG_LLM_{name}", raising=False)
     return tmp_path
-
-
-@pytest.fixture
-def asks(monkeypatch):
-    """Point the environment at a server."""
-
-    def point(server, model="toy"):
-        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
-        monkeypatch.setenv("FPG_LLM_MODEL", model)
-        monkeypatch.setenv("FPG_LLM_API_KEY", KEY)
-
-    return point
 
 
 def records_of(folder, planner):

@@ -13,10 +13,9 @@ from fpg_bench import make_duel
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.match import replay_match
 from fpg_bench.evaluation.match_picture import draw_match
+from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.planning import PLANNERS
 from fpg_bench.planning.registry import LLM_CONTROLS
-from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.registry import as_player
 
 from .matching import ROUNDS, SHORT, lines, play, write
 
@@ -42,16 +41,9 @@ def test_a_match_is_repeated_to_the_bit(planner, file):
 def test_the_rounds_are_those_of_the_duel_with_that_planner(file):
     played = play(file, "circle", "expert-spread", "tone")
     duel = make_duel(scenario=dataclasses.replace(SHORT, rounds_per_match=ROUNDS), planner="circle")
-    runners = [
-        PolicyRunner(side, [as_player(name, side, duel.scenario)], duel.batch)
-        for side, name in (("ally", "expert-spread"), ("opponent", "tone"))
-    ]
+    match = make_match(duel, "expert-spread", "tone")
     for index, found in enumerate(played):
-        mask = duel.reset(seeds=5 if index == 0 else None)
-        for runner in runners:
-            runner.begin(mask)
-        while not duel.batch.games["truncated"].all():
-            duel.step(*(runner.act() for runner in runners))
+        play_round(match, seeds=5 if index == 0 else None)
         assert found.measures == duel.measures(0)
         assert found.row["waypoints"] == duel.plans[0].waypoints.tolist()
         assert found.reward_per_step == duel.measures(0)["opponent_return"] / 32

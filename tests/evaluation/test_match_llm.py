@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import fcntl
 import gc
-import json
-import os
 
 import pytest
 from planning.llm.fault_server import FaultServer, error_object, ok, refusal, status
+from planning.llm.playing import GOOD, KEY, path_text
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.match import replay_match
@@ -16,39 +15,16 @@ from fpg_bench.planning.llm.llm_planner import LLMPlanner
 
 from .matching import SHORT, lines, play, write
 
-KEY = "sk-not-to-be-seen-5093"
-
-
-def path_text(x: int) -> str:
-    """An answer of a language model, told apart by its x."""
-    return json.dumps({"waypoints": [{"x": x, "y": 700 + i, "z": 300} for i in range(16)]})
-
-
 BEHAVIOURS = (
-    ok(path_text(100)),
+    GOOD,
     ok("I would rather not say."),
-    ok(path_text(300)),
+    ok(path_text(200)),
     status(400),
     refusal(),
     error_object(),
-    ok(path_text(700)),
+    ok(path_text(600)),
 )
 STATUSES = ["ok", "reasked", "fallback-http", "fallback-refused", "fallback-http", "ok"]
-
-
-@pytest.fixture
-def environment(monkeypatch):
-    """An environment in which a server of language models can be configured."""
-    for name in os.environ:
-        if name.startswith("FPG_LLM_"):
-            monkeypatch.delenv(name)
-
-    def configure(server):
-        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
-        monkeypatch.setenv("FPG_LLM_MODEL", "some-model")
-        monkeypatch.setenv("FPG_LLM_API_KEY", KEY)
-
-    return configure
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -62,9 +38,9 @@ def ask(file, **changes):
     return play(file, "llm", rounds=len(STATUSES), **changes)
 
 
-def test_a_language_models_match_is_repeated_without_it(environment, file, monkeypatch):
+def test_a_language_models_match_is_repeated_without_it(asks, file, monkeypatch):
     with FaultServer(BEHAVIOURS) as server:
-        environment(server)
+        asks(server)
         played = ask(file)
         assert len(server.requests) == len(BEHAVIOURS)
     monkeypatch.delenv("FPG_LLM_BASE_URL")
@@ -79,14 +55,14 @@ def test_a_language_models_match_is_repeated_without_it(environment, file, monke
 
 
 @pytest.mark.parametrize("planner", ["circle", "llm"])
-def test_a_match_that_ends_lets_go_of_its_file(planner, environment, file):
+def test_a_match_that_ends_lets_go_of_its_file(planner, asks, file):
     def hold(index, played):
         if index == 1:
             with file.open() as other, pytest.raises(BlockingIOError):
                 fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
-    with FaultServer([ok(path_text(100))]) as server:
-        environment(server)
+    with FaultServer([GOOD]) as server:
+        asks(server)
         play(file, planner, progress=hold)
     with file.open() as other:
         fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -99,8 +75,8 @@ def attempts(rows):
 def reply_raw_and_path_digit(rows):
     """Change a digit wherever the transcript holds it."""
     row = attempts(rows)[0]
-    row["text"] = row["text"].replace('"y": 701', '"y": 702')
-    row["waypoints"][1][1] = 702.0
+    row["text"] = row["text"].replace('"x": 110', '"x": 112')
+    row["waypoints"][1][0] = 112.0
     row["raw"]["choices"][0]["message"]["content"] = row["text"]
 
 
@@ -112,13 +88,13 @@ def lost_attempt(rows):
     rows.remove(attempts(rows)[2])
 
 
-def test_a_changed_or_missing_attempt_is_named(environment, file):
+def test_a_changed_or_missing_attempt_is_named(asks, file):
     with FaultServer(BEHAVIOURS) as server:
-        environment(server)
+        asks(server)
         ask(file)
     for tamper, named in (
         (reply_raw_and_path_digit, "round 0 differs"),
-        (another_model, "attempt 0 was recorded with model some-model, and not a-better-model"),
+        (another_model, "attempt 0 was recorded with model toy, and not a-better-model"),
         (lost_attempt, "round 1, attempt 1 is missing"),
     ):
         rows = lines(file)
@@ -128,14 +104,14 @@ def test_a_changed_or_missing_attempt_is_named(environment, file):
             replay_match(file.with_name("changed.jsonl"))
 
 
-def test_the_file_holds_a_prompt_of_ones_own(environment, file, tmp_path):
+def test_the_file_holds_a_prompt_of_ones_own(asks, file, tmp_path):
     prompt = tmp_path / "mine.yml"
     prompt.write_text(
         "about: mine\nuser: 'Fly from ($x, $y, $z). $history'\nrow: '$x $y $z $reward'\n"
         "rounds: {first: 1, best: 1, latest: 1}\n"
     )
-    with FaultServer([ok(path_text(100))]) as server:
-        environment(server)
+    with FaultServer([GOOD]) as server:
+        asks(server)
         play(file, "llm-no-history", llm={"prompt": str(prompt)})
         text = server.requests[-1].body["messages"][-1]["content"]
         assert text.startswith("Fly from (")
@@ -153,9 +129,9 @@ def test_the_file_holds_a_prompt_of_ones_own(environment, file, tmp_path):
             replay_match(file)
 
 
-def test_a_planner_whose_file_would_not_tell_all_is_refused(environment, file):
+def test_a_planner_whose_file_would_not_tell_all_is_refused(asks, file):
     with FaultServer(BEHAVIOURS) as server:
-        environment(server)
+        asks(server)
         planner = LLMPlanner(SHORT)
         with pytest.raises(UserError, match="name it 'llm'"):
             play(file, planner)

@@ -5,29 +5,22 @@ import dataclasses
 import numpy as np
 
 from fpg_bench.envs.two_player import make_duel
+from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits, Request
-from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.registry import as_player
 
 PLANNED = dataclasses.replace(STANDARD, rounds_per_match=10, opponent_path="waypoints")
 LIMITS = Limits.of(PLANNED)
+SMALL = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
 
 
 def play(planner, ally="expert", games=20, rounds=10, seed=2**40, scenario=PLANNED):
     """Play matches against `adaptive`; gives (rounds, games) mean rewards per step and the duel."""
     duel = make_duel(games, scenario=scenario, planner=planner)
-    runners = [
-        PolicyRunner(side, [as_player(name, side, scenario)], duel.batch)
-        for side, name in (("ally", ally), ("opponent", "adaptive"))
-    ]
+    match = make_match(duel, ally, "adaptive")
     rewards = []
     for number in range(rounds):
-        mask = duel.reset(seeds=None if number else seed)
-        for runner in runners:
-            runner.begin(mask)
-        while not duel.batch.games["truncated"].all():
-            duel.batch.step(runners[0].act(), runners[1].act())
+        play_round(match, seeds=None if number else seed)
         rewards.append(duel.batch.tallies["opponent_return"] / scenario.steps_per_round)
     return np.array(rewards), duel
 

@@ -11,6 +11,7 @@ from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import PATROLS
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import PATTERNS, Limits, as_planner
+from tests.planning.playing import SMALL
 
 LIMITS = Limits.of(STANDARD)
 HERE = np.array([1.0, 2.0, 3.0])
@@ -24,9 +25,6 @@ def planned(name, seed=0, limits=LIMITS, scenario=STANDARD):
 def test_waypoints_are_due_evenly_and_the_last_at_the_end():
     assert LIMITS.due_s()[[0, 1, -1]].tolist() == [19, 38, 300]  # 18.75 and 37.5, rounded up
     assert set(np.diff(LIMITS.due_s())) == {18, 19}
-
-
-SMALL = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
 
 
 @pytest.mark.parametrize("scenario", [STANDARD, SMALL], ids=["standard", "small"])

@@ -8,16 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpg_bench.evaluation.checkers import check_planner
-from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits
 from fpg_bench.planning.search import CMAES, HillClimb, waypoints_through
-from tests.planning.playing import LIMITS
+from tests.planning.playing import LIMITS, SMALL
 
 BOX = np.array(LIMITS.box_m)
 START = np.array([300.0, 900.0, 200.0])
 LONGEST = 10 * 300 / 16
 SEARCHES = [HillClimb, CMAES]
-SMALL = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
 
 
 def rng(seed=0):

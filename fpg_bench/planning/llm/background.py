@@ -1,10 +1,9 @@
-"""Planning beside the game, for training with a slow planner: each round flies the latest finished plan."""
+"""A language model that plans beside the game, for training: each round flies the latest finished plan."""
 
 from __future__ import annotations
 
 import itertools
 import threading
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,48 +11,36 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning.llm.transcript import Flown, Transcript, place_of
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.planning.llm.transcript import Flown, place_of
 from fpg_bench.planning.patterns import Patrol
 from fpg_bench.planning.planner import BatchPlanner, Plan, Request, plan_all
 
 
 class BackgroundPlanner(BatchPlanner):
-    """Runs a planner in a thread of its own, while the game goes on.
+    """Runs a language model's planner in a thread of its own, while the game goes on.
 
     At the start of a round, a game flies the plan that was finished for its match since the last round; if
     there is none, its present path again, and the circle before its match has had any plan (status
     ``held``). The next plan is then requested from the game's present history. A game has at most one waiting
     request, the newest; the planner takes the game that has waited longest first.
 
-    The delay of a plan depends on the planner's speed, so a live run cannot be repeated (``repeatable`` is
-    False). A planner with a transcript notes there which plan each round flew; a replay of that transcript
-    flies the same, without a thread.
+    The delay of a plan depends on the model's speed, so a live run cannot be repeated. The planner's
+    transcript notes which plan each round flew; a replay of it flies the same, without a thread.
 
     It serves one batch of games. A copy begins without any plan.
 
     Args:
-        planner: with ``plan`` or ``plan_batch``.
-        scenario: what is played; None: the planner's own.
-
-    Attributes:
-        flown: number of rounds flown on a plan of each status.
-
-    Raises:
-        UserError: no scenario.
+        planner: the language model's planner.
     """
 
-    def __init__(self, planner: Any, scenario: Scenario | None = None) -> None:
-        played = scenario or getattr(planner, "scenario", None)
-        if played is None:
-            raise UserError(f"planner {planner.name}: beside the game it needs the scenario; pass it, too")
-        self.planner, self.scenario = planner, played
+    asks_language_model = True
+
+    def __init__(self, planner: LLMPlanner) -> None:
+        self.planner = planner
         self.name, self.tier = f"{planner.name}-beside", planner.tier
-        self.asks_language_model = getattr(planner, "asks_language_model", False)
-        self._transcript = getattr(planner, "transcript", None) or Transcript()
-        self.repeatable = self._transcript.mode == "replay"
-        self._circle = Patrol("circle", played)
-        self.flown: Counter[str] = Counter()
+        self._transcript = planner.transcript
+        self._circle = Patrol("circle", planner.scenario)
         self._games: dict[int, _Game] = {}
         self._lock = threading.Lock()  # guards the state shared with the thread:
         self._waiting: dict[int, Request] = {}  # by game, the one that has waited longest first
@@ -62,7 +49,7 @@ class BackgroundPlanner(BatchPlanner):
         self._error: Exception | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return BackgroundPlanner, (self.planner, self.scenario)
+        return BackgroundPlanner, (self.planner,)
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """Return the path that each game flies now, without waiting.
@@ -84,7 +71,6 @@ class BackgroundPlanner(BatchPlanner):
                 new.append((request, flown))
             game.path, game.is_planned = plan.waypoints, game.is_planned or plan.status != "held"
             plans.append(plan)
-        self.flown.update(plan.status for plan in plans)
         self._transcript.add_flown([flown for _, flown in new])
         self._submit([request for request, _ in new])
         return plans
@@ -114,7 +100,7 @@ class BackgroundPlanner(BatchPlanner):
     def _submit(self, requests: Sequence[Request]) -> None:
         with self._lock:
             for request in requests:
-                if request.round + 1 < self.scenario.rounds_per_match:
+                if request.round + 1 < self.planner.scenario.rounds_per_match:
                     self._waiting[request.game] = request
                 else:
                     self._waiting.pop(request.game, None)  # no round is left that could fly it
@@ -137,8 +123,8 @@ class BackgroundPlanner(BatchPlanner):
     def _next(self) -> list[Request]:
         """Return as many requests as the planner takes at once; with none, the thread ends."""
         with self._lock:
-            count = getattr(self.planner, "concurrency", len(self._waiting))
-            taken = [self._waiting.pop(game) for game in list(itertools.islice(self._waiting, count))]
+            games = list(itertools.islice(self._waiting, self.planner.concurrency))
+            taken = [self._waiting.pop(game) for game in games]
             self._is_working = bool(taken)
             return taken
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import hashlib
-import itertools
 import json
 import math
 from pathlib import Path
@@ -115,7 +114,7 @@ class Prompt(_Texts, _Rounds):
         if not len(history):
             return self.no_history.strip()
         means = [_reward(mean) for mean in history[..., 3].mean(axis=1)]
-        usual, seconds = float(history[..., 3].mean()), _middles_s(limits)
+        usual, seconds = float(history[..., 3].mean()), limits.middles_s()
         heading, row, lines = Template(self.heading), Template(self.row), []
         for k in self._shown_rounds(means):
             if self.heading:
@@ -215,9 +214,3 @@ def _place(position: Array) -> dict[str, int]:
 
 def _reward(value: float, sign: str = "") -> str:
     return f"{round(float(value), 2) + 0.0:{sign}.2f}"  # + 0.0: never -0.00
-
-
-def _middles_s(limits: Limits) -> list[int]:
-    """Return the seconds of the history's positions, the middle of each part of the round."""
-    edges = [-(-i * limits.round_s // limits.waypoints) for i in range(limits.waypoints + 1)]
-    return [(start + end) // 2 + 1 for start, end in itertools.pairwise(edges)]

@@ -15,6 +15,7 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.planning import Plan
 from fpg_bench.planning.llm.background import BackgroundPlanner
+from fpg_bench.planning.llm.transcript import Transcript
 
 from .fault_server import FaultServer, answer, ok
 from .playing import BAD, ROUNDS, SHORT, path, path_text, planner, play, request
@@ -23,12 +24,12 @@ from .playing import BAD, ROUNDS, SHORT, path, path_text, planner, play, request
 class Slow:
     """Plans when it is let: ``release`` lets it finish one batch and waits until it has."""
 
-    name, tier, scenario = "slow", "history", SHORT
+    name, tier, scenario, concurrency = "slow", "history", SHORT, 1
 
-    def __init__(self, error=None, **attributes):
+    def __init__(self, error=None):
         self.batches, self.error = [], error
         self.begun, self.go, self.done = (threading.Semaphore(0) for _ in range(3))
-        self.__dict__.update(attributes)
+        self.transcript = Transcript()
 
     def plan_batch(self, requests):
         if self.batches:
@@ -82,9 +83,10 @@ def test_the_plan_that_is_ready_is_flown_and_until_then_the_present_path():
     slow.go.release()
 
 
-@pytest.mark.parametrize("attributes", [{"concurrency": 1}, {}])
-def test_only_the_newest_request_of_a_game_waits_and_the_game_that_waited_longest_is_first(attributes):
-    slow = Slow(**attributes)
+@pytest.mark.parametrize("concurrency", [1, 2])
+def test_only_the_newest_request_of_a_game_waits_and_the_game_that_waited_longest_is_first(concurrency):
+    slow = Slow()
+    slow.concurrency = concurrency
     beside = BackgroundPlanner(slow)
     beside.plan_batch([request(0, game=0)])
     begin(slow)
@@ -95,7 +97,7 @@ def test_only_the_newest_request_of_a_game_waits_and_the_game_that_waited_longes
     first, *later = slow.batches
     assert first == [(0, 1, 0, 0)]
     assert [*itertools.chain(*later)] == [(1, 1, 0, 2), (0, 1, 0, 2)]
-    assert len(later) == (2 if attributes else 1)  # a planner without a limit gets all games at once
+    assert len(later) == 2 // concurrency
 
 
 @pytest.mark.parametrize("change", [{"match": 1}, {"seed": 2}])
@@ -169,7 +171,6 @@ def test_a_replay_flies_the_same_without_a_server_or_a_thread(tmp_path):
     assert len(flown(file)) == 9 * ROUNDS
     before = file.read_bytes()
     again = BackgroundPlanner(planner(transcript=file, mode="replay"))
-    assert again.repeatable
     threads = threading.active_count()
     replayed = play(again, rounds=3 * ROUNDS, games=3)
     assert threading.active_count() <= threads
@@ -235,6 +236,7 @@ def test_a_run_that_was_stopped_flies_what_it_flew_and_goes_on(recorded):
 RUN = """
 from tests.planning.llm.playing import SHORT, play
 from fpg_bench.planning.llm.background import BackgroundPlanner
+from fpg_bench.planning.llm.transcript import Transcript
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 play(BackgroundPlanner(LLMPlanner(SHORT)), rounds=1)
 input()
