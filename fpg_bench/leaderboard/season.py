@@ -17,7 +17,7 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.seeds import SeasonKey, seed_from
 from fpg_bench.evaluation.suite import PLANNER
-from fpg_bench.leaderboard.folders import TRACK_FOLDERS, short_path
+from fpg_bench.leaderboard.folders import TRACK_FOLDERS
 from fpg_bench.leaderboard.submission import examine
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import baselines_folder, suites_folder
@@ -91,16 +91,11 @@ def _read_entry(folder: Path, contract: bool) -> SeasonEntry:
     if submission is None or problems:
         raise UserError(f"season: entry {name}: {problems[0]}")
     side = submission.track if submission.track in SIDES else None
-    if submission.script is not None:
-        players: tuple[str, ...] = (submission.script,)
-    else:
-        home = submission.zoo or short_path(submission.folder)
-        players = tuple(f"{home}/seed_{policy.seed}" for policy in submission.policies)
     hashes = tuple(policy.sha256 for policy in submission.policies)
     if not hashes:
         script = f"script {submission.track} {submission.script}"
         hashes = (submission.fingerprint if side is None else script,)
-    return SeasonEntry(name, side, submission.path, players, hashes, submission.scenario)
+    return SeasonEntry(name, side, submission.path, submission.players, hashes, submission.scenario)
 
 
 def entries_of_side(entries: Sequence[SeasonEntry], side: str) -> list[SeasonEntry]:
