@@ -419,19 +419,15 @@ def examine(
     lines += [*_wrong_place(folder, about), *_wrong_names(folder, about)]
     policies, wrong = _policies(folder, about, contract)
     lines = [*_wrong_slug(folder), *(f"{ABOUT}: {line}" for line in lines), *wrong]
-    files: list[Path] = []
     if about.is_recorded:
-        where = folder / TRANSCRIPTS
-        if problem := folder_problem(where):
-            lines.append(f"{TRANSCRIPTS}: {problem}")
-        else:
-            suite = (suites or TrackSuites()).of(TRACKS["planner"], transcripts=True)[PUBLIC]
-            lines += check_transcripts(folder, suite)
-            files = [where / name for name in list_names(where)]
+        suite = (suites or TrackSuites()).of(TRACKS["planner"], transcripts=True)[PUBLIC]
+        lines += check_transcripts(folder, suite)
     if lines:
         return None, lines
+    files = list_names(folder / TRANSCRIPTS) if about.is_recorded else []
+    transcripts = tuple(folder / TRANSCRIPTS / name for name in files)
     entered = Submission.model_construct(
-        folder=folder, policies=policies, transcripts=tuple(files), **dict(about)
+        folder=folder, policies=policies, transcripts=transcripts, **dict(about)
     )
     return entered, []
 

@@ -24,8 +24,11 @@ from fpg_bench.players.sandbox.client import check_policies, check_policy
 from fpg_bench.version import __version__
 from tests.programs import python
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
-ENTRY = ROOT / "leaderboard" / "submissions" / "ally" / "plain-torch"
+BOARD = ROOT / "leaderboard"
+ENTRY = BOARD / "submissions/ally/plain-torch"
 
 
 def test_the_script_makes_agents_as_the_submission_s(tmp_path, monkeypatch):
@@ -51,12 +54,6 @@ def test_its_submission_is_sound_and_no_path_is_left_in_it():
     for policy in load_submission(ENTRY).policies:
         assert b"site-packages" not in policy.model
         assert b"train_plain_torch" not in policy.model
-
-
-pytestmark = pytest.mark.slow
-
-ROOT = Path(__file__).parents[2]
-BOARD = ROOT / "leaderboard"
 
 
 @pytest.fixture(scope="module")
