@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import yaml
 
@@ -18,37 +17,26 @@ from fpg_bench.common.files import read_json, write_whole
 from fpg_bench.common.ids import NAMED
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.submission import seed_folders
+from fpg_bench.leaderboard.tracks import TRACKS, Track
 from fpg_bench.players.agent import baselines_folder
 
 AUTHORS = ["fpg-bench maintainers"]
-
-
-class Place(NamedTuple):
-    """Table of the board, in the words of a submission."""
-
-    track: str
-    path: str | None = None
-    scenario: str = "standard"
-
-
-ALLY, PURSUIT, LEARNED = Place("ally"), Place("opponent", "pursuit"), Place("opponent", "learned")
-ALLY_LINK, OPPONENT_LINK = Place("ally", None, "link"), Place("opponent", "pursuit", "link")
-# Table by the public suite of a group. Agents of other scenarios are not entered.
-PLACES = {
-    "ally-v1": ALLY,
-    "ally-planner-v1": ALLY,
-    "opponent-v1": PURSUIT,
-    "opponent-learned-v1": LEARNED,
-    "ally-link-v1": ALLY_LINK,
-    "opponent-link-v1": OPPONENT_LINK,
+# Track by the public suite of a group. Agents of other scenarios are not entered.
+TRACK_OF = {
+    "ally-v1": "ally",
+    "ally-planner-v1": "ally",
+    "opponent-v1": "opponent-pursuit",
+    "opponent-learned-v1": "opponent-learned",
+    "ally-link-v1": "ally-link",
+    "opponent-link-v1": "opponent-link",
 }
-# What tells a script's entry from that in the first table of its side: end of the folder's name, and remark.
-SCRIPT_PLACES = {
-    ALLY: ("", ""),
-    PURSUIT: ("", ""),
-    LEARNED: ("-learned", " (flies itself)"),
-    ALLY_LINK: ("-link", ""),
-    OPPONENT_LINK: ("-link", ""),
+# What tells a script's entry from that in the first track of its side: end of the folder's name, and remark.
+SCRIPT_TRACKS = {
+    "ally": ("", ""),
+    "opponent-pursuit": ("", ""),
+    "opponent-learned": ("-learned", " (flies itself)"),
+    "ally-link": ("-link", ""),
+    "opponent-link": ("-link", ""),
 }
 # Role and training partners by the group's name.
 GROUPS = {
@@ -89,12 +77,12 @@ GROUPS = {
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
-# Champion and table by the entry's name.
+# Champion and track by the entry's name.
 CHAMPIONS = {
-    "ally-champion": ("ally-champion", ALLY),
-    "opponent-champion": ("opponent-champion", LEARNED),
-    "opponent-champion-2": ("opponent-champion-2", LEARNED),
-    "opponent-champion-2-pursuit": ("opponent-champion-2", PURSUIT),
+    "ally-champion": ("ally-champion", "ally"),
+    "opponent-champion": ("opponent-champion", "opponent-learned"),
+    "opponent-champion-2": ("opponent-champion-2", "opponent-learned"),
+    "opponent-champion-2-pursuit": ("opponent-champion-2", "opponent-pursuit"),
 }
 NO_MEMORY = "It has no memory: it acts on the present observation alone."
 SMALL_BUDGET = "It has no memory, and its budget of steps is much smaller than PPO's."
@@ -148,33 +136,34 @@ PAPERS = {
 }
 
 
-def entry(name: str, algorithm: str, place: Place, **others: object) -> str:
+def entry(name: str, algorithm: str, track: Track, **others: object) -> str:
     """Return the text of a submission.yaml."""
     content = {"name": name, "authors": AUTHORS, "algorithm": algorithm, "reference": None, "licence": "MIT"}
-    content |= {"track": place.track}
-    content |= {} if place.path is None else {"path": place.path}
-    content |= {} if place.scenario == "standard" else {"scenario": place.scenario}
+    content |= {"track": track.side}
+    content |= {} if track.path is None else {"path": track.path}
+    content |= {} if track.scenario == "standard" else {"scenario": track.scenario}
     content |= others
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
 def scripts() -> dict[str, str]:
-    """Return the submissions of all scripts by track and name; each is entered in all tables of its side."""
+    """Return the submissions of all scripts by track and name; each is entered in all tracks of its side."""
     entries = {}
-    for place, (end, remark) in SCRIPT_PLACES.items():
-        for script in NAMED[place.track]:
+    for key, (end, remark) in SCRIPT_TRACKS.items():
+        track = TRACKS[key]
+        for script in NAMED[track.side]:
             paper = PAPERS.get(script)
-            entries[f"{place.track}/{script}{end}"] = entry(
+            entries[f"{track.side}/{script}{end}"] = entry(
                 f"{script}{remark}",
                 "script",
-                place,
+                track,
                 reference=paper,
                 training=None,
                 saw="Nothing: it learns within a round."
                 if paper
                 else "Nothing: it is a script, written by hand.",
                 unable="It forgets what it learned when a round ends." if paper else "It does not learn.",
-                description=f"A scripted {place.track}: it {SCRIPTS[script]}.",
+                description=f"A scripted {track.side}: it {SCRIPTS[script]}.",
                 script=script,
             )
     return entries
@@ -186,27 +175,28 @@ def agents() -> dict[str, str]:
     for group in zoo.groups:
         for algorithm in group.steps:
             members = zoo.members(f"{group.name}/{algorithm}")
-            if group.suites[0] in PLACES and all(member.shipped for member in members):
-                place, folder = PLACES[group.suites[0]], members[0].folder.parent
+            if group.suites[0] in TRACK_OF and all(member.shipped for member in members):
+                track, folder = TRACKS[TRACK_OF[group.suites[0]]], members[0].folder.parent
                 command = f"python scripts/train_zoo.py --only {group.name}/{algorithm}"
-                text = trained(folder, place, *GROUPS[group.name], f"From the zoo; trained by {command}.")
-                entries[f"{place.track}/{group.name}-{algorithm}"] = text
+                text = trained(folder, track, *GROUPS[group.name], f"From the zoo; trained by {command}.")
+                entries[f"{track.side}/{group.name}-{algorithm}"] = text
     return entries
 
 
 def champions() -> dict[str, str]:
     """Return the submissions of all shipped champions by track and name."""
     entries = {}
-    for slug, (name, place) in CHAMPIONS.items():
+    for slug, (name, key) in CHAMPIONS.items():
+        track = TRACKS[key]
         for folder in sorted((baselines_folder() / "agents" / name).glob("*")):
             role = slug.replace("-", " ")
             text = f"Made to be hard to beat; trained by python scripts/train_champions.py --only {name}."
             saw = "scripts, agents of the zoo, and those who had learned to beat it"
-            entries[f"{place.track}/{slug}"] = trained(folder, place, role, saw, text)
+            entries[f"{track.side}/{slug}"] = trained(folder, track, role, saw, text)
     return entries
 
 
-def trained(folder: Path, place: Place, role: str, saw: str, description: str) -> str:
+def trained(folder: Path, track: Track, role: str, saw: str, description: str) -> str:
     """Return the submission of an algorithm, with the mean hours of a seed at the speed of its last stage."""
     title, paper, unable = ALGORITHMS[folder.name]
     agents = [read_json(seed / "agent.json", "agent") for seed in seed_folders(folder).values()]
@@ -214,7 +204,7 @@ def trained(folder: Path, place: Place, role: str, saw: str, description: str) -
     return entry(
         f"{title} ({role})",
         title,
-        place,
+        track,
         reference=f"https://arxiv.org/abs/{paper}",
         training={
             "steps": agents[0]["training_steps"],

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import linprog
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
@@ -34,6 +33,7 @@ from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.game.state import TYPES
+from fpg_bench.leaderboard.ranking import nash
 from fpg_bench.players.player import SIDES, Memory, Player, PlayerSpec
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import Batched
@@ -108,37 +108,17 @@ def payoffs(
     return np.array([[_reward(ally, suite, rival) for rival in rivals] for ally in allies.values()])
 
 
-def equilibrium(values: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the row player's mixture of a zero-sum game that secures the most, and what it secures.
-
-    Args:
-        values: ``(rows, columns)``, what the row player earns.
-    """
-    rows, columns = values.shape
-    cost = np.append(np.zeros(rows), -1.0)
-    bounds = [(0.0, 1.0)] * rows + [(None, None)]
-    found = linprog(
-        cost,
-        A_ub=np.hstack([-values.T, np.ones((columns, 1))]),
-        b_ub=np.zeros(columns),
-        A_eq=np.append(np.ones(rows), 0.0)[None],
-        b_eq=[1.0],
-        bounds=bounds,
-    )
-    return found.x[:-1], float(found.x[-1])
-
-
 def equilibrium_note(allies: Sequence[str], opponents: Sequence[str], values: np.ndarray) -> str:
     """Return a sentence on the equilibrium of the pay-offs ``(allies, opponents)``."""
-    ally_mixture, secured = equilibrium(values)
-    opponent_mixture, _ = equilibrium(-values.T)
+    equilibrium = nash(-values)
     shares = [
         ", ".join(
             f"{name} {share:.2f}" for name, share in zip(names, mixture, strict=True) if share > LEAST_SHARE
         )
-        for names, mixture in ((allies, ally_mixture), (opponents, opponent_mixture))
+        for names, mixture in ((allies, equilibrium.rows), (opponents, equilibrium.columns))
     ]
-    return f"Equilibrium, worth {secured:z.2f} to the ally. Allies: {shares[0]}. Opponents: {shares[1]}."
+    worth = f"worth {-equilibrium.value:z.2f} to the ally"
+    return f"Equilibrium, {worth}. Allies: {shares[0]}. Opponents: {shares[1]}."
 
 
 def lever_table(

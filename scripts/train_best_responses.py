@@ -109,11 +109,8 @@ def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
         if folder.parent.name in SIDES:
             entry = load_submission(folder, contract=False)
             if entry.policies and entry.scenario == SCENARIO:
-                first = min(entry.policies, key=lambda policy: policy.seed)
-                agent = f"{entry.zoo or short_path(folder)}/seed_{first.seed}"
-                yield Target(
-                    entry.table.key, entry.track, entry.slug, agent, first.sha256, entry.path or PURSUIT
-                )
+                agent, sha256 = entry.players[0], entry.policies[0].sha256
+                yield Target(entry.table.key, entry.track, entry.slug, agent, sha256, entry.path or PURSUIT)
 
 
 def parse_recipe(text: str) -> Recipe:

@@ -14,7 +14,7 @@ from fpg_bench.common.files import read_json
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
-from fpg_bench.leaderboard.close_season import ROUNDS, play_candidate, shuffled, train_candidate
+from fpg_bench.leaderboard.close_season import play_candidate, shuffled, train_candidate
 from fpg_bench.leaderboard.season import (
     Recipe,
     Season,
@@ -54,7 +54,6 @@ def audit_season(
     members: list[str] | None = None,
     count: int = 2,
     *,
-    rounds: int = ROUNDS,
     n_jobs: int = 2,
 ) -> list[AuditedMember]:
     """Train some members of a season again.
@@ -67,7 +66,6 @@ def audit_season(
         work: folder to train in.
         members: their names; None: ``count`` per side, drawn by the folder's name.
         count: number per side.
-        rounds: rounds of each player against each of the two policies.
         n_jobs: number of members trained at once.
 
     Raises:
@@ -76,10 +74,8 @@ def audit_season(
     """
     check_entries(season, entries)
     chosen = _choose_members(season, members, count, work)
-    for side, _ in chosen:
-        (work / side).mkdir(parents=True, exist_ok=True)
     check_all_done(run_jobs([_training_job(work, member, season.scenario) for _, member in chosen], n_jobs))
-    return [_compare(season, entries, work, side, member, rounds) for side, member in chosen]
+    return [_compare(season, entries, work, side, member) for side, member in chosen]
 
 
 def check_entries(season: Season, entries: list[SeasonEntry]) -> None:
@@ -123,7 +119,7 @@ def _training_job(work: Path, recipe: Recipe, scenario: str) -> Job:
 
 
 def _compare(
-    season: Season, entries: list[SeasonEntry], work: Path, side: str, member: SeasonMember, rounds: int
+    season: Season, entries: list[SeasonEntry], work: Path, side: str, member: SeasonMember
 ) -> AuditedMember:
     other = other_side(side)
     published, again = season.agent(side, member), work / side / member.name / "agent"
@@ -136,7 +132,6 @@ def _compare(
                     str(agent),
                     member.path if side == "opponent" else entry.path,
                     season.seed,
-                    rounds,
                     season.scenario,
                 )[other]
                 for agent in (published, again)

@@ -723,7 +723,7 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
     allies, opponents = fully_played(pairs)
     if not allies or not opponents:
         return None
-    played = [[pairs.results[pair_key(a, o, pairs.rounds)] for o in opponents] for a in allies]
+    played = [[pairs.results[pair_key(a, o)] for o in opponents] for a in allies]
     returns = {side: [[round_finite(pair.reward(side)) for pair in row] for row in played] for side in SIDES}
     half = {side: [[_half(pair, side) for pair in row] for row in played] for side in SIDES}
     jammed = [[pair.jamming_success_rate for pair in row] for row in played]
@@ -754,7 +754,7 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
         returns={side: columns(matrix) for side, matrix in returns.items()},
         half={side: columns(matrix) for side, matrix in half.items()},
         jamming_success_rate=columns(jammed),
-        rounds=pairs.rounds,
+        rounds=played[0][0].rounds,
         nash=NashMixture(
             ally={a.slug: round_finite(share) for a, share in zip(allies, equilibrium.rows, strict=True)},
             opponent=shares,

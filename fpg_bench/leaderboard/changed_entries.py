@@ -61,7 +61,7 @@ def pairs_at(board: Path, revision: str) -> list[Row]:
     """Return the rows of cross-play at a git revision; none if there was no such file.
 
     Raises:
-        UserError: as :func:`changes_since` does.
+        UserError: as :func:`changed_entries` does.
     """
     top, commit = _checkout(board), _commit(board, revision)
     blob = _kept(top, commit).get(str(crossplay_file(board.resolve().relative_to(top))))

@@ -51,7 +51,8 @@ from fpg_bench.training.train import train
 
 _logger = logging.getLogger(__name__)
 
-CANDIDATES, SIZE, ROUNDS = 24, 12, 60
+CANDIDATES, SIZE = 24, 12
+ROUNDS = 60  # of each entry against each candidate
 PROFILE, PLAN, PROBE = "profile.jsonl", "plan.yml", "probe"
 # Groups of a side's candidates: first those against which the first of two scripts is ahead of the second.
 # Opponents that drive an ally to hop on and on are met best by staying, those that aim at it by hopping;
@@ -123,9 +124,7 @@ def _digest(*key: object) -> str:
     return hashlib.sha256("/".join(map(str, key)).encode()).hexdigest()
 
 
-def draw_recipes(
-    seed: str, side: str, count: int, entries: Sequence[SeasonEntry], scale: float = 1.0
-) -> list[Recipe]:
+def draw_recipes(seed: str, side: str, count: int, entries: Sequence[SeasonEntry]) -> list[Recipe]:
     """Draw the recipes of a side's candidates.
 
     Algorithms take turns. All other properties are dealt evenly over the candidates of an algorithm, so the
@@ -136,7 +135,6 @@ def draw_recipes(
         side: the candidates' side.
         count: number of candidates.
         entries: entries of the other side, to be trained against.
-        scale: factor on all training budgets.
 
     Raises:
         UserError: no entries to train against.
@@ -161,7 +159,7 @@ def draw_recipes(
             name=f"{side[0]}{i:02d}",
             side=side,
             algorithm=algorithm,
-            steps=round(scale * steps[i]),
+            steps=steps[i],
             reward=rewards[i],
             gamma=gammas[i],
             log_std=None if algorithm == "td3" else log_stds[i],
@@ -356,8 +354,6 @@ class Closing:
         entries: the entries it is closed over.
         work: folder of the candidates; it is kept, so that a stopped closing can be resumed.
         candidates, size: trained and selected candidates per side.
-        rounds: rounds of each entry against each candidate.
-        scale: factor on all training budgets; 1 except in tests.
         scenario: the preset that is played, by entries and candidates.
     """
 
@@ -367,8 +363,6 @@ class Closing:
     work: Path
     candidates: int = CANDIDATES
     size: int = SIZE
-    rounds: int = ROUNDS
-    scale: float = 1.0
     scenario: str = "standard"
 
     @property
@@ -383,7 +377,7 @@ class Closing:
 
     def recipes(self, side: str) -> list[Recipe]:
         """Return the recipes of a side's candidates."""
-        return draw_recipes(self.seed, side, self.candidates, self.rival_entries(side), self.scale)
+        return draw_recipes(self.seed, side, self.candidates, self.rival_entries(side))
 
     def folder(self, recipe: Recipe) -> Path:
         """Return the folder of a candidate."""
@@ -396,8 +390,6 @@ def make_closing(
     work: Path,
     candidates: int = CANDIDATES,
     size: int = SIZE,
-    rounds: int = ROUNDS,
-    scale: float = 1.0,
     scenario: str = "standard",
 ) -> Closing:
     """Return the closing of a season (by number) or a training population (by name) over a board.
@@ -405,7 +397,7 @@ def make_closing(
     Args:
         name: the number or name.
         board: the leaderboard's folder.
-        work, candidates, size, rounds, scale, scenario: see :class:`Closing`.
+        work, candidates, size, scenario: see :class:`Closing`.
 
     Raises:
         UserError: an invalid name, or an invalid entry.
@@ -418,7 +410,7 @@ def make_closing(
     entries = tuple(read_entries(board, scenario=scenario))
     if number is not None:
         name = f"season-{season_label(number, scenario)}"
-    return Closing(name, number, entries, work, candidates, size, rounds, scale, scenario)
+    return Closing(name, number, entries, work, candidates, size, scenario)
 
 
 def close_season(
@@ -491,13 +483,7 @@ def _at_work(work: Path, sides: Sequence[str]) -> Iterator[None]:
 def _check_plan(closing: Closing) -> None:
     """Store the plan in the working folder; raise UserError where the folder belongs to another closing."""
     file = closing.work / PLAN
-    plan = {
-        "seed": closing.seed,
-        "candidates": closing.candidates,
-        "rounds": closing.rounds,
-        "scale": closing.scale,
-        "scenario": closing.scenario,
-    }
+    plan = {"seed": closing.seed, "candidates": closing.candidates, "scenario": closing.scenario}
     if not file.exists():
         write_whole(file, "".join(f"{key}: {value}\n" for key, value in plan.items()))
     stored = read_yaml(file, "closing")
@@ -517,7 +503,6 @@ def _candidate_job(closing: Closing, recipe: Recipe) -> Job:
         for player in entry.players
     ]
     players += [(PROBE, recipe.path, script) for script in PROBES[recipe.side]]
-    folder.parent.mkdir(parents=True, exist_ok=True)
     make = partial(_make_candidate, closing, recipe, players)
     return folder_job(
         f"{recipe.side}/{recipe.name}", folder, make, partial(_is_complete, folder, len(players))
@@ -539,10 +524,9 @@ def _make_candidate(
                 str(folder / "agent"),
                 path,
                 closing.seed,
-                closing.rounds,
                 closing.scenario,
             )
-            file.append([{"entry": entry, "player": player, "n": closing.rounds, **means}])
+            file.append([{"entry": entry, "player": player, "n": ROUNDS, **means}])
 
 
 def _is_complete(folder: Path, n_players: int) -> bool:
@@ -555,7 +539,6 @@ def play_candidate(
     other: str,
     path: str,
     season: str,
-    rounds: int = ROUNDS,
     scenario: str = "standard",
 ) -> dict[str, float]:
     """Play a player against one of the other side.
@@ -566,7 +549,6 @@ def play_candidate(
         other: the name of its rival.
         path: the opponent's path.
         season: the season's seed, which gives the evaluation seeds.
-        rounds: number of rounds.
         scenario: the preset.
 
     Returns:
@@ -578,7 +560,7 @@ def play_candidate(
     """
     preset = as_scenario(scenario)
     rival = Rival("season", (other,), as_scenario(preset, opponent_path=path))
-    suite = Suite("season", side, preset, rounds, (rival,), season=season, scale=_scale(side, scenario))
+    suite = Suite("season", side, preset, ROUNDS, (rival,), season=season, scale=_scale(side, scenario))
     try:
         record = play(player_entry(as_player(player, side, rival.scenario)), suite, rival)
     except UserError as error:

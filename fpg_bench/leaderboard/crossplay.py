@@ -26,8 +26,7 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.play import LOST_SCORE
-from fpg_bench.evaluation.rounds import make_match as match_of
-from fpg_bench.evaluation.rounds import play_round
+from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.game.scenario import Scenario
@@ -43,7 +42,7 @@ from fpg_bench.players.sandbox.process import PolicyFailed
 
 _logger = logging.getLogger(__name__)
 
-ROUNDS = 100
+ROUNDS = 100  # of each pair, distributed evenly over the training seeds of both
 _UNEVEN = 0.1  # of the spread between training seeds: they do not all play as many rounds
 WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when a pair is played again
 
@@ -176,9 +175,9 @@ def _board_entry(case: Case) -> CrossplayEntry:
     return CrossplayEntry(submission.slug, submission.track, parts, scenario, public.scale, public.season)
 
 
-def pair_key(ally: CrossplayEntry, opponent: CrossplayEntry, rounds: int) -> str:
+def pair_key(ally: CrossplayEntry, opponent: CrossplayEntry) -> str:
     """Return a hash of everything that decides a pair's result, as 16 hexadecimal digits."""
-    content = [ally.identity, opponent.identity, opponent.scenario_hash, PROTOCOL, ally.season, rounds]
+    content = [ally.identity, opponent.identity, opponent.scenario_hash, PROTOCOL, ally.season, ROUNDS]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
@@ -190,33 +189,26 @@ class Pairs:
         allies, opponents: the entries.
         results: by :func:`pair_key`.
         is_clean: true if the file holds nothing else.
-        rounds: of each pair.
     """
 
     allies: list[CrossplayEntry]
     opponents: list[CrossplayEntry]
     results: Mapping[str, Pair]
     is_clean: bool = True
-    rounds: int = ROUNDS
 
     def every(self) -> Iterator[tuple[str, CrossplayEntry, CrossplayEntry]]:
         """Yield all pairs with their keys, ally by ally."""
         for ally in self.allies:
             for opponent in self.opponents:
-                yield pair_key(ally, opponent, self.rounds), ally, opponent
+                yield pair_key(ally, opponent), ally, opponent
 
 
-def read_pairs(
-    board: Path,
-    players: tuple[list[CrossplayEntry], list[CrossplayEntry]],
-    rounds: int = ROUNDS,
-) -> Pairs:
+def read_pairs(board: Path, players: tuple[list[CrossplayEntry], list[CrossplayEntry]]) -> Pairs:
     """Read the results of pairs of these players; all other lines are left out.
 
     Args:
         board: the leaderboard's folder.
         players: allies and opponents.
-        rounds: of each pair.
 
     Raises:
         UserError: the file cannot be read.
@@ -226,19 +218,19 @@ def read_pairs(
     sound = [pair for pair in map(read_pair, rows) if pair is not None]
     if count := len(bad) + len(rows) - len(sound):
         _logger.info(f"{file}: {count} lines are no pair's, or an older protocol's, and left out")
-    wanted = {key: (a, o) for key, a, o in Pairs(*players, {}, rounds=rounds).every()}
+    wanted = {key: (a, o) for key, a, o in Pairs(*players, {}).every()}
     own = [pair for pair in sound if pair.key in wanted and pair.is_of(*wanted[pair.key])]
     results = {pair.key: pair for pair in own if pair.is_possible(wanted[pair.key][1].scenario)}
     for pair in own:
         if pair.key not in results:
             _logger.warning(f"{file}: {pair.ally} - {pair.opponent}: no rounds can earn this; it is left out")
-    return Pairs(*players, results, not bad and len(results) == len(rows), rounds)
+    return Pairs(*players, results, not bad and len(results) == len(rows))
 
 
 def fully_played(pairs: Pairs) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
     """Remove the player with the largest share of missing pairs until no pair is missing."""
     allies, opponents = list(pairs.allies), list(pairs.opponents)
-    keys = [[pair_key(a, o, pairs.rounds) for o in opponents] for a in allies]
+    keys = [[pair_key(a, o) for o in opponents] for a in allies]
     there = np.array([[key in pairs.results for key in row] for row in keys], bool)
     while not there.all():
         of_ally, of_opponent = there.mean(axis=1), there.mean(axis=0)
@@ -255,7 +247,6 @@ def fully_played(pairs: Pairs) -> tuple[list[CrossplayEntry], list[CrossplayEntr
 def play_missing(
     board: str | Path,
     *,
-    rounds: int = ROUNDS,
     trusted: Collection[Row] | None = None,
     n_jobs: int = 1,
     backend: str = "loky",
@@ -265,7 +256,6 @@ def play_missing(
 
     Args:
         board: the leaderboard's folder.
-        rounds: of each pair, distributed evenly over the training seeds of both.
         trusted: trusted rows; all others are played again and replaced. None: all are trusted.
         n_jobs: number of allies that play at once.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
@@ -275,13 +265,13 @@ def play_missing(
         Pairs that could not be played, and untrusted rows that did not hold, one line each.
     """
     board = Path(board)
-    pairs = read_pairs(board, players_of_board(board), rounds)
+    pairs = read_pairs(board, players_of_board(board))
     believed = None if trusted is None else set(map(read_pair, trusted))
     results = {key: pair for key, pair in pairs.results.items() if believed is None or pair in believed}
     missing = [(a, o) for key, a, o in pairs.every() if key not in results]
     _logger.info(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
     with at_work(board):
-        played, failed = _play(board, missing, rounds, n_jobs, backend, address)
+        played, failed = _play(board, missing, n_jobs, backend, address)
     results |= {pair.key: pair for pair in played}
     failed += [f"{record}; replaced, commit this one" for record in _differences(played, pairs)]
     if missing or not pairs.is_clean:
@@ -320,7 +310,7 @@ def check_pairs(
         there = [(a, o) for key, a, o in pairs.every() if a is ally and key in pairs.results]
         drawn += rng.sample(there, math.ceil(share * len(there)))
     with at_work(board):
-        played, failed = _play(board, drawn, pairs.rounds, n_jobs, backend, address)
+        played, failed = _play(board, drawn, n_jobs, backend, address)
     return failed + _differences(played, pairs)
 
 
@@ -349,18 +339,17 @@ def _compared(
 def _play(
     board: Path,
     pairs: Sequence[tuple[CrossplayEntry, CrossplayEntry]],
-    rounds: int,
-    n_jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
+    n_jobs: int,
+    backend: str,
+    address: str | None,
 ) -> tuple[list[Pair], list[str]]:
     """Play pairs, one job per ally; return their results, and what failed."""
     work = work_folder(board) / "crossplay"
     jobs, folders = [], []
     for ally in {a.slug: a for a, _ in pairs}.values():
         opponents = [o for a, o in pairs if a is ally]
-        folder, keys = work / ally.slug, {pair_key(ally, o, rounds) for o in opponents}
-        run, done = partial(_fill, ally, opponents, rounds), partial(_is_done, folder, keys)
+        folder, keys = work / ally.slug, {pair_key(ally, o) for o in opponents}
+        run, done = partial(_fill, ally, opponents), partial(_is_done, folder, keys)
         jobs.append(folder_job(ally.slug, folder, run, done))
         folders.append((folder, keys))
     failed = run_jobs(jobs, n_jobs, backend, address, level=logging.DEBUG)
@@ -379,15 +368,15 @@ def _is_done(folder: Path, keys: set[str]) -> bool:
     return keys <= {row["key"] for row in _rows(folder)}
 
 
-def _fill(ally: CrossplayEntry, opponents: list[CrossplayEntry], rounds: int, folder: Path) -> None:
+def _fill(ally: CrossplayEntry, opponents: list[CrossplayEntry], folder: Path) -> None:
     """Play an ally against opponents into a folder, one row each."""
     there = {row["key"] for row in _rows(folder)}
     for opponent in opponents:
-        key = pair_key(ally, opponent, rounds)
+        key = pair_key(ally, opponent)
         if key in there:
             continue
         try:
-            row = play_pair(ally, opponent, rounds).model_dump()
+            row = play_pair(ally, opponent).model_dump()
         except PolicyFailed as error:
             row = {"ally": ally.slug, "opponent": opponent.slug, "key": key, FAILED: str(error)}
         RowFile(folder / "pairs.jsonl").append([row])
@@ -396,26 +385,26 @@ def _fill(ally: CrossplayEntry, opponents: list[CrossplayEntry], rounds: int, fo
 # Playing a pair
 
 
-def play_pair(ally: CrossplayEntry, opponent: CrossplayEntry, rounds: int = ROUNDS) -> Pair:
+def play_pair(ally: CrossplayEntry, opponent: CrossplayEntry) -> Pair:
     """Play one pair: all combinations of both sides' training seeds, equally often.
 
     A round that a side loses by an invalid answer counts as jammed throughout if it is the ally's, and as
     never jammed if it is the opponent's. Its return is that of a lost round in its track.
     """
-    games = np.arange(rounds)
+    games = np.arange(ROUNDS)
     of_ally = games % len(ally.parts)
     of_opponent = games // len(ally.parts) % len(opponent.parts)
-    duel = TwoPlayerBatch(opponent.scenario, rounds)
+    duel = TwoPlayerBatch(opponent.scenario, ROUNDS)
     with _team(ally, of_ally, duel) as one, _team(opponent, of_opponent, duel) as other:
-        play_round(match_of(duel, one, other), seeds=np.array(evaluation_seeds(rounds, ally.season)))
+        play_round(make_match(duel, one, other), seeds=np.array(evaluation_seeds(ROUNDS, ally.season)))
         lost = one.invalid.copy(), other.invalid.copy()
     rates = duel.batch.tallies["jammed"] / duel.batch.tallies["steps"]
     rates[lost[0] & ~lost[1]], rates[lost[1] & ~lost[0]] = 1.0, 0.0
     return Pair(
         ally=ally.slug,
         opponent=opponent.slug,
-        key=pair_key(ally, opponent, rounds),
-        rounds=rounds,
+        key=pair_key(ally, opponent),
+        rounds=ROUNDS,
         ally_rewards=_rewards(duel, ally, lost[0], of_ally),
         opponent_rewards=_rewards(duel, opponent, lost[1], of_opponent),
         jamming_success_rate=round_finite(rates.mean()),

@@ -87,8 +87,7 @@ def parts_of(submission: Submission) -> list[Part]:
         return [Part(slug, None, submission.script)]
     if submission.track == PLANNER:
         return [Part(slug, None, "transcripts", recorded=submission.folder)]
-    policies = sorted(submission.policies, key=lambda policy: policy.seed)
-    return [Part(slug, policy.seed, policy, submission.zoo is not None) for policy in policies]
+    return [Part(slug, policy.seed, policy, submission.zoo is not None) for policy in submission.policies]
 
 
 def suites_of(submission: Submission, suites: TrackSuites) -> Mapping[str, Suite]:

@@ -17,7 +17,7 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.seeds import SeasonKey, seed_from
 from fpg_bench.evaluation.suite import PLANNER
-from fpg_bench.leaderboard.folders import TRACK_FOLDERS, short_path
+from fpg_bench.leaderboard.folders import submission_folders
 from fpg_bench.leaderboard.submission import examine
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import baselines_folder, suites_folder
@@ -75,12 +75,9 @@ def read_entries(
     Raises:
         UserError: no board there, or an invalid submission.
     """
-    root = Path(board) / "submissions"
-    folders = sorted(
-        folder for track in TRACK_FOLDERS for folder in (root / track).glob("*") if folder.is_dir()
-    )
+    folders = submission_folders(Path(board))
     if not folders:
-        raise UserError(f"season: {root} holds no submissions; name the leaderboard's folder")
+        raise UserError(f"season: {board} holds no submissions; name the leaderboard's folder")
     entries = [_read_entry(folder, contract) for folder in folders]
     return [entry for entry in entries if entry.scenario == scenario]
 
@@ -88,19 +85,14 @@ def read_entries(
 def _read_entry(folder: Path, contract: bool) -> SeasonEntry:
     submission, problems = examine(folder, contract)
     name = f"{folder.parent.name}/{folder.name}"
-    if submission is None or problems:
+    if submission is None:
         raise UserError(f"season: entry {name}: {problems[0]}")
     side = submission.track if submission.track in SIDES else None
-    if submission.script is not None:
-        players: tuple[str, ...] = (submission.script,)
-    else:
-        home = submission.zoo or short_path(submission.folder)
-        players = tuple(f"{home}/seed_{policy.seed}" for policy in submission.policies)
     hashes = tuple(policy.sha256 for policy in submission.policies)
     if not hashes:
         script = f"script {submission.track} {submission.script}"
         hashes = (submission.fingerprint if side is None else script,)
-    return SeasonEntry(name, side, submission.path, players, hashes, submission.scenario)
+    return SeasonEntry(name, side, submission.path, submission.players, hashes, submission.scenario)
 
 
 def entries_of_side(entries: Sequence[SeasonEntry], side: str) -> list[SeasonEntry]:

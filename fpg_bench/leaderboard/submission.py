@@ -43,8 +43,6 @@ from fpg_bench.players.sandbox.client import AGENT_FILES, Policy, check_policies
 
 need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 
-__all__ = ["Policy", "Submission", "Training"]
-
 ABOUT = "submission.yaml"
 PATHS = ("pursuit", "learned")
 MOST_TEXT_BYTES = AGENT_FILES["agent.json"]  # of submission.yaml, too
@@ -263,7 +261,7 @@ class Submission(SubmissionFile):
 
     Attributes:
         folder: its folder, whose name is unique in its track.
-        policies: by training seed; empty for a script or transcripts.
+        policies: sorted by training seed; empty for a script or transcripts.
         transcripts: the files of a language model that plans, sorted.
     """
 
@@ -280,6 +278,14 @@ class Submission(SubmissionFile):
     def table(self) -> Track:
         """The table of the board that it enters."""
         return track_of(self.track, self.path, self.scenario)
+
+    @property
+    def players(self) -> tuple[str, ...]:
+        """Names of its players: its script, else the policy of each training seed; none of transcripts."""
+        if self.script is not None:
+            return (self.script,)
+        home = self.zoo or short_path(self.folder)
+        return tuple(f"{home}/seed_{policy.seed}" for policy in self.policies)
 
     @property
     def fingerprint(self) -> str:
@@ -413,19 +419,15 @@ def examine(
     lines += [*_wrong_place(folder, about), *_wrong_names(folder, about)]
     policies, wrong = _policies(folder, about, contract)
     lines = [*_wrong_slug(folder), *(f"{ABOUT}: {line}" for line in lines), *wrong]
-    files: list[Path] = []
     if about.is_recorded:
-        where = folder / TRANSCRIPTS
-        if problem := folder_problem(where):
-            lines.append(f"{TRANSCRIPTS}: {problem}")
-        else:
-            suite = (suites or TrackSuites()).of(TRACKS["planner"], transcripts=True)[PUBLIC]
-            lines += check_transcripts(folder, suite)
-            files = [where / name for name in list_names(where)]
+        suite = (suites or TrackSuites()).of(TRACKS["planner"], transcripts=True)[PUBLIC]
+        lines += check_transcripts(folder, suite)
     if lines:
         return None, lines
+    files = list_names(folder / TRANSCRIPTS) if about.is_recorded else []
+    transcripts = tuple(folder / TRANSCRIPTS / name for name in files)
     entered = Submission.model_construct(
-        folder=folder, policies=policies, transcripts=tuple(files), **dict(about)
+        folder=folder, policies=policies, transcripts=transcripts, **dict(about)
     )
     return entered, []
 

@@ -39,21 +39,16 @@ class Track:
 
 
 class TrackSuites:
-    """Loader of the suites of tracks, which loads each of them once.
+    """Loader of the suites of tracks, which loads each of them once."""
 
-    Args:
-        season: the season; None: the newest closed one of each scenario.
-    """
-
-    def __init__(self, season: SeasonKey | None = None) -> None:
-        self._season = season
+    def __init__(self) -> None:
         self._loaded: dict[str, Suite] = {}
         self._played: dict[tuple[str, bool], dict[str, Suite]] = {}
 
     @cached_property
     def seasons(self) -> Mapping[str, SeasonKey]:
-        """The seasons that are on, by scenario; none before the first one is closed."""
-        return current_seasons() if self._season is None else {self._season.scenario: self._season}
+        """The newest closed season of each scenario; none before the first one is closed."""
+        return current_seasons()
 
     def season(self, track: Track) -> SeasonKey | None:
         """Return the season that ranks a track; None before the first one of its scenario is closed."""

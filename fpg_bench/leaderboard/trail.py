@@ -10,7 +10,6 @@ from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.leaderboard.folders import short_path
 from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import SCENARIOS
 from fpg_bench.players.agent import suites_folder
@@ -53,10 +52,7 @@ def play_options(suite: Suite, rival: Rival) -> str:
 
 def player_of(submission: Submission) -> str | None:
     """Return what ``fpg-bench play`` calls a submission's script or first policy; None for planners."""
-    if submission.track not in SIDES or submission.script is not None:
-        return submission.script if submission.track in SIDES else None
-    home = submission.zoo or short_path(submission.folder)
-    return f"{home}/seed_{min(policy.seed for policy in submission.policies)}"
+    return submission.players[0] if submission.track in SIDES else None
 
 
 def first_returns(records: Iterable[Record]) -> dict[str, float]:

@@ -16,7 +16,7 @@ from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.compare import ABOUT, PROMPT, nonce_of, transcript_file, transcript_name
 from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
 from fpg_bench.evaluation.suite import Suite
-from fpg_bench.leaderboard.folders import list_names
+from fpg_bench.leaderboard.folders import folder_problem, list_names
 from fpg_bench.planning.llm.llm_planner import request_problem
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
 from fpg_bench.planning.llm.servers import TOKEN_FIELDS
@@ -88,8 +88,8 @@ def read_recording(folder: Path, suite: Suite) -> tuple[Row, Prompt]:
 
 
 def _wrong_files(where: Path, suite: Suite) -> Iterator[str]:
-    if where.is_symlink() or not where.is_dir():
-        yield f"{FOLDER}: no such folder; put there what plan compare has recorded"
+    if problem := folder_problem(where):
+        yield f"{FOLDER}: {problem}; it holds what plan compare has recorded"
         return
     needed = [transcript_name(ally.name) for ally in suite.rivals]
     known = {*_LARGEST, *needed, *(name + PACKED for name in needed)}

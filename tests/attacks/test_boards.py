@@ -15,7 +15,7 @@ import yaml
 from typer.testing import CliRunner
 
 from fpg_bench.cli import app
-from fpg_bench.leaderboard import verification
+from fpg_bench.leaderboard import crossplay, verification
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.folders import crossplay_file, result_file
@@ -170,7 +170,8 @@ def stormed(entered):
     return entered
 
 
-def test_hostile_entries_stop_nobody_else(stormed, tmp_path, messages):
+def test_hostile_entries_stop_nobody_else(stormed, tmp_path, messages, monkeypatch):
+    monkeypatch.setattr(crossplay, "ROUNDS", 2)
     folders = [stormed / f"submissions/ally/hostile-{seed}" for seed in range(COUNT)]
     for line in (line for folder in folders for line in problems(folder)):
         assert "a bug" not in line
@@ -181,7 +182,7 @@ def test_hostile_entries_stop_nobody_else(stormed, tmp_path, messages):
     verdicts = {verdict.name: verdict.is_good for verdict in verify(stormed)}
     assert len(verdicts) == COUNT + 3
     assert {name for name, good in verdicts.items() if good} == {"ally/wise", "ally/linear", "opponent/near"}
-    assert play_missing(stormed, rounds=2) == []
+    assert play_missing(stormed) == []
     board = make_board(stormed)
     ranked = [entry.slug for entry, figures in board.tracks[0].verified() if figures.rank]
     assert sorted(ranked) == ["linear", "wise"]
@@ -191,7 +192,7 @@ def test_hostile_entries_stop_nobody_else(stormed, tmp_path, messages):
 
 
 def test_a_hostile_line_of_cross_play_is_left_out_alone(entered, tmp_path):
-    play_missing(entered, rounds=100)
+    play_missing(entered)
     file = crossplay_file(entered)
     (sound,) = (json.loads(line) for line in file.read_text().splitlines() if '"wise"' in line)
     forged = [sound | {"ally_rewards": [99.0, 99.0]}, sound | {"lost": "x"}, sound | {"ally": "linear"}]
@@ -203,7 +204,7 @@ def test_a_hostile_line_of_cross_play_is_left_out_alone(entered, tmp_path):
     assert any("crossplay.jsonl" in line and "left out" in line for line in messages)
     assert repr(board.crossplay).count("99.0") == 0
     build_site(board, tmp_path / "site", {})
-    assert play_missing(entered, rounds=100) == []
+    assert play_missing(entered) == []
     assert len(file.read_bytes().splitlines()) == 2
 
 

@@ -15,7 +15,7 @@ from fpg_bench.leaderboard.result import Result, totals, write_result
 from fpg_bench.leaderboard.verification import Case, verify
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.sandbox.client import PolicyFailed
-from tests.leaderboard.making import write_seed
+from tests.leaderboard.making import write_seed, write_submission
 from tests.leaderboard.recording import PLANNER_SUITE
 
 SUITE = {
@@ -78,26 +78,14 @@ def close_season(baselines: Path, number: int = 1, **suites: dict[str, Any]) -> 
 
 def enter(board: Path, track: str, slug: str, **other: Any) -> Path:
     """Write a submission of a script, or of linear policies where ``seeds`` says which."""
-    folder = board / "submissions" / track / slug
-    folder.mkdir(parents=True)
     seeds = other.pop("seeds", ())
-    about = {
-        "name": slug.title(),
-        "authors": ["Someone"],
-        "algorithm": "none",
-        "reference": None,
-        "licence": "MIT",
-        "track": track,
-        "training": {"steps": 10, "hours": 0.1, "seeds": list(seeds)} if seeds else None,
-        "saw": "nothing",
-        "unable": "much",
-    }
-    if track == "opponent":
-        about["path"] = "pursuit"
-    (folder / "submission.yaml").write_text(yaml.safe_dump(about | other))
+    training = {"steps": 1000, "hours": 0.1, "seeds": list(seeds)} if seeds else None
+    path = {"path": "pursuit"} if track == "opponent" else {}
+    about = {"name": slug.title(), "track": track, "training": training} | path | other
+    folder = write_submission(board / "submissions" / track / slug, (), **about)
     env_id = "FPG/AllyVsScripted-v0" if track == "ally" else "FPG/OpponentVsScripted-v0"
     for seed in seeds:
-        write_seed(folder / f"seed_{seed}", seed, algorithm="none", id=env_id, training_steps=10)
+        write_seed(folder / f"seed_{seed}", seed, id=env_id)
     return folder
 
 

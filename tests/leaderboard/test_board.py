@@ -102,7 +102,7 @@ def test_what_does_not_count_is_shown_last_or_left_out_with_its_reason(entered, 
     (entered / "results/ally/torn.jsonl").write_text("")
     new = enter(entered, "ally", "new", script="reactive")
     wise = entered / "submissions/ally/wise/submission.yaml"
-    wise.write_text(wise.read_text().replace("much", "little"))
+    wise.write_text(wise.read_text().replace("nothing else", "much else"))
     (entered / "submissions" / "planers").mkdir()
     with logged() as messages:
         ally = make_board(entered).tracks[0]

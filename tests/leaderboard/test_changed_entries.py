@@ -8,6 +8,7 @@ import subprocess
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.leaderboard import crossplay
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.changed_entries import Changes, changed_entries, pairs_at
 from fpg_bench.leaderboard.crossplay import play_missing
@@ -24,15 +25,16 @@ def git(board, *words):
 
 
 @pytest.fixture
-def trusted(board, in_process, kept):
+def trusted(board, in_process, kept, monkeypatch):
     """A board with one honest entry of each side, its results and pairs, all committed."""
+    monkeypatch.setattr(crossplay, "ROUNDS", 4)
     if kept.exists():
         shutil.copytree(kept, board, dirs_exist_ok=True)
         return board
     enter(board, "ally", "honest", seeds=(0, 1))
     enter(board, "opponent", "script", script="adaptive")
     assert all(verdict.is_good for verdict in verify(board))
-    play_missing(board, rounds=4)
+    play_missing(board)
     git(board, "init", "--quiet")
     git(board, "add", "--all")
     git(board, "commit", "--quiet", "--message", "as it was")
@@ -189,11 +191,11 @@ def test_forged_pairs_are_dropped_and_played_again_and_others_stay(trusted):
     file = crossplay_file(trusted)
     row = json.loads(before := file.read_text())
     for trust in (pairs_at(trusted, "HEAD"), []):
-        assert play_missing(trusted, rounds=4, trusted=trust) == []
+        assert play_missing(trusted, trusted=trust) == []
         assert file.read_text() == before
     file.write_text(json.dumps(row | {"jamming_success_rate": 0.0}) + "\n")
     assert changed_entries(trusted, "HEAD") == Changes(has_pairs=True)
-    lines = play_missing(trusted, rounds=4, trusted=pairs_at(trusted, "HEAD"))
+    lines = play_missing(trusted, trusted=pairs_at(trusted, "HEAD"))
     assert any("jammed" in line and line.endswith("; replaced, commit this one") for line in lines)
     assert json.loads(file.read_text()) == row
 

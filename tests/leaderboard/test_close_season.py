@@ -178,6 +178,7 @@ def test_a_season_has_as_many_members_of_each_group():
 
 
 ROOT = Path(__file__).parents[2]
+MODULE = "fpg_bench.leaderboard.close_season"
 ENTRIES = (
     "ally/ally-scripted-td3",
     "ally/expert",
@@ -185,7 +186,7 @@ ENTRIES = (
     "opponent/tone",
     "planner/circle",
 )
-TINY = {"candidates": 2, "size": 2, "rounds": 2, "scale": 0.0005}
+TINY_STEPS = {algorithm: tuple(n // 2000 for n in steps) for algorithm, steps in STEPS.items()}
 
 
 def run_here(jobs, n_jobs=1, backend=None, address=None):
@@ -199,8 +200,9 @@ def run_here(jobs, n_jobs=1, backend=None, address=None):
 
 def close_tiny(board, work, out, name="1", scenario="standard", **options):
     """Close a season of two candidates per side; returns it and the messages."""
-    with patch("fpg_bench.leaderboard.close_season.run_jobs", run_here), logged() as messages:
-        closing = make_closing(name, board, work, scenario=scenario, **TINY)
+    changes = patch.multiple(MODULE, run_jobs=run_here, ROUNDS=2, STEPS=TINY_STEPS)
+    with changes, logged() as messages:
+        closing = make_closing(name, board, work, candidates=2, size=2, scenario=scenario)
         season = close_season(closing, out, **options)
     return season, messages
 
@@ -415,13 +417,14 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
     about["policy_sha256"] = hashlib.sha256(policy).hexdigest()
     (tmp_path / "agent/agent.json").write_text(json.dumps(about))
     with pytest.raises(UserError, match=r"expert against .*agent: opponent action of game 0: index 0 is nan"):
-        play_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed", 2)
+        play_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed")
 
 
 @pytest.mark.slow
 def test_an_audit_trains_a_member_again(season, board, tmp_path, monkeypatch):
     monkeypatch.setattr("fpg_bench.leaderboard.audit_season.run_jobs", run_here)
-    (audited,) = audit_season(season, read_entries(board), tmp_path, ["o00"], rounds=TINY["rounds"])
+    monkeypatch.setattr(f"{MODULE}.ROUNDS", 2)
+    (audited,) = audit_season(season, read_entries(board), tmp_path, ["o00"])
     assert (audited.side, audited.name, audited.is_same, audited.difference) == ("opponent", "o00", True, 0.0)
     with pytest.raises(UserError, match="has no member 'o99'"):
         audit_season(season, read_entries(board), tmp_path, ["o99"])

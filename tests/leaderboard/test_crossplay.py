@@ -9,6 +9,7 @@ from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import LOST_SCORE, play
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import as_scenario
+from fpg_bench.leaderboard import crossplay
 from fpg_bench.leaderboard.crossplay import (
     CrossplayEntry,
     Pairs,
@@ -53,9 +54,10 @@ def record_of(player, suite, rival):
 
 
 @pytest.mark.parametrize("spec", ["reactive", 3])
-def test_a_pair_plays_as_an_evaluation_does(spec):
+def test_a_pair_plays_as_an_evaluation_does(spec, monkeypatch):
     """Both sides' returns per step, and how much was jammed."""
-    pair = play_pair(entry("ally-v2", "a", spec), entry("opponent-v2", "o", "adaptive"), rounds=ROUNDS)
+    monkeypatch.setattr(crossplay, "ROUNDS", ROUNDS)
+    pair = play_pair(entry("ally-v2", "a", spec), entry("opponent-v2", "o", "adaptive"))
     player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
     tally = record_of(player, "ally-v2", "adaptive/pursuit").tally
     expected = {
@@ -87,17 +89,18 @@ def test_a_team_plays_each_game_as_its_member_alone_would():
             assert (actions[games] == expected).all()
 
 
-def test_lost_rounds_go_to_the_other_side(in_process):
+def test_lost_rounds_go_to_the_other_side(in_process, monkeypatch):
+    monkeypatch.setattr(crossplay, "ROUNDS", 2)
     in_process.loses = (0,)
     opponent = entry("opponent-v2", "o", "tone")
-    lost = play_pair(ally := entry("ally-v2", "a", 0, shipped=False), opponent, rounds=2)
+    lost = play_pair(ally := entry("ally-v2", "a", 0, shipped=False), opponent)
     assert lost.lost == (1, 0)
     assert lost.jamming_success_rate >= 0.5
     scale, (reward,) = ally.scale, lost.ally_rewards
     worst = scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)
     assert reward <= (worst + scale.top) / 2
     ally = entry("ally-v2", "a", "idle")
-    lost = play_pair(ally, entry("opponent-v2", "o", 0, shipped=False), rounds=2)
+    lost = play_pair(ally, entry("opponent-v2", "o", 0, shipped=False))
     assert lost.lost == (0, 1)
     assert lost.jamming_success_rate <= 0.5
 
@@ -132,9 +135,9 @@ def rows(board):
     return [json.loads(record) for record in crossplay_file(board).read_text().splitlines()]
 
 
-def play_all(board, **how):
+def play_all(board):
     with logged() as messages:
-        assert play_missing(board, **how) == []
+        assert play_missing(board) == []
     return messages[0]
 
 
@@ -167,12 +170,12 @@ def test_who_lacks_pairs_is_taken_out(played, left):
     opponents = [entry("opponent-v2", str(k), *["tone"] * (k + 1)) for k in range(3)]
     allies = [entry("ally-v2", str(k), *["idle"] * (k + 1)) for k in range(len(played))]
     known = {
-        pair_key(ally, opponent, ROUNDS): None
+        pair_key(ally, opponent): None
         for ally, row in zip(allies, played, strict=True)
         for opponent, there in zip(opponents, row, strict=True)
         if there == "1"
     }
-    complete = fully_played(Pairs(allies, opponents, known, rounds=ROUNDS))
+    complete = fully_played(Pairs(allies, opponents, known))
     assert tuple("".join(player.slug for player in side) for side in complete) == left
 
 

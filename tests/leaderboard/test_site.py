@@ -13,11 +13,14 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.game.metrics import measures
+from fpg_bench.game.state import TALLY
 from fpg_bench.leaderboard.board import Score
 from fpg_bench.leaderboard.site import build, views
 from fpg_bench.leaderboard.site.build import build_site
@@ -243,7 +246,7 @@ def test_every_header_leads_to_docs_source_and_paper_where_their_address_is_know
     for url in urls:
         message["Project-URL"] = url
     monkeypatch.setattr(build, "metadata", lambda name: message)
-    build_site(example_board(1), tmp_path)
+    build_site(example_board(2), tmp_path)
     published = {"Docs": "https://docs.example.org", "Source": "https://git.example.org/fpg"}
     assert software(tmp_path / "index.html") == published | known
 
@@ -362,9 +365,14 @@ def test_commands_that_train_a_zoo_entry_name_an_agent_of_the_zoo():
         assert not name or "champion" in name or zoo.members(name)
 
 
+def test_every_measure_of_a_round_has_a_label():
+    measured = measures(dict.fromkeys(TALLY.names, 0), np.zeros((2, 3)))
+    assert views.MEASURES.keys() == {"return", *measured} - {"recoveries_cut"}
+
+
 def test_a_folder_of_other_files_is_left_alone(tmp_path):
     (tmp_path / "thesis.txt").write_text("mine")
-    with pytest.raises(UserError, match="not a leaderboard's site"):
+    with pytest.raises(UserError, match="is not empty and holds no leaderboard's site"):
         build_site(example_board(1), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 

@@ -72,14 +72,14 @@ def test_what_was_recorded_may_be_run_packed_or_not(recorded, suite, entry, chec
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda f: shutil.rmtree(f), "transcripts: no such folder"),
+        (lambda f: shutil.rmtree(f), "transcripts: is not there; it holds what plan compare has recorded"),
         (lambda f: (f / "expert.jsonl").unlink(), "transcripts/expert.jsonl: is missing"),
         (lambda f: (f / "planner.json").unlink(), "transcripts/planner.json: is missing"),
         (lambda f: (f / "notes.txt").write_text("hello"), "transcripts/'notes.txt': does not belong here"),
         (lambda f: (f / "more").mkdir(), "transcripts/'more': is a folder; the files lie in transcripts"),
         (lambda f: (f / "idle.jsonl.gz").write_bytes(b""), "lies there packed and unpacked"),
         (lambda f: (f / "prompt.yml").write_text("#" * 20_000), "prompt.yml: 20,000 bytes, more than 16,000"),
-        (lambda f: f.symlink_to(f.rename(f.with_name("all"))), "transcripts: no such folder"),
+        (lambda f: f.symlink_to(f.rename(f.with_name("all"))), "transcripts: is a link"),
         (
             lambda f: (f / "idle.jsonl").symlink_to((f / "idle.jsonl").rename(f.parent / "elsewhere.jsonl")),
             "transcripts/'idle.jsonl': not a plain file",

@@ -191,7 +191,7 @@ def test_a_forged_result_is_found_by_playing_again(two):
 def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, monkeypatch):
     folder = enter(board, "ally", "linear", seeds=(0,))
     verdicts_of(board)
-    edit(folder / "submission.yaml", "much", "nothing")
+    edit(folder / "submission.yaml", "nothing else", "much else")
     message = "submission.yaml or a policy changed since this result was made; make it again: "
     message += "fpg-bench submit run --update {}"
     assert verdicts_of(board)["ally/linear"] == (False, message.format(folder))

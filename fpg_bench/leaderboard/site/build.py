@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import write_whole
+from fpg_bench.common.files import check_own_folder, write_whole
 from fpg_bench.leaderboard.board import Board
 from fpg_bench.leaderboard.site import reading_pages, views
 from fpg_bench.leaderboard.site.entry_page import badge_file, badge_view, entry_view
@@ -71,10 +71,7 @@ def build_site(
 
 def check_folder(folder: Path) -> None:
     """Raise UserError where a folder holds something other than a site."""
-    if folder.exists() and not folder.is_dir():
-        raise UserError(f"out: {folder} is a file; name a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / MARK).is_file():
-        raise UserError(f"out: {folder} holds files that are not a leaderboard's site; name another folder")
+    check_own_folder(folder, MARK, "leaderboard's site")
 
 
 def _check_names(board: Board) -> None:

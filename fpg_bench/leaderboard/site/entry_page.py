@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
 from fpg_bench.leaderboard.site.views import (
-    HIDDEN,
     MEASURES,
     NONE,
     ROLES,
@@ -19,7 +18,6 @@ from fpg_bench.leaderboard.site.views import (
     format_number,
     format_rank,
     lost_text,
-    measure_of,
     ordered_suites,
     safe_link,
     scale_text,
@@ -124,8 +122,6 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
     charted += [score for scores in figures.by_rival.values() for score in scores.values()]
     charted += [Score(value) for value in figures.seeds.values()]
     charted += [] if planner is None else planner.curve
-    names = [*MEASURES, *(name for name in figures.measures if name not in (*MEASURES, *HIDDEN))]
-    values = {name: value for name, value in figures.measures.items() if value is not None}
     return FiguresView(
         role=ROLES[role].label.lower(),
         axis=Axis.of_scores(charted),
@@ -146,7 +142,11 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
             for suite in track.suites
             if suite.role in figures.first_rounds
         },
-        measures=[(measure_of(name), values[name]) for name in names if name in values],
+        measures=[
+            (measure, value)
+            for name, measure in MEASURES.items()
+            if (value := figures.measures.get(name)) is not None
+        ],
         histograms=_histograms(figures),
         facts=_planner_facts(figures),
         fingerprint=_flat(figures.fingerprint),
@@ -204,8 +204,7 @@ def _flat(content: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def commands(track: BoardTrack, entry: BoardEntry) -> list[tuple[str, str]]:
     """Return the commands that play an entry again and, where the package trained it, train it again."""
-    folder = track.key.partition("-")[0]
-    rows = [("Play it again and compare", f"fpg-bench leaderboard verify {folder}/{entry.slug}")]
+    rows = [("Play it again and compare", f"fpg-bench leaderboard verify {track.side}/{entry.slug}")]
     if entry.kind == "zoo" and entry.plays is not None:
         group = entry.plays.partition("/")[0]
         is_champion = group.endswith("champion")

@@ -18,6 +18,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
 from fpg_bench.common.ids import ALLIES, OPPONENTS
+from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.statistics import student_t
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
@@ -25,12 +26,10 @@ from fpg_bench.game.state import RULES
 from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
 from fpg_bench.leaderboard.site.dataset import dataset_files
 from fpg_bench.leaderboard.site.views import (
-    HIDDEN,
     MEASURES,
     ROLES,
     entry_page,
     format_rank,
-    measure_of,
     ordered_suites,
 )
 from fpg_bench.leaderboard.submission import load_submission
@@ -39,7 +38,6 @@ from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
 from fpg_bench.rendering.replay import scenario_data, script_json
 
-Row = dict[str, Any]  # an object of JSON
 Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data
 Zoo = Mapping[str, tuple[Row, Row]]  # what is known of each agent, and its policy
 _MOST_UNITS = 201  # of a difference of scores; with more, Student's t hardly changes
@@ -77,12 +75,8 @@ def _script(content: Row | None) -> str:
 
 def compare_data(board: Board) -> Row:
     """Return the verified entries of each track, of which the page compares two."""
-    measured = {
-        name for track in board.tracks for _, figures in track.verified() for name in figures.measures
-    }
-    names = [*MEASURES, *sorted(name for name in measured if name not in (*MEASURES, *HIDDEN))]
     return {
-        "measures": {name: asdict(measure_of(name)) for name in names},
+        "measures": {name: asdict(measure) for name, measure in MEASURES.items()},
         "student": [round(student_t(count), 4) for count in range(2, _MOST_UNITS + 1)],
         "tracks": [_compared_track(track) for track in board.tracks],
     }
@@ -343,6 +337,6 @@ def submitted_policies(board: Board, folder: str | Path) -> dict[tuple[str, str]
 def _first_policy(folder: Path) -> Row | None:
     try:
         policies = load_submission(folder, contract=False).policies
-        return policy_data(min(policies, key=lambda policy: policy.seed).model) if policies else None
+        return policy_data(policies[0].model) if policies else None
     except UserError:
         return None  # leaderboard verify names the problem

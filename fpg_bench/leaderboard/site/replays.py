@@ -75,7 +75,7 @@ def make_replays(
     replays, suites = {}, TrackSuites()
     for track in board.tracks:
         for entry, figures in track.verified():
-            home = Path(folder) / "submissions" / track.key.partition("-")[0] / entry.slug
+            home = Path(folder) / "submissions" / track.side / entry.slug
             with contextlib.suppress(PolicyFailed, UserError):  # leaderboard verify names the problem
                 submission = load_submission(home, simulate, suites)
                 matchups = _choose(suites_of(submission, suites), figures)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from fpg_bench.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTED, UNSEEN
+from fpg_bench.players.player import SIDES
 
 NONE = "–"
 _TINTS = 9  # of cells in heat maps
@@ -25,7 +26,7 @@ class Measure:
     about: str
 
 
-# In the order in which an entry's page lists them.
+# In the order in which an entry's page lists them. recoveries_cut is left out: others are computed from it.
 MEASURES = {
     "return": Measure("Return per step", "step", "mean of its own rewards in the rounds of its score"),
     "ally_return": Measure("Ally's return", "whole", "sum of the ally's rewards per round"),
@@ -56,7 +57,6 @@ MEASURES = {
     "share_broadband": Measure("Broadband", "share", "time in which it jams a broad band"),
     "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
 }
-HIDDEN = ("recoveries_cut",)  # only needed to compute others
 _TABLE_MEASURES = ("jamming_success_rate", "return")  # beside the scores in a track's table
 
 
@@ -108,14 +108,6 @@ def format_rank(rank: tuple[int, int] | None) -> str:
         return NONE
     best, worst = rank
     return str(best) if best == worst else f"{best}–{worst}"
-
-
-def measure_of(name: str) -> Measure:
-    """Return the presentation of a measure; an unknown one has its own name as label."""
-    if name in MEASURES:
-        return MEASURES[name]
-    label = name.replace("_", " ").capitalize()
-    return Measure(label, "share" if name.endswith(("_ratio", "_rate")) else "score", "")
 
 
 def scale_text(track: BoardTrack) -> str:
@@ -179,9 +171,9 @@ def worst_view(board: Board, track: BoardTrack, figures: Figures) -> WorstView:
     """Return the presentation of an entry's worst case."""
     worst, rival, where = figures.worst, figures.worst.rival, figures.worst.where
     if where == CROSSPLAY:
-        rival = board.names(track.other_side).get(rival, rival)
+        rival = board.names(track.other_side)[rival]
     else:
-        rival = next((suite.label(rival) for suite in track.suites if suite.role == where), rival)
+        rival = next(suite.label(rival) for suite in track.suites if suite.role == where)
         where = ROLES[where].label.lower()
     return WorstView(worst.score, worst.return_per_step, rival, where)
 
@@ -322,12 +314,11 @@ def crossplay_view(board: Board) -> CrossPlayView | None:
     """Return the view of cross-play; None where it has not been played."""
     if board.crossplay is None:
         return None
-    names = {side: board.names(side) for side in ("ally", "opponent")}
-    missing = board.crossplay.missing
+    names = {side: board.names(side) for side in SIDES}
     return CrossPlayView(
-        [names[side].get(slug, slug) for side in names for slug in missing.get(side, ())],
+        [names[side][slug] for side in SIDES for slug in board.crossplay.missing[side]],
         [
-            (names["opponent"].get(one, one), names["opponent"].get(other, other))
+            (names["opponent"][one], names["opponent"][other])
             for one, other in board.crossplay.same_player.items()
         ],
     )
