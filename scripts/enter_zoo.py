@@ -74,6 +74,14 @@ GROUPS = {
     ),
     "ally-link": ("ally on a radio link", "ten scripted opponents, drawn anew every round"),
     "opponent-link": ("opponent on a radio link", "seven scripted allies, drawn anew every round"),
+    "ally-link-population": (
+        "ally on a radio link, of a population",
+        "twelve scripted opponents and those of the public population training-link-1; pupil of by-type",
+    ),
+    "opponent-link-population": (
+        "opponent on a radio link, of a population",
+        "seven scripted allies and those of the public population training-link-1; pupil of alternate",
+    ),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
@@ -97,6 +105,7 @@ ALGORITHMS = {
     ),
     "maskable-ppo": ("MaskablePPO", "2006.14171", NO_MEMORY),
     "dqn": ("DQN", "1312.5602", SMALL_BUDGET),
+    "dqn-stack8": ("DQN, 8 stacked frames", "1312.5602", "It remembers the last eight steps only."),
     "qr-dqn": ("QR-DQN", "1710.10044", SMALL_BUDGET),
     "sac": ("SAC", "1801.01290", SMALL_BUDGET),
     "td3": ("TD3", "1802.09477", SMALL_BUDGET),
