@@ -169,7 +169,7 @@ def test_damaged_compiled_code_says_what_to_delete(tmp_path):
     for path in tmp_path.rglob("*.nbc"):
         path.write_bytes(path.read_bytes()[:100])
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "fpg_bench.cli", *words]
+    command = [sys.executable, "-m", "fpg_bench", *words]
     result = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert result.returncode == 1
     assert f"delete {tmp_path}" in result.stderr.splitlines()[-1]

