@@ -30,7 +30,6 @@ class Condition:
         about: description, for the report.
         options: those of :func:`fpg_bench.envs.two_player.make_duel`: ``planner``, ``path``.
         changes: changed fields of the scenario.
-        algorithm: changed hyper-parameters of MADDPG.
         tested: true if a claim rests on it; it then needs all seeds.
         budgets: length of its training, in budgets of the others.
         swaps: paths on which the trained pair is evaluated again, with nothing else changed.
@@ -40,7 +39,6 @@ class Condition:
     about: str
     options: Mapping[str, Any] = field(default_factory=lambda: {"planner": "interceptor"})
     changes: Mapping[str, Any] = field(default_factory=dict)
-    algorithm: Mapping[str, Any] = field(default_factory=dict)
     tested: bool = False
     budgets: int = 1
     swaps: tuple[str, ...] = ()

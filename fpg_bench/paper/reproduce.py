@@ -117,12 +117,11 @@ def run_conditions(
     transcripts = (file.path.parent / "transcripts" / file.path.name.split(".")[0]).absolute()
     for condition in conditions:
         check_same_game(file, condition, preset)
-        missing = [seed for seed in _seeds(condition, seeds) if (condition.name, seed) not in done]
-        if missing:
-            name = f"{preset} {condition.name} seeds {', '.join(map(str, missing))}"
-            folder = transcripts / condition.name
-            run = partial(run_experiment, condition, preset, budget, missing, folder, llm, learner)
-            jobs.append(Job(name, run, file.add))
+        for seed in _seeds(condition, seeds):
+            if (condition.name, seed) not in done:
+                folder = transcripts / condition.name / f"seed_{seed}"
+                run = partial(run_experiment, condition, preset, budget, seed, folder, llm, learner)
+                jobs.append(Job(f"{preset} {condition.name} seed {seed}", run, file.add))
     return run_jobs(jobs, n_jobs, backend, address)
 
 
