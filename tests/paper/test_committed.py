@@ -5,11 +5,11 @@ import dataclasses
 import gzip
 import json
 import re
-import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
+from paper_pages import REPORTS, VARIANTS, all_runs, results_of, variants, write_pages
 
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.paper.claims import CLAIMS, LEVEL, compare, verdict
@@ -17,9 +17,6 @@ from fpg_bench.paper.conditions import ALL, conditions_of
 from fpg_bench.paper.experiment import BUDGETS
 from fpg_bench.paper.figures import FIGURES
 from fpg_bench.paper.runs import RunFile, read_results
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from paper_pages import REPORTS, VARIANTS, all_runs, results_of, variants, write_pages
 
 COMMITTED = Path(__file__).parents[2] / "docs/results/paper"
 RUNS = Path(__file__).parents[2] / "results/reproduction"
