@@ -31,7 +31,7 @@ coverage: .venv/.dev
 
 # Search works without a network, and a warning is an error.
 docs: .venv/.docs
-	$(BIN)/python -m fpg_bench.cli leaderboard build --out build/extra/board --docs ..
+	$(BIN)/python -m fpg_bench leaderboard build --out build/extra/board --docs ..
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
 	@echo "open build/docs/index.html"
 

@@ -163,19 +163,6 @@ def command_line_page() -> str:
     return done.stdout.replace("# `fpg-bench`\n", "# The command line\n", 1)
 
 
-def verbs() -> list[str]:
-    """Every verb with its sub-verbs, as they are typed."""
-    from typer.main import get_command
-
-    from fpg_bench.cli import app
-
-    return [
-        f"{name} {below}".strip()
-        for name, verb in get_command(app).commands.items()  # type: ignore[attr-defined]
-        for below in getattr(verb, "commands", None) or [""]
-    ]
-
-
 def _sizes() -> dict[str, Any]:
     return {
         "observations": observation_space(),

@@ -71,11 +71,7 @@ def variants() -> dict[str, Results]:
     by_variant = {}
     for shown, stored in VARIANTS_OF.items():
         names = {name.partition(": ")[2]: name for name in results.runs if name.startswith(f"{stored}: ")}
-        runs, about = (
-            {condition: kept[name] for condition, name in names.items()}
-            for kept in (results.runs, results.about)
-        )
-        by_variant[shown] = Results(runs, about)
+        by_variant[shown] = Results({condition: results.runs[name] for condition, name in names.items()})
     return by_variant
 
 

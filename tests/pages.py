@@ -29,8 +29,8 @@ BUDGETS = (
     (r"tune export .*", r"\g<0> --n-best 1 --n-seeds 1"),
     (r"plan run .*", r"\g<0> --rounds 3"),
     (r"reproduce fig\d", "reproduce tables"),
+    (r"fpg-bench submit run .*", ""),  # which has tests of its own
 )
-VERDICTS = (r"fpg-bench submit run .*", "")
 
 _FPG_BENCH = """\
 from pathlib import Path
@@ -46,14 +46,9 @@ def blocks(text: str) -> list[tuple[str, str]]:
     return re.findall(r"```(\w+)\n(.*?)```", text, re.DOTALL)
 
 
-def small(text: str, verdicts: bool = False) -> str:
-    """The same words with budgets that a test can bear.
-
-    Args:
-        text: a block.
-        verdicts: whether submissions are played, which has tests of its own.
-    """
-    for pattern, budget in BUDGETS if verdicts else (*BUDGETS, VERDICTS):
+def small(text: str) -> str:
+    """The same words with budgets that a test can bear."""
+    for pattern, budget in BUDGETS:
         text = re.sub(pattern, budget, text)
     return text
 

@@ -45,7 +45,7 @@ def python(
 
 def fpg(*words: Any, **where: Any) -> subprocess.CompletedProcess[str]:
     """Run ``fpg-bench WORDS`` and return what comes of it; ``where``: see :func:`python`."""
-    return python("-m", "fpg_bench.cli", *words, **where)
+    return python("-m", "fpg_bench", *words, **where)
 
 
 def started(*words: Any, folder: Path, **options: Any) -> subprocess.Popen[str]:
@@ -57,7 +57,7 @@ def started(*words: Any, folder: Path, **options: Any) -> subprocess.Popen[str]:
         options: others of ``subprocess.Popen``.
     """
     return subprocess.Popen(
-        [sys.executable, "-m", "fpg_bench.cli", *words],
+        [sys.executable, "-m", "fpg_bench", *words],
         cwd=folder,
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,

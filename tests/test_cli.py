@@ -52,7 +52,10 @@ def verbs(command, words=("fpg-bench",)):
     return [verb for name, each in below for verb in verbs(each, (*words, name))]
 
 
-@pytest.mark.parametrize(("words", "verb"), verbs(typer.main.get_command(app)), ids=str)
+VERBS = dict(verbs(typer.main.get_command(app)))
+
+
+@pytest.mark.parametrize(("words", "verb"), VERBS.items(), ids=str)
 def test_help_of_every_verb_has_an_example_that_can_be_typed(words, verb):
     (example,) = re.findall(r"Example: (.*)", verb.help)
     assert example.startswith(words)
@@ -81,7 +84,7 @@ def test_a_shell_can_complete_what_can_be_named():
     assert completion.complete_algorithm("pp") == ["ppo", "ppo-fast", "ppo-stack8"]
     named = {
         option.name
-        for _, verb in verbs(typer.main.get_command(app))
+        for verb in VERBS.values()
         for option in verb.params
         if option._custom_shell_complete is not None
     }
@@ -169,7 +172,7 @@ def test_damaged_compiled_code_says_what_to_delete(tmp_path):
     for path in tmp_path.rglob("*.nbc"):
         path.write_bytes(path.read_bytes()[:100])
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "fpg_bench.cli", *words]
+    command = [sys.executable, "-m", "fpg_bench", *words]
     result = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert result.returncode == 1
     assert f"delete {tmp_path}" in result.stderr.splitlines()[-1]

@@ -58,7 +58,7 @@ def test_all_examples_are_run_and_short():
 
 
 def kind_of(code):
-    """Run a cell as Jupyter does."""
+    """Return how Jupyter runs a cell."""
     return {"!": "bash", "%": "magic"}.get(code[0], "python")
 
 

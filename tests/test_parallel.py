@@ -13,13 +13,11 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-import typer
 
-from fpg_bench.cli import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.parallel import TRIES, Job, check_all_done, folder_job, run_jobs
 from tests import working
-from tests.programs import fpg, python, started
+from tests.programs import python, started
 from tests.test_cli import TINY
 from tests.working import begun, wait_for
 
@@ -218,43 +216,6 @@ def test_ctrl_c_saves_all_runs(folder):
     assert not (folder / "runs" / "seed_2").exists()
     for file in folder.glob("runs/*/run.json"):
         assert json.loads(file.read_text())["finished"] is False
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (
-            ("--seeds", "0-1", "--address", "10.0.0.1:6379"),
-            "address: is a Ray cluster's; say --backend ray, too",
-        ),
-        (("--seeds", "4-1"), "seeds: 4-1 runs backwards; say 1-4"),
-        (("--backend", "ray"), "backend, address: are for a list of runs; name its --seeds"),
-    ],
-)
-def test_bad_options_are_one_line(folder, options, message):
-    result = fpg(*TRAIN, "--out", "runs", *options, folder=folder)
-    assert result.returncode == 2
-    assert result.stderr == f"fpg-bench: {message}\n"
-
-
-def options_of(words):
-    """Return the options of the command that words begin with."""
-    command = typer.main.get_command(app)
-    for word in words:
-        if word not in getattr(command, "commands", {}):
-            break
-        command = command.commands[word]
-    return {option for parameter in command.params for option in parameter.opts}
-
-
-def test_commands_of_the_page_have_their_options():
-    code = "\n".join(code for language, code in BLOCKS if language == "bash").replace("\\\n", " ")
-    commands = [
-        line.split("fpg-bench ")[1].split() for line in code.splitlines() if "  fpg-bench " in f"  {line}"
-    ]
-    assert {words[0] for words in commands} == {"train", "tune", "evaluate"}
-    for words in commands:
-        assert {word for word in words if word.startswith("--")} <= options_of(words)
 
 
 def test_shell_scripts_of_the_page_are_valid():

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
-from pathlib import Path
 
+import measure_payoffs
 import numpy as np
+from measure_payoffs import Frozen, Lever, equilibrium_note, lever_table, levers, payoffs
 
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import preset
 from fpg_bench.players.registry import as_player
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
-import measure_payoffs
-from measure_payoffs import Frozen, Lever, equilibrium_note, lever_table, levers, payoffs
 
 LINK = preset("link")
 SUITE = dataclasses.replace(

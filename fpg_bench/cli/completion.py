@@ -30,30 +30,30 @@ def complete_id(incomplete: str) -> list[str]:
 
 def complete_suite(incomplete: str) -> list[str]:
     """Return the suites that begin so."""
-    from fpg_bench.players.agent import suites_folder
-
-    return _beginning(incomplete, (path.stem for path in suites_folder().glob("*.yml")))
+    return _beginning(incomplete, _shipped("suites"))
 
 
 def complete_dataset(incomplete: str) -> list[str]:
     """Return the data sets that begin so."""
-    from fpg_bench.players.agent import baselines_folder
-
-    return _beginning(incomplete, (path.stem for path in (baselines_folder() / "datasets").glob("*.yml")))
+    return _beginning(incomplete, _shipped("datasets"))
 
 
 def complete_algorithm(incomplete: str) -> list[str]:
     """Return the algorithms with shipped hyper-parameters that begin so."""
-    from fpg_bench.players.agent import baselines_folder
-
-    names = (path.stem for path in (baselines_folder() / "hyperparams").glob("*.yml"))
-    known = (name for name in names if not re.search("-(learned|discrete)", name) and name not in OFFLINE)
-    return _beginning(incomplete, known)
+    names = (name for name in _shipped("hyperparams") if not re.search("-(learned|discrete)", name))
+    return _beginning(incomplete, (name for name in names if name not in OFFLINE))
 
 
 def complete_offline(incomplete: str) -> list[str]:
     """Return the algorithms that learn from data sets and begin so."""
     return _beginning(incomplete, OFFLINE)
+
+
+def _shipped(folder: str) -> list[str]:
+    """Return the names of the YAML files in a folder of the baselines."""
+    from fpg_bench.players.agent import baselines_folder
+
+    return [path.stem for path in (baselines_folder() / folder).glob("*.yml")]
 
 
 def _beginning(incomplete: str, names: Iterable[str]) -> list[str]:

@@ -58,8 +58,9 @@ def reproduce(
     """
     from fpg_bench.paper.reproduce import reproduce as run
 
-    asked = llm or transcript is not None
-    words = {} if transcript is None else {"transcript": str(transcript)}
+    llm_options = None
+    if llm or transcript is not None:
+        llm_options = {} if transcript is None else {"transcript": str(transcript)}
     written = run(
         target,
         out,
@@ -70,7 +71,7 @@ def reproduce(
         n_jobs=n_jobs,
         backend=backend,
         address=address,
-        llm=words if asked else None,
+        llm=llm_options,
         learner=learner,
     )
     for path in written:

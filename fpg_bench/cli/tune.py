@@ -23,32 +23,42 @@ from fpg_bench.cli.options import (
 from fpg_bench.common.extras import need
 
 app = typer.Typer(help="Tune hyper-parameters with Optuna.")
-Folder = Annotated[Path, typer.Argument(help="the study's folder")]
+Folder = Annotated[Path, typer.Argument(help="Folder of the study.")]
 StorageOption = Annotated[
-    str | None, typer.Option(help="SQLAlchemy URL of a database; default: SQLite in the folder")
+    str | None, typer.Option(help="SQLAlchemy URL of a database. Default: SQLite in the folder.")
 ]
-StudyNameOption = Annotated[str | None, typer.Option(help="name of the study")]
+StudyNameOption = Annotated[str | None, typer.Option(help="Name of the study.")]
 
 
 @app.command()
 def run(
-    algorithm: Annotated[str, typer.Argument(help="as for train", autocompletion=complete_algorithm)],
+    algorithm: Annotated[
+        str, typer.Argument(help="The algorithm, as for train.", autocompletion=complete_algorithm)
+    ],
     env_id: Annotated[
         str,
-        typer.Argument(metavar="ID", help="FPG/AllyVsScripted-v0 and the like", autocompletion=complete_id),
+        typer.Argument(
+            metavar="ID", help="The environment id (see fpg-bench envs).", autocompletion=complete_id
+        ),
     ],
-    out: Annotated[Path, typer.Option(help="the study's folder")],
-    n_trials: Annotated[int, typer.Option(min=1, help="finished trials, of all workers together")] = 20,
+    out: Annotated[Path, typer.Option(help="Folder of the study.")],
+    n_trials: Annotated[
+        int, typer.Option(min=1, help="Number of finished trials, of all workers together.")
+    ] = 20,
     n_jobs: JobsOption = 1,
     timeout: Annotated[
-        float | None, typer.Option(min=0, help="seconds after which no further trial begins")
+        float | None, typer.Option(min=0, help="Seconds after which no further trial begins.")
     ] = None,
-    n_seeds: Annotated[int, typer.Option(min=1, help="training seeds of a trial")] = 2,
-    steps: Annotated[int | None, steps_option("budget of a seed; default: half of the file's")] = None,
-    space: Annotated[Path | None, typer.Option(help="a search space of your own, YAML")] = None,
-    hyperparams: Annotated[Path | None, typer.Option(help="a YAML file of your own")] = None,
-    suite: Annotated[str | None, typer.Option(help="what scores a policy; default: the id's")] = None,
-    rounds: Annotated[int, typer.Option(min=1, help="rounds per rival")] = 100,
+    n_seeds: Annotated[int, typer.Option(min=1, help="Number of training seeds of a trial.")] = 2,
+    steps: Annotated[
+        int | None, steps_option("Training budget of a seed. Default: half of the file's.")
+    ] = None,
+    space: Annotated[Path | None, typer.Option(help="A search space of your own, a YAML file.")] = None,
+    hyperparams: Annotated[
+        Path | None, typer.Option(help="Hyper-parameters to use instead, a YAML file.")
+    ] = None,
+    suite: Annotated[str | None, typer.Option(help="Suite that scores a policy. Default: the id's.")] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Number of rounds per rival.")] = 100,
     storage: StorageOption = None,
     study_name: StudyNameOption = None,
     scenario: ScenarioOption = None,
@@ -108,12 +118,12 @@ def report(out: Folder, storage: StorageOption = None, study_name: StudyNameOpti
 @app.command()
 def export(
     out: Folder,
-    file: Annotated[Path, typer.Argument(help="the hyper-parameter file")],
-    n_best: Annotated[int, typer.Option(min=1, help="number of trials that are retrained")] = 3,
-    n_seeds: Annotated[int, typer.Option(min=1, help="fresh training seeds of each")] = 3,
-    steps: Annotated[int | None, steps_option("budget of a seed; default: the study's")] = None,
+    file: Annotated[Path, typer.Argument(help="The hyper-parameter file to write.")],
+    n_best: Annotated[int, typer.Option(min=1, help="Number of trials that are retrained.")] = 3,
+    n_seeds: Annotated[int, typer.Option(min=1, help="Number of fresh training seeds of each.")] = 3,
+    steps: Annotated[int | None, steps_option("Training budget of a seed. Default: the study's.")] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="write values that score less than the present ones")
+        bool, typer.Option("--force", help="Write values that score less than the present ones, too.")
     ] = False,
     storage: StorageOption = None,
     study_name: StudyNameOption = None,

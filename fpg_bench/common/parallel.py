@@ -336,7 +336,6 @@ def _stop_with(driver: int) -> None:
 
 def _on_ray(calls: _Calls, n_jobs: int, address: str | None) -> _Outcomes:
     """Run calls on a Ray cluster, one CPU each; Ray itself repeats those whose worker is lost."""
-    need("ray", "ray")
     import ray
 
     is_ours = not ray.is_initialized()

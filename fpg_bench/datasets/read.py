@@ -108,16 +108,17 @@ def checked_recipe(metadata: dict[str, Any], where: str) -> tuple[DatasetSpec, s
 
 
 def iterate_rounds(
-    data: str | Path, spec: DatasetSpec, where: str
+    data: str | Path, spec: DatasetSpec, sha256: str, where: str
 ) -> Iterator[tuple[int, minari.EpisodeData]]:
     """Yield all rounds as Minari reads them, after a look at their seed, shapes and ends.
 
     Raises:
-        UserError: a round that differs or cannot be read; ``where`` begins the message.
+        UserError: a round that differs or cannot be read, or, after the last one, another hash of the
+            content; ``where`` begins the message.
     """
     steps = spec.load_scenario().steps_per_round
     ends = {"terminations": np.zeros(steps, bool), "truncations": np.arange(steps) == steps - 1}
-    k = 0
+    k, digests = 0, []
     try:
         dataset = minari.MinariDataset(data)
         seeds = [about.get("seed") for about in dataset.storage.get_episode_metadata(range(spec.episodes))]
@@ -127,7 +128,10 @@ def iterate_rounds(
             for name, expected in ends.items():
                 if not np.array_equal(getattr(episode, name), expected):
                     raise UserError(f"{where}: round {k}: {name} are not those of a whole round")
+            digests.append(round_digest(*(getattr(episode, name) for name in ARRAYS)))
             yield k, episode
+        if content_sha256(b"".join(digests)) != sha256:
+            raise UserError(f"{where}: its content has changed (sha256); make it again")
     except UserError:
         raise
     except Exception as error:  # h5py and Minari raise many kinds for torn and foreign files
@@ -136,14 +140,7 @@ def iterate_rounds(
 
 @functools.lru_cache(maxsize=1)
 def _read(dataset: Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    where, digests = f"data set {dataset.path}", []
-    parts: tuple[list[np.ndarray], ...] = ([], [], [])
-    for _, episode in iterate_rounds(dataset.path, dataset.spec, where):
-        arrays = [getattr(episode, name) for name in ARRAYS]
-        digests.append(round_digest(*arrays))
-        for part, array in zip(parts, arrays, strict=True):
-            part.append(array)
-    if content_sha256(b"".join(digests)) != dataset.sha256:
-        raise UserError(f"{where}: its content has changed (sha256); make it again")
-    observations, actions, rewards = map(np.stack, parts)
+    rounds = iterate_rounds(dataset.path, dataset.spec, dataset.sha256, f"data set {dataset.path}")
+    arrays = [[getattr(episode, name) for name in ARRAYS] for _, episode in rounds]
+    observations, actions, rewards = map(np.stack, zip(*arrays, strict=True))
     return observations, actions, rewards.astype(np.float32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -28,7 +28,6 @@ from fpg_bench.paper.runs import FINAL, Run, window_row, windows_of
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
-from fpg_bench.training.maddpg import MADDPG
 from fpg_bench.training.models import make_model
 from fpg_bench.version import __version__
 
@@ -115,89 +114,75 @@ BUDGETS: Mapping[str, Budget] = MappingProxyType(
 )
 
 
-def hyperparameters(budget: Budget, changes: Mapping[str, Any] | None = None) -> Hyperparameters:
-    """Return those of Table 3, completed by the shipped ones, with the changes of a condition."""
+def hyperparameters(budget: Budget) -> Hyperparameters:
+    """Return those of Table 3, completed by the shipped ones."""
     shipped = load_hyperparameters(ALGORITHM, DUEL)
     rates = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
-    algorithm = shipped.algorithm | rates | dict(changes or {})
-    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=algorithm)
+    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=shipped.algorithm | rates)
 
 
 def run_experiment(
     condition: Condition,
     preset: str,
     budget: Budget,
-    seeds: Iterable[int],
+    seed: int,
     folder: Path,
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
 ) -> list[Run]:
     """Train both sides under a condition, and evaluate the final policies without exploration noise.
 
-    The seeds are trained one after the other, each with games and random numbers of its own; a seed's result
-    does not depend on the other seeds.
-
     Args:
         condition: differences from the preset.
         preset: the scenario, ``paper``, ``standard`` or ``figures``.
         budget: length of the training.
-        seeds: training seeds. A seed starts from the same networks and matches under every condition.
-        folder: for the transcripts of a language model.
+        seed: training seed. It starts from the same networks and matches under every condition.
+        folder: for the transcript of a language model.
         llm: options of the language-model planner, and ``transcript`` to replay one.
-        learner: see :func:`learn_seeds`.
-
-    Returns:
-        A run per seed, and one per seed and swapped path.
-    """
-    torch.set_num_threads(1)
-    libraries = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
-    versions = ", ".join([f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in libraries)])
-    seeds, steps = list(seeds), condition.budgets * budget.steps
-    start = time.monotonic()
-    trainings = {
-        seed: _Training(condition, preset, budget, seed, folder / f"seed_{seed}", llm) for seed in seeds
-    }
-    learn_seeds({seed: each.model for seed, each in trainings.items()}, steps, learner)
-    finals = {seed: play_deterministic(each.model, each.games(None)) for seed, each in trainings.items()}
-    seconds = round((time.monotonic() - start) / len(seeds))
-    runs = []
-    for seed, training in trainings.items():
-        about = {
-            "scenario": f"{preset}, {condition.scenario(preset).hash}",
-            "trained at once": ", ".join(map(str, seeds)),
-            "versions": versions,
-            "seconds": seconds,
-            "budget": f"{budget.name}, {steps} steps, {training.model.n_updates} updates",
-        }
-        rows = [*windows_of(training.core.rounds, steps), window_row(FINAL, steps, *finals[seed])]
-        runs.append(Run(condition.name, seed, about, rows))
-        for path in condition.swaps:
-            swap = play_deterministic(training.model, training.games(None, path=path, planner=None))
-            runs.append(Run(swapped(condition.name, path), seed, about, [window_row(FINAL, steps, *swap)]))
-    return runs
-
-
-def learn_seeds(models: Mapping[int, MADDPG], total_timesteps: int, learner: str = "torch") -> None:
-    """Train models one after the other, each as if it were trained alone.
-
-    Args:
-        models: new models by their training seeds.
-        total_timesteps: steps of each model.
         learner: ``torch``, or ``jax``, which is faster and needs the extra ``fast``. Both give the same
             weights apart from the rounding of sums.
+
+    Returns:
+        A run, and one per swapped path.
 
     Raises:
         UserError: an unknown learner, or one whose packages are missing.
     """
     check_learner(learner)
-    for seed, model in models.items():
-        np.random.seed(seed)  # noqa: NPY002
-        if learner == "torch":
-            model.learn(total_timesteps)
-        else:
-            from fpg_bench.training.maddpg.jax_learner import JaxLearner
+    torch.set_num_threads(1)
+    libraries = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
+    versions = [f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in libraries)]
+    scenario, steps = condition.scenario(preset), condition.budgets * budget.steps
+    options = dict(condition.options)
+    planner = options.get("planner")
+    llm_options = dict(llm or {}) if planner == "llm" else {}
+    transcript = llm_options.pop("transcript", None)
+    options["planner"] = training_planner(planner, folder, transcript, llm_options)
+    make_games = partial(Recorded, budget.games, scenario=scenario, **options)
+    start = time.monotonic()
+    games = make_games()
+    staggered = FPGVecEnv(games, training_seed(seed), stagger=True)
+    model: Any = make_model(ALGORITHM, staggered, hyperparameters(budget), seed)
+    model.set_logger(configure(None, []))
+    if learner == "torch":
+        model.learn(steps)
+    else:
+        from fpg_bench.training.maddpg.jax_learner import JaxLearner
 
-            JaxLearner(model).learn(total_timesteps)
+        JaxLearner(model).learn(steps)
+    final = play_deterministic(model, make_games())
+    about = {
+        "scenario": f"{preset}, {scenario.hash}",
+        "versions": ", ".join(versions),
+        "seconds": round(time.monotonic() - start),
+        "budget": f"{budget.name}, {steps} steps, {model.n_updates} updates",
+    }
+    rows = [*windows_of(games.rounds, steps), window_row(FINAL, steps, *final)]
+    runs = [Run(condition.name, seed, about, rows)]
+    for path in condition.swaps:
+        swap = play_deterministic(model, make_games(path=path, planner=None))
+        runs.append(Run(swapped(condition.name, path), seed, about, [window_row(FINAL, steps, *swap)]))
+    return runs
 
 
 def check_learner(name: str) -> None:
@@ -208,41 +193,8 @@ def check_learner(name: str) -> None:
         need("fast", "jax", "optax")
 
 
-class _Training:
-    """Games and model of one training seed under a condition."""
-
-    def __init__(
-        self,
-        condition: Condition,
-        preset: str,
-        budget: Budget,
-        seed: int,
-        folder: Path,
-        llm: Mapping[str, Any] | None,
-    ) -> None:
-        options = dict(condition.options)
-        planner = options.get("planner")
-        llm_options = dict(llm or {}) if planner == "llm" else {}
-        transcript = llm_options.pop("transcript", None)
-        options["planner"] = training_planner(planner, folder, transcript, llm_options)
-        self._make = partial(Recorded, budget.games, scenario=condition.scenario(preset), **options)
-        games = self.games(training_seed(seed))
-        self.core: Recorded = games.core  # type: ignore[assignment]
-        self.model: Any = make_model(ALGORITHM, games, hyperparameters(budget, condition.algorithm), seed)
-        self.model.set_logger(configure(None, []))
-
-    def games(self, first_seed: int | None, **changes: Any) -> FPGVecEnv:
-        """Return games to train in, with staggered rounds; without a seed, games to evaluate in.
-
-        Args:
-            first_seed: seed of the first game, or None.
-            **changes: changed options of :class:`Recorded`.
-        """
-        return FPGVecEnv(self._make(**changes), first_seed, stagger=first_seed is not None)
-
-
 def play_deterministic(
-    model: BaseAlgorithm, games: FPGVecEnv
+    model: BaseAlgorithm, games: Recorded
 ) -> tuple[list[tuple[np.void, np.ndarray]], np.ndarray]:
     """Play a match in every game, on evaluation seeds.
 
@@ -250,15 +202,14 @@ def play_deterministic(
         The tally and histogram of each round, and the positions of both sides in the last round of the first
         game, ``(2, n, 3)`` in m, every few steps.
     """
-    core: Any = games.core
-    scenario, state = core.scenario, core.duel.batch.games
-    core.reset(seeds=np.array(evaluation_seeds(games.num_envs)))
+    scenario, state = games.scenario, games.duel.batch.games
+    games.reset(seeds=np.array(evaluation_seeds(games.count)))
     positions = []
     for _ in range(scenario.rounds_per_match * scenario.steps_per_round):
         positions.append([state[f"{side}_position"][0].copy() for side in SIDES])
-        core.step(model.predict(core.observations, deterministic=True)[0])
-        if core.truncated.any():
-            core.reset(core.truncated.copy())
+        games.step(model.predict(games.observations, deterministic=True)[0])
+        if games.truncated.any():
+            games.reset(games.truncated.copy())
     every = max(scenario.steps_per_round // _POSITIONS, 1)
     last = np.array(positions[-scenario.steps_per_round :: every])
-    return [(tally, histogram) for _, tally, histogram in core.rounds], last.transpose(1, 0, 2)
+    return [(tally, histogram) for _, tally, histogram in games.rounds], last.transpose(1, 0, 2)

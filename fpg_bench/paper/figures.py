@@ -168,7 +168,7 @@ def paths(results: Results, preset: str) -> Any:
     scenario = scenario_of(preset)
     figure = blank_figure(2.6 * len(present) + 0.6, 3.2)
     for axes, condition in zip(figure.subplots(1, len(present), squeeze=False)[0], present, strict=True):
-        row = results.runs[condition][seed][-1]
+        row = results.runs[condition][seed].rows[-1]
         for side, colour in SIDE_COLOURS.items():
             x, y, _ = np.reshape(row[f"{side}_path"], (-1, 3)).T
             axes.plot(x, y, color=colour, lw=1.3, label=side)

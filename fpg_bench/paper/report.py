@@ -227,8 +227,8 @@ def content(
     verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in CLAIMS}
     conditions = conditions_of("all", preset, full=True)
     names = [LLM, *(condition.name for condition in conditions)]
-    trained = [results.about.get(name, {}) for name in names]  # without evaluations on swapped paths
-    headings = [heading for by_seed in trained for heading in by_seed.values()]
+    trained = [results.runs.get(name, {}) for name in names]  # without evaluations on swapped paths
+    headings = [run.about for by_seed in trained for run in by_seed.values()]
     pairs = sorted({each.test.pairs for each in comparisons})
     return {
         "preset": preset,

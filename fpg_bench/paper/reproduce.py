@@ -59,21 +59,14 @@ def reproduce(
     check_writable(out)
     check_learner(learner)
     count = whole(budget.seeds if n_seeds is None else n_seeds, "n_seeds")
+    seeds = range(first_seed, first_seed + count)
     file = RunFile(out, scenario, budget.name)
-    failed = run_conditions(
-        file,
-        _conditions(target, scenario, budget, llm),
-        scenario,
-        budget,
-        range(first_seed, first_seed + count),
-        llm=llm,
-        learner=learner,
-        n_jobs=n_jobs,
-        backend=backend,
-        address=address,
+    conditions = _conditions(target, scenario, budget, llm)
+    failed = run_jobs(
+        _missing(file, conditions, scenario, budget, seeds, llm, learner), n_jobs, backend, address
     )
     names = [name for each in _conditions(ALL, scenario, BUDGETS["full"], {}) for name in each.runs]
-    results = read_results(file, dict.fromkeys(names, range(first_seed, first_seed + count)))
+    results = read_results(file, dict.fromkeys(names, seeds))
     drawn = draw(results, scenario, out / "figures")
     command = f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --n-seeds {count}"
     command += f" --first-seed {first_seed}" if first_seed else ""
@@ -83,58 +76,36 @@ def reproduce(
     return [*(path for paths in drawn.values() for path in paths), *reports]
 
 
-def run_conditions(
+def _missing(
     file: RunFile,
     conditions: Iterable[Condition],
     preset: str,
     budget: Budget,
     seeds: range,
-    *,
-    llm: Mapping[str, Any] | None = None,
-    learner: str = "torch",
-    n_jobs: int = 2,
-    backend: str = "loky",
-    address: str | None = None,
-) -> dict[str, str]:
-    """Run the missing runs of some conditions and add them to a file.
-
-    Args:
-        file: file of the runs.
-        conditions: conditions to run.
-        preset: name of the scenario that they change.
-        budget: budget of each run.
-        seeds: training seeds; see :func:`reproduce` for conditions that need fewer.
-        llm, learner: see :func:`reproduce`.
-        n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
-
-    Returns:
-        The errors of failed jobs by name.
+    llm: Mapping[str, Any] | None,
+    learner: str,
+) -> list[Job]:
+    """Return a job for each run that a file lacks; the job adds it.
 
     Raises:
-        UserError: the file holds runs of another game.
+        UserError: the file holds runs of another game: a changed preset, or a renamed file.
     """
-    done, jobs = file.read(), []
+    stored, jobs = file.read(), []
     transcripts = (file.path.parent / "transcripts" / file.path.name.split(".")[0]).absolute()
     for condition in conditions:
-        check_same_game(file, condition, preset)
-        missing = [seed for seed in _seeds(condition, seeds) if (condition.name, seed) not in done]
-        if missing:
-            name = f"{preset} {condition.name} seeds {', '.join(map(str, missing))}"
-            folder = transcripts / condition.name
-            run = partial(run_experiment, condition, preset, budget, missing, folder, llm, learner)
-            jobs.append(Job(name, run, file.add))
-    return run_jobs(jobs, n_jobs, backend, address)
-
-
-def check_same_game(file: RunFile, condition: Condition, preset: str) -> None:
-    """Raise UserError if a file holds runs of another game: a changed preset, or a renamed file."""
-    game = f"{preset}, {condition.scenario(preset).hash}"
-    for run in file.read().values():
-        if run.condition == condition.name and run.about.get("scenario") != game:
-            raise UserError(
-                f"runs {file.path}: {run.condition}, seed {run.seed}, played another game than {preset} "
-                "is now; choose another --out, or remove the file"
-            )
+        game = f"{preset}, {condition.scenario(preset).hash}"
+        for run in stored.values():
+            if run.condition == condition.name and run.about.get("scenario") != game:
+                raise UserError(
+                    f"runs {file.path}: {run.condition}, seed {run.seed}, played another game than {preset} "
+                    "is now; choose another --out, or remove the file"
+                )
+        for seed in _seeds(condition, seeds):
+            if (condition.name, seed) not in stored:
+                folder = transcripts / condition.name / f"seed_{seed}"
+                train = partial(run_experiment, condition, preset, budget, seed, folder, llm, learner)
+                jobs.append(Job(f"{preset} {condition.name} seed {seed}", train, file.add))
+    return jobs
 
 
 def _budget(budget: str | Budget) -> Budget:
@@ -148,7 +119,7 @@ def _budget(budget: str | Budget) -> Budget:
 def _conditions(target: str, scenario: str, budget: Budget, llm: Mapping[str, Any] | None) -> list[Condition]:
     conditions = conditions_of(target, scenario, budget.name == "full")
     if llm is not None and target in (ALL, "fig3", "fig7"):
-        conditions.append(Condition(LLM, "path planned by a language model", {"planner": "llm"}))
+        conditions.append(Condition(LLM, {"planner": "llm"}))
     return conditions
 
 

@@ -44,8 +44,7 @@ MEASURES = (
 )
 _HISTOGRAMS = ("ally_points", "jam_points")
 _PATHS = ("ally_path", "opponent_path")
-LISTS = (*_HISTOGRAMS, *_PATHS)
-COLUMNS = ("window", "steps", "rounds", *_REWARDS, *MEASURES, *LISTS)
+COLUMNS = ("window", "steps", "rounds", *_REWARDS, *MEASURES, *_HISTOGRAMS, *_PATHS)
 Row = dict[str, Any]
 
 
@@ -101,7 +100,7 @@ class _StoredRun(Strict):
     condition: str
     seed: int
     about: dict[str, Any]
-    columns: dict[str, list[Any]]
+    columns: dict[str, list[int | float | list[int] | None]]
 
 
 @dataclass(frozen=True)
@@ -161,13 +160,10 @@ class RunFile:
         try:
             stored = parse(_StoredRun, read_object(line), f"runs {self.path}: line {number}")
             columns = [stored.columns[name] for name in COLUMNS]
-            rows = [
-                dict(zip(COLUMNS, map(_read, COLUMNS, row), strict=True))
-                for row in zip(*columns, strict=True)
-            ]
-        except (KeyError, ValueError, TypeError) as error:
-            if isinstance(error, UserError):
-                raise
+            rows = [dict(zip(COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)]
+        except UserError:
+            raise
+        except (KeyError, ValueError) as error:
             raise UserError(f"runs {self.path}: line {number} is not a run: {error}") from error
         if not rows or rows[-1]["window"] != FINAL:
             raise UserError(f"runs {self.path}: line {number} is incomplete")
@@ -178,28 +174,15 @@ def _rounded(value: Any) -> Any:
     return float(f"{value:.5g}") if isinstance(value, float) else value
 
 
-def _read(name: str, value: Any) -> Any:
-    """Convert the value of a column: a list of integers, an integer, or a float or None."""
-    if name in LISTS:
-        if not isinstance(value, list):
-            raise ValueError(f"{name}: expected a list")
-        return [int(number) for number in value]
-    if name in ("window", "steps", "rounds"):
-        return int(value)
-    return None if value is None else float(value)
-
-
 @dataclass(frozen=True)
 class Results:
     """Runs of one scenario and budget.
 
     Attributes:
-        runs: rows by condition and seed, in the order of their windows; the last one is without noise.
-        about: descriptions of the same runs, see :class:`Run`.
+        runs: by condition and seed.
     """
 
-    runs: Mapping[str, Mapping[int, list[Row]]]
-    about: Mapping[str, Mapping[int, Mapping[str, Any]]]
+    runs: Mapping[str, Mapping[int, Run]]
 
     def seeds(self, *conditions: str) -> list[int]:
         """Return the seeds that all of these conditions have, sorted; none if a condition is missing."""
@@ -211,7 +194,7 @@ class Results:
         wanted = set(windows)
         means = []
         for seed in seeds:
-            rows = [row for row in self.runs[condition][seed] if row["window"] in wanted]
+            rows = [row for row in self.runs[condition][seed].rows if row["window"] in wanted]
             means.append(np.average([row[name] for row in rows], weights=[row["rounds"] for row in rows]))
         return np.array(means)
 
@@ -227,14 +210,14 @@ class Results:
         """Return a column over training, ``(seeds, windows)``; NaN in windows in which no round ended."""
         values = np.full((len(self.runs[condition]), WINDOWS), np.nan)
         for index, seed in enumerate(sorted(self.runs[condition])):
-            for row in self.runs[condition][seed]:
+            for row in self.runs[condition][seed].rows:
                 if row["window"] < WINDOWS and row[name] is not None:
                     values[index, row["window"]] = row[name]
         return values
 
     def histogram(self, condition: str, stage: str, seed: int) -> np.ndarray:
         """Return the steps per frequency point of both sides in a stage of Fig. 4, ``(2, points)``."""
-        rows = [row for row in self.runs[condition][seed] if row["window"] in STAGES[stage]]
+        rows = [row for row in self.runs[condition][seed].rows if row["window"] in STAGES[stage]]
         total: np.ndarray = np.array([[row[name] for name in _HISTOGRAMS] for row in rows]).sum(axis=0)
         return total
 
@@ -251,11 +234,9 @@ def read_results(file: RunFile, wanted: Mapping[str, Iterable[int]]) -> Results:
         UserError: an unreadable file.
     """
     stored = file.read()
-    runs: dict[str, dict[int, list[Row]]] = {}
-    about: dict[str, dict[int, Mapping[str, Any]]] = {}
-    for run in (
-        stored[key] for name, seeds in wanted.items() for seed in seeds if (key := (name, seed)) in stored
-    ):
-        runs.setdefault(run.condition, {})[run.seed] = run.rows
-        about.setdefault(run.condition, {})[run.seed] = run.about
-    return Results(runs, about)
+    runs: dict[str, dict[int, Run]] = {}
+    for name, seeds in wanted.items():
+        for seed in seeds:
+            if (name, seed) in stored:
+                runs.setdefault(name, {})[seed] = stored[name, seed]
+    return Results(runs)

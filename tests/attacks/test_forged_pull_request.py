@@ -27,7 +27,7 @@ def base(tmp_path):
     top = tmp_path / "repository"
     shutil.copytree(ROOT / ".github", top / ".github")
     (top / "fpg_bench").mkdir()
-    (top / "fpg_bench/verifier.sh").write_text(f'exec {sys.executable} -m fpg_bench.cli "$@"\n')
+    (top / "fpg_bench/verifier.sh").write_text(f'exec {sys.executable} -m fpg_bench "$@"\n')
     (top / "leaderboard/submissions/ally").mkdir(parents=True)
     (top / "leaderboard/submissions/ally/.keep").touch()
     program = top / ".venv/bin/fpg-bench"

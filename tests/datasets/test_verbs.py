@@ -1,12 +1,8 @@
 """The verbs ``dataset list``, ``make`` and ``check``."""
 
-import sys
-
-import pytest
 from typer.testing import CliRunner
 
 from fpg_bench.cli import app
-from fpg_bench.common.errors import UserError
 from fpg_bench.datasets.spec import spec_names
 
 
@@ -23,11 +19,3 @@ def test_a_data_set_is_listed_made_and_checked(tmp_path):
         line = run("check", place, "--sample", "100%")
         assert "fpg/opponent-link-mixed-v0: 2 rounds of 300 steps" in line
         assert "2 played again, all identical" in line
-
-
-def test_what_needs_the_extra_names_it(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "minari", None)
-    for words in (("make", "ally-random-v0"), ("check", tmp_path)):
-        with pytest.raises(UserError, match=r'minari is not installed: pip install "fpg-bench\[datasets\]"'):
-            run(*words)
-    assert "ally-random-v0" in run("list")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+import waveforms
+from check_link import closed_sinr
 
 from fpg_bench.game import link
 from fpg_bench.game.rules import radio_record, rules_record
@@ -16,10 +16,6 @@ from fpg_bench.game.scenario import preset
 
 from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, begin, opponent, place, to_point
 from .reference import ReferenceGame
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import waveforms
-from check_link import closed_sinr
 
 LINK = preset("link")
 RULES, RADIO = rules_record(LINK)[0], radio_record(LINK)[0]

@@ -415,7 +415,7 @@ def test_serving_needs_a_site_and_a_free_port(site, tmp_path):
 def test_ctrl_c_ends_serving_with_one_line(site):
     import signal
 
-    words = [sys.executable, "-m", "fpg_bench.cli", "leaderboard", "serve", str(site), "--port", "0"]
+    words = [sys.executable, "-m", "fpg_bench", "leaderboard", "serve", str(site), "--port", "0"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline().startswith("http://127.0.0.1:")
         process.send_signal(signal.SIGINT)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fpg_bench.paper.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
-from fpg_bench.paper.runs import COLUMNS, FINAL, WINDOWS, Results
+from fpg_bench.paper.runs import COLUMNS, FINAL, WINDOWS, Results, Run
 
 SEEDS = range(10)
 LEVELS = dict.fromkeys(FIXED_PATHS, 5.0) | {"tone": 3.0, "narrowband": 6.0, "comb": 5.0, "broadband": 9.0}
@@ -11,8 +11,8 @@ LEVELS |= {BASE: 10.0, NO_PLANNER: 4.0, NO_KNOWLEDGE: 10.0}
 LEVELS |= {swapped(BASE, path): 7.0 for path in FIXED_PATHS}
 
 
-def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> list[dict]:
-    """Return rows with the condition's level as the opponent's reward, and falling overlap."""
+def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> Run:
+    """Return a run with the condition's level as the opponent's reward, and falling overlap."""
     rng = np.random.default_rng([seed, len(condition)])
     rows = []
     for window in range(WINDOWS + 1):
@@ -27,10 +27,8 @@ def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> l
         own[0] += int(rising * 300 * part)
         row |= {"ally_points": own.tolist(), "jam_points": [100] * 15}
         rows.append(row)
-    return rows
+    return Run(condition, seed, {"seconds": "1", "versions": "made up"}, rows)
 
 
 def results(levels=LEVELS, rising=1.0, seeds=SEEDS) -> Results:
-    runs = {name: {seed: run(name, seed, levels, rising) for seed in seeds} for name in levels}
-    about = {name: {seed: {"seconds": "1", "versions": "made up"} for seed in seeds} for name in levels}
-    return Results(runs, about)
+    return Results({name: {seed: run(name, seed, levels, rising) for seed in seeds} for name in levels})

@@ -5,11 +5,11 @@ import dataclasses
 import gzip
 import json
 import re
-import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
+from paper_pages import REPORTS, VARIANTS, all_runs, results_of, variants, write_pages
 
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.paper.claims import CLAIMS, LEVEL, compare, verdict
@@ -17,9 +17,6 @@ from fpg_bench.paper.conditions import ALL, conditions_of
 from fpg_bench.paper.experiment import BUDGETS
 from fpg_bench.paper.figures import FIGURES
 from fpg_bench.paper.runs import RunFile, read_results
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from paper_pages import REPORTS, VARIANTS, all_runs, results_of, variants, write_pages
 
 COMMITTED = Path(__file__).parents[2] / "docs/results/paper"
 RUNS = Path(__file__).parents[2] / "results/reproduction"
@@ -55,8 +52,8 @@ def test_committed_runs_have_all_seeds_and_the_present_scenario(committed):
     for condition in conditions_of(ALL, preset, full=True):
         wanted = 1 if condition.budgets > 1 else FULL.seeds if condition.tested else 5
         assert results.seeds(condition.name) == list(range(wanted)), condition.name
-        for heading in results.about[condition.name].values():
-            assert heading["scenario"] == f"{preset}, {condition.scenario(preset).hash}", condition.name
+        for run in results.runs[condition.name].values():
+            assert run.about["scenario"] == f"{preset}, {condition.scenario(preset).hash}", condition.name
 
 
 def test_committed_figures_levels_and_tests_match_the_committed_runs(tmp_path):
@@ -82,11 +79,11 @@ def test_runs_with_more_updates_have_the_present_scenario_and_are_quoted(preset,
     (condition,) = conditions_of("fig4", preset, full=False)
     assert results.seeds(condition.name) == list(seeds)
     known = {each.name: each for each in conditions_of(ALL, preset, full=True)}
-    for run, headings in results.about.items():
-        game = known[run.split("@")[0]].scenario(preset)
-        for heading in headings.values():
-            assert heading["scenario"] == f"{preset}, {game.hash}"
-            assert heading["budget"].startswith(f"{name}, {budget.steps} steps, ")
+    for run_name, runs in results.runs.items():
+        game = known[run_name.split("@")[0]].scenario(preset)
+        for run in runs.values():
+            assert run.about["scenario"] == f"{preset}, {game.hash}"
+            assert run.about["budget"].startswith(f"{name}, {budget.steps} steps, ")
     page = (COMMITTED.parent / "paper.md").read_text()
     (test,) = (each.test for each in compare(results) if each.statement == "overlap ratio: early - late")
     digits = 0 if name == "paper" else 1
@@ -147,8 +144,8 @@ def test_pairs_on_all_paths_have_the_present_scenario():
         (base,) = conditions_of("fig4", preset, full=False)
         for name in base.runs:
             assert results.seeds(name) == list(seeds)
-            for heading in results.about[name].values():
-                assert heading["scenario"] == f"{preset}, {base.scenario(preset).hash}"
+            for run in results.runs[name].values():
+                assert run.about["scenario"] == f"{preset}, {base.scenario(preset).hash}"
 
 
 def test_page_on_paths_quotes_the_gains_of_frozen_pairs():

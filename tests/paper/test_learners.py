@@ -1,4 +1,4 @@
-"""Several MADDPG seeds by torch and by JAX learn what each of them learns alone."""
+"""MADDPG learns the same by torch and by JAX."""
 
 import sys
 
@@ -9,7 +9,7 @@ from torch import nn
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.sb3_vec_env import make_sb3_duel
-from fpg_bench.paper.experiment import learn_seeds
+from fpg_bench.paper.experiment import check_learner
 from fpg_bench.training.maddpg import MADDPG
 from fpg_bench.training.maddpg.maddpg import Transitions
 
@@ -40,24 +40,6 @@ def jax_learner():
     return JaxLearner
 
 
-@pytest.fixture(scope="module")
-def together():
-    models = {seed: make_model(seed) for seed in (0, 1)}
-    learn_seeds(models, STEPS)
-    return models
-
-
-def test_each_seed_learns_exactly_what_it_learns_alone(together):
-    alone, model = make_model(1), together[1]
-    alone.learn(STEPS)
-    assert model.num_timesteps == alone.num_timesteps == STEPS
-    assert model.n_updates == alone.n_updates == 3 * (STEPS - 40) // 8
-    assert np.array_equal(model.replay_buffer.actions, alone.replay_buffer.actions)
-    for name in NETWORKS:
-        assert np.array_equal(weights_of(model, name), weights_of(alone, name))
-    assert np.abs(weights_of(together[0], "actors") - weights_of(model, "actors")).max() > 0.01
-
-
 def random_batches(seed):
     """Random transitions, some of which end a game."""
     rng = np.random.default_rng(seed)
@@ -84,13 +66,16 @@ def test_a_hundred_updates_by_jax_give_torch_s_weights(jax_learner):
 
 
 @pytest.mark.slow
-def test_training_is_the_same_by_both_learners(jax_learner, together):
-    models = {seed: make_model(seed) for seed in (0, 1)}
-    learn_seeds(models, STEPS, "jax")
-    for seed, model in models.items():
-        assert model.n_updates == together[seed].n_updates
-        assert np.allclose(model.replay_buffer.actions, together[seed].replay_buffer.actions, atol=1e-4)
-        assert np.allclose(weights_of(model, "critics"), weights_of(together[seed], "critics"), atol=1e-4)
+def test_training_is_the_same_by_both_learners(jax_learner):
+    for seed in (0, 1):
+        expected = make_model(seed)
+        expected.learn(STEPS)
+        model = make_model(seed)
+        jax_learner(model).learn(STEPS)
+        assert model.num_timesteps == expected.num_timesteps == STEPS
+        assert model.n_updates == expected.n_updates == 3 * (STEPS - 40) // 8
+        assert np.allclose(model.replay_buffer.actions, expected.replay_buffer.actions, atol=1e-4)
+        assert np.allclose(weights_of(model, "critics"), weights_of(expected, "critics"), atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +93,7 @@ def test_jax_refuses_what_it_does_not_support(jax_learner, policy, message):
 
 def test_a_missing_extra_or_an_unknown_learner_is_one_line(monkeypatch):
     with pytest.raises(UserError, match="torch or jax, got 'jaxx'; did you mean 'jax'"):
-        learn_seeds({0: make_model(0)}, STEPS, "jaxx")
+        check_learner("jaxx")
     monkeypatch.setitem(sys.modules, "jax", None)
     with pytest.raises(UserError, match=r'pip install "fpg-bench\[fast\]"$'):
-        learn_seeds({0: make_model(0)}, STEPS, "jax")
+        check_learner("jax")

@@ -111,7 +111,7 @@ def test_the_same_seed_gives_the_same_rows(made, tmp_path):
     out, *_ = made
     (base,) = conditions_of("fig4", "paper", full=False)
     again = RunFile(tmp_path, "paper", "tiny")
-    again.add(run_experiment(base, "paper", TINY, [0], tmp_path))
+    again.add(run_experiment(base, "paper", TINY, 0, tmp_path))
     assert again.read()[BASE, 0].rows == RunFile(out, "paper", "tiny").read()[BASE, 0].rows
 
 

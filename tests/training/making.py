@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from pathlib import Path
+
+import train_zoo as script
+import zoo_page
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, load_zoo
 from fpg_bench.training.config import RunConfig
 from tests.leaderboard.making import policy
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import train_zoo as script
-import zoo_page
 
 add_missing_records, page = script.add_missing_records, zoo_page.page
 SUITE = """\

@@ -3,15 +3,11 @@
 import hashlib
 import json
 import re
-import sys
-from pathlib import Path
 
 import pytest
+import train_offline as script
 
 from fpg_bench.common.rows import RowFile
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import train_offline as script
 
 
 @pytest.fixture
