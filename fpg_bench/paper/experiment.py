@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -119,8 +118,7 @@ def hyperparameters(budget: Budget, changes: Mapping[str, Any] | None = None) ->
     """Return those of Table 3, completed by the shipped ones, with the changes of a condition."""
     shipped = load_hyperparameters(ALGORITHM, DUEL)
     rates = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
-    algorithm = shipped.algorithm | rates | dict(changes or {})
-    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=algorithm)
+    return shipped.model_copy(update={"n_envs": budget.games, **rates, **(changes or {})})
 
 
 def run_experiment(
