@@ -139,7 +139,7 @@ def _statistics(normalize: VecNormalize) -> dict[str, Any]:
     return {"ret": normalize.ret_rms} | ({"obs": normalize.obs_rms} if normalize.norm_obs else {})
 
 
-def _arrays(buffer: object) -> dict[str, np.ndarray]:
+def _arrays(buffer: object) -> dict[str, Any]:
     """Return the arrays of a replay buffer, by attribute."""
     return {name: value for name, value in vars(buffer).items() if isinstance(value, np.ndarray)}
 
