@@ -124,8 +124,8 @@ class Waterfall:
 def waterfall_rows(seen: Any, table: Table) -> Any:
     """Return the rows ``(n, bins)`` of observations ``(n, 15)``; arrays or tensors, as those of the table.
 
-    Only operators that NumPy and PyTorch share are used, and :mod:`fpg_bench.training.export` writes each as
-    ONNX, so environments, players and exported agents have the same rows.
+    Only operators that NumPy and PyTorch share are used, so environments, players and exported agents have
+    the same rows.
     """
     centre = seen[:, SENSED_CENTRE, None, None]
     away = table.edges - centre

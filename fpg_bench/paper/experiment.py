@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -118,7 +117,7 @@ def hyperparameters(budget: Budget) -> Hyperparameters:
     """Return those of Table 3, completed by the shipped ones."""
     shipped = load_hyperparameters(ALGORITHM, DUEL)
     rates = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
-    return dataclasses.replace(shipped, n_envs=budget.games, algorithm=shipped.algorithm | rates)
+    return shipped.model_copy(update={"n_envs": budget.games, **rates})
 
 
 def run_experiment(

@@ -30,10 +30,8 @@ def save_model(model: BaseAlgorithm, folder: Path) -> None:
     model.save(folder / MODEL)
     if (normalize := model.get_vec_normalize_env()) is not None:
         statistics = _statistics(normalize).items()
-        _write(
-            folder / NORMALIZE,
-            {f"{name}_{key}": value for name, rms in statistics for key, value in vars(rms).items()},
-        )
+        arrays = {f"{name}_{key}": value for name, rms in statistics for key, value in vars(rms).items()}
+        np.savez(folder / NORMALIZE, **arrays)
 
 
 def save_checkpoint(model: BaseAlgorithm, folder: Path, *, seconds: float) -> None:
@@ -50,7 +48,7 @@ def save_checkpoint(model: BaseAlgorithm, folder: Path, *, seconds: float) -> No
         shutil.rmtree(temporary, ignore_errors=True)
         save_model(model, temporary)
         if (buffer := getattr(model, "replay_buffer", None)) is not None:
-            _write(temporary / REPLAY, {**_arrays(buffer), "pos": buffer.pos, "full": buffer.full})
+            np.savez(temporary / REPLAY, **_arrays(buffer), pos=buffer.pos, full=buffer.full)
         counters = {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)}
         write_json(temporary / PROGRESS, {"seconds": seconds, **counters})
         os.replace(temporary, checkpoint)
@@ -141,7 +139,7 @@ def _statistics(normalize: VecNormalize) -> dict[str, Any]:
     return {"ret": normalize.ret_rms} | ({"obs": normalize.obs_rms} if normalize.norm_obs else {})
 
 
-def _arrays(buffer: object) -> dict[str, np.ndarray]:
+def _arrays(buffer: object) -> dict[str, Any]:
     """Return the arrays of a replay buffer, by attribute."""
     return {name: value for name, value in vars(buffer).items() if isinstance(value, np.ndarray)}
 
@@ -157,10 +155,6 @@ def _of_shape(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     if array.shape != shape:
         raise UserError(f"an array has the shape {array.shape}, expected {shape}")
     return array
-
-
-def _write(file: Path, arrays: Mapping[str, Any]) -> None:
-    np.savez(file, **arrays)
 
 
 def _read(file: Path) -> dict[str, np.ndarray]:

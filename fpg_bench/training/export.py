@@ -36,7 +36,6 @@ from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.game.waterfall import waterfall_rows
 from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, stripped
 from fpg_bench.players.player import Player
 from fpg_bench.training.actor import Actor, core_of, waterfall_of
@@ -45,25 +44,24 @@ OPSET = 20
 GREATEST_DIFFERENCE = 1e-4
 
 
-def export_onnx(model: BaseAlgorithm, choices: Choices | None = None) -> bytes:
+def export_onnx(model: BaseAlgorithm) -> bytes:
     """Return the model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
 
     A policy with memory also has an input ``state`` (n, S) and an output ``next_state``; see
     :class:`fpg_bench.training.actor.Actor`. Of a policy that chooses from a list, the list is part of the
-    file. A user's own layers are read by PyTorch's exporter.
+    file. A user's own layers and waterfalls are read by PyTorch's exporter.
 
     Args:
         model: a trained model.
-        choices: what it chooses from, for a model without games.
 
     Raises:
         UserError: a policy of another kind, or one that the installed versions cannot write as ONNX.
     """
-    return _onnx_of(Actor(model, choices), model)
+    return _onnx_of(Actor(model), model)
 
 
 def _onnx_of(actor: Actor, model: BaseAlgorithm) -> bytes:
-    """Return the ONNX of a model's actor, by PyTorch's exporter if it has layers of the user's own."""
+    """Return the ONNX of a model's actor, by PyTorch's exporter where :func:`plain_onnx` cannot write it."""
     plain = plain_onnx(actor)
     return _torch_export(type(model.policy).__name__, actor) if plain is None else plain
 
@@ -184,7 +182,7 @@ def write_exported(
     data = _onnx_of(actor, model)
     mode = {} if actor.choices is None else {"actions": actor.choices.mode}
     about = {"format": AGENT_FORMAT, **about, **mode, "policy_sha256": hashlib.sha256(data).hexdigest()}
-    difference = _checked(largest_difference(model, OnnxPlayer(data, about), choices=actor.choices), model)
+    difference = _checked(largest_difference(model, OnnxPlayer(data, about), actor.choices), model)
     write_whole(folder / "policy.onnx", data)
     write_json(folder / "agent.json", about | {"largest_difference": difference})
     return difference
@@ -194,7 +192,7 @@ def check_exportable(model: BaseAlgorithm) -> None:
     """Raise UserError if the model's policy cannot be exported."""
     actor = Actor(model)
     player = OnnxPlayer(_onnx_of(actor, model), {})
-    _checked(largest_difference(model, player, steps=20, choices=actor.choices), model)
+    _checked(largest_difference(model, player, actor.choices, steps=20), model)
 
 
 def _checked(difference: float, model: BaseAlgorithm) -> float:
@@ -208,11 +206,7 @@ def _checked(difference: float, model: BaseAlgorithm) -> float:
 
 
 def largest_difference(
-    model: BaseAlgorithm,
-    player: Player,
-    steps: int = 200,
-    games: int = 5,
-    choices: Choices | None = None,
+    model: BaseAlgorithm, player: Player, choices: Choices | None = None, steps: int = 200
 ) -> float:
     """Return the largest difference of any action entry between a model and a player.
 
@@ -222,11 +216,10 @@ def largest_difference(
     Args:
         model: its ``predict`` gets stacked and normalized observations or waterfalls, as in training.
         player: its ``predict`` gets the observations themselves, which are uniformly random.
-        steps: steps of each game.
-        games: number of games; each restarts every twenty steps on average.
         choices: what the model chooses from; None where its actions are continuous.
+        steps: steps of each of five games, which restart every twenty steps on average.
     """
-    rng, normalize = np.random.default_rng(0), model.get_vec_normalize_env()
+    games, rng, normalize = 5, np.random.default_rng(0), model.get_vec_normalize_env()
     waterfall = waterfall_of(model)
     stack = np.zeros((games, *cast(tuple[int, ...], model.observation_space.shape)), np.float32)
     model_state = player_state = None
@@ -256,16 +249,14 @@ def plain_onnx(actor: Actor) -> bytes | None:
     """Return an actor as ONNX, with the inputs and outputs of :func:`export_onnx`.
 
     Returns:
-        The bytes of the file; None where a layer is unknown, or is changed by a hook.
+        The bytes of the file; None for a waterfall, an unknown layer, or one that is changed by a hook.
     """
-    if not all(_is_plain(module) for module in actor.modules()):
+    if actor.waterfall is not None or not all(_is_plain(module) for module in actor.modules()):
         return None
     graph = _Graph()
     inputs = [_rows("observation", OBSERVATION_SIZE)]
     outputs = [_rows("action", ACTION_SIZE)]
     obs, next_state = "observation", []
-    if actor.waterfall is not None:
-        obs = waterfall_rows(_Value(graph, obs), actor.waterfall.table).name
     if actor.frames_size:
         obs = graph.add("Concat", graph.columns("state", 0, actor.frames_size), obs, axis=1)
         next_state.append(graph.columns(obs, actor.frame_size, actor.frame_size + actor.frames_size))
@@ -327,93 +318,6 @@ class _Graph:
         )
         data: bytes = model.SerializeToString(deterministic=True)
         return data
-
-
-class _Value:
-    """Value of a graph with those operators of an array that :func:`waterfall_rows` uses."""
-
-    __array_ufunc__ = None  # an array on the left leaves the operator to this class
-
-    def __init__(self, graph: _Graph, name: str) -> None:
-        self.graph, self.name = graph, name
-
-    def _apply(self, kind: str, *inputs: Any) -> str:
-        """Add an operator to the graph; returns the name of its output."""
-        names = [
-            each.name if isinstance(each, _Value) else self.graph.constant(np.asarray(each, np.float32))
-            for each in inputs
-        ]
-        return self.graph.add(kind, *names)
-
-    def _value(self, kind: str, *inputs: Any) -> _Value:
-        return _Value(self.graph, self._apply(kind, *inputs))
-
-    def _mask(self, kind: str, *inputs: Any) -> _Mask:
-        return _Mask(self.graph, self._apply(kind, *inputs))
-
-    def __add__(self, other: Any) -> _Value:
-        return self._value("Add", self, other)
-
-    def __sub__(self, other: Any) -> _Value:
-        return self._value("Sub", self, other)
-
-    def __rsub__(self, other: Any) -> _Value:
-        return self._value("Sub", other, self)
-
-    def __mul__(self, other: Any) -> _Value:
-        return self._value("Mul", self, other)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> _Value:
-        return self._value("Div", self, other)
-
-    def __floordiv__(self, one: int) -> _Value:
-        return self._value("Floor", self)
-
-    def __neg__(self) -> _Value:
-        return self._value("Neg", self)
-
-    def __gt__(self, other: Any) -> _Mask:
-        return self._mask("Greater", self, other)
-
-    def __ge__(self, other: Any) -> _Mask:
-        return self._mask("GreaterOrEqual", self, other)
-
-    def __lt__(self, other: Any) -> _Mask:
-        return self._mask("Less", self, other)
-
-    def clip(self, low: Any, high: Any) -> _Value:
-        return self._value("Min", self._value("Max", self, low), high)
-
-    def sum(self, axis: int) -> _Value:
-        total = self.graph.add("ReduceSum", self.name, self.graph.constant([axis]), keepdims=0)
-        return _Value(self.graph, total)
-
-    def __getitem__(self, index: tuple[Any, ...]) -> _Value:
-        """Return columns: ``[:, 3, None]``, ``[:, 3:7, None]`` or ``[..., 1:]``."""
-        first, chosen, *new = index
-        if isinstance(chosen, int):
-            chosen, new = slice(chosen, chosen + 1), new[1:]
-        end = np.iinfo(np.int64).max if chosen.stop is None else chosen.stop
-        limits = ([chosen.start or 0], [end], [-1 if first is ... else 1])
-        name = self.graph.add("Slice", self.name, *map(self.graph.constant, limits))
-        if new:
-            name = self.graph.add("Unsqueeze", name, self.graph.constant(list(range(2, 2 + len(new)))))
-        return _Value(self.graph, name)
-
-
-class _Mask(_Value):
-    """Value of a graph that is true or false; a product with it is 0 where it is false."""
-
-    def __and__(self, other: Any) -> _Mask:
-        return self._mask("And", self, other)
-
-    def __invert__(self) -> _Mask:
-        return self._mask("Not", self)
-
-    def __mul__(self, other: Any) -> _Value:
-        return self._value("Where", self, other, 0.0)
 
 
 def _rows(name: str, size: int) -> Any:

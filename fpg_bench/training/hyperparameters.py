@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -37,8 +36,16 @@ class ImitationConfig(Strict):
     n_epochs: PositiveInt = 5
 
 
-class _Entry(Strict):
-    """The entry of one environment id; other keys are arguments of the algorithm's constructor."""
+class Hyperparameters(Strict):
+    """Hyper-parameters of an algorithm on one environment id: the id's entry in a file.
+
+    Attributes:
+        n_envs: games that are played at once.
+        n_timesteps: training budget in steps, over all games; 0 where none is given.
+        normalize: arguments of SB3's ``VecNormalize``; None trains without it.
+        frame_stack: number of observations that are stacked; None stacks none.
+        imitate: imitation before training; None trains without it.
+    """
 
     model_config = ConfigDict(extra="allow", allow_inf_nan=True)
 
@@ -48,26 +55,10 @@ class _Entry(Strict):
     frame_stack: PositiveInt | None = None
     imitate: ImitationConfig | None = None
 
-
-@dataclass(frozen=True)
-class Hyperparameters:
-    """Hyper-parameters of an algorithm on one environment id.
-
-    Attributes:
-        n_envs: games that are played at once.
-        n_timesteps: training budget in steps, over all games; 0 where none is given.
-        normalize: arguments of SB3's ``VecNormalize``; None trains without it.
-        algorithm: arguments of the algorithm's constructor, ``policy`` included.
-        frame_stack: number of observations that are stacked; None stacks none.
-        imitate: imitation before training; None trains without it.
-    """
-
-    n_envs: int
-    n_timesteps: int
-    normalize: dict[str, Any] | None
-    algorithm: dict[str, Any]
-    frame_stack: int | None = None
-    imitate: ImitationConfig | None = None
+    @property
+    def algorithm(self) -> dict[str, Any]:
+        """All other keys: arguments of the algorithm's constructor, ``policy`` included."""
+        return dict(self.model_extra or {})
 
     def entry(self) -> dict[str, Any]:
         """Return the content of a hyper-parameter file for the id."""
@@ -107,7 +98,7 @@ def load_hyperparameters(
     if isinstance(file, Mapping):
         return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
-        return Hyperparameters(CUSTOM_N_ENVS, 0, None, {"policy": "MlpPolicy"})
+        return Hyperparameters.model_construct(n_envs=CUSTOM_N_ENVS, n_timesteps=0, policy="MlpPolicy")
     file = _named_file(Path(file)) if file else _shipped_file(algorithm, env_id, path, actions)
     content = read_yaml(file, "hyper-parameters")
     if not isinstance(content.get(env_id), dict):
@@ -145,13 +136,10 @@ def _shipped_file(algorithm: Algorithm, env_id: str, path: str | Sequence[str] |
 
 
 def _parse(algorithm: Algorithm, content: dict[str, Any], where: str) -> Hyperparameters:
-    entry = parse(_Entry, content, where)
-    frame_stack = entry.frame_stack or algorithm.frame_stack
+    parameters = parse(Hyperparameters, content, where)
+    frame_stack = parameters.frame_stack or algorithm.frame_stack
     if algorithm.frame_stack not in (None, frame_stack):
         raise UserError(
             f"{where}: frame_stack: {algorithm.name} has {algorithm.frame_stack}, got {frame_stack}"
         )
-    arguments = {name: value for name, value in content.items() if name not in _Entry.model_fields}
-    return Hyperparameters(
-        entry.n_envs, entry.n_timesteps, entry.normalize, arguments, frame_stack, entry.imitate
-    )
+    return parameters.model_copy(update={"frame_stack": frame_stack})

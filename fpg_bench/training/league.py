@@ -381,8 +381,7 @@ def selfplay(
 
     Raises:
         UserError: something unknown or out of range, a folder with another self-play or other files, or an
-            agent of a past
-            generation that is incomplete.
+            agent of a past generation that is incomplete.
         KeyboardInterrupt: stopped by the user.
     """
     for name, value in (("generations", generations), ("pool", pool)):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import difflib
 import inspect
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -87,7 +86,7 @@ def make_model(
     except AssertionError as error:
         raise _misfit(algorithm, games, error) or UserError(f"{where}: {error}") from error
     except Exception as error:
-        if not algorithm.custom and not isinstance(error, TypeError | ValueError | AssertionError):
+        if not algorithm.custom and not isinstance(error, TypeError | ValueError):
             raise
         raise UserError(f"{where}: {reason(error) if algorithm.custom else error}") from error
     model.action_space.seed(seed)
@@ -210,10 +209,7 @@ def as_activation(value: object, where: str) -> type[nn.Module]:
     if not isinstance(value, str):
         raise UserError(f"{where}: expected the name of an activation, ReLU for instance, got {value!r}")
     if value not in ACTIVATIONS:
-        lower = {name.lower(): name for name in ACTIVATIONS}
-        near = difflib.get_close_matches(value.lower(), lower, n=1)
-        written = lower[near[0]] if near else value  # relu and RELU are near ReLU, too
-        raise UserError(f"{where}: unknown activation {value!r}{nearest(written, ACTIVATIONS)}")
+        raise UserError(f"{where}: unknown activation {value!r}{nearest(value, ACTIVATIONS)}")
     return ACTIVATIONS[value]
 
 

@@ -88,9 +88,6 @@ class Transitions:
         ends[-1] = True
         self._returns = discounted_returns(rewards.T, ends, rewards[:, -1], gamma).T
 
-    def __len__(self) -> int:
-        return self._rewards.size
-
     def sample(self, count: int) -> Batch:
         """Draw transitions with replacement, by NumPy's global generator as SB3's replay buffer does."""
         rounds, steps = (np.random.randint(0, high, count) for high in self._rewards.shape)  # noqa: NPY002

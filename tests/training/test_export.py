@@ -74,19 +74,28 @@ def test_agents_play_as_the_model_does_in_its_own_games(algorithm, frames, norma
     """Over 220 steps of SB3's own stacking and normalising, in rounds that end at different steps."""
     model = a_model(algorithm, normalized, frames, **options)
     assert write_exported(model, tmp_path, ABOUT) < 1e-5
-    player, core = load_agent(tmp_path), make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=5, stagger=True)
-    games = VecFrameStack(core, frames) if frames > 1 else core
+    games = make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=5, stagger=True)
+    check_plays_alike(model, [load_agent(tmp_path)], games, 220, frames)
+
+
+def check_plays_alike(model, players, games, steps, frames=1):
+    """Check that players act as the model predicts in games, where two rounds end."""
+    core, wrapped = games.core, VecFrameStack(games, frames) if frames > 1 else games
     if (normalize := model.get_vec_normalize_env()) is not None:
-        games = VecNormalize(games, training=False)
-        games.obs_rms = normalize.obs_rms
-    seen, theirs_memory, ours_memory = games.reset(), None, None
-    starts, rounds, spread = np.ones(4, bool), 0, []
-    for _ in range(220):
-        theirs, theirs_memory = model.predict(seen, theirs_memory, starts, deterministic=True)
-        ours, ours_memory = player.predict(core.core.observations.copy(), ours_memory, starts)
-        assert np.abs(theirs - ours).max() < 1e-4
-        spread.append(ours)
-        seen, _, starts, _ = games.step(theirs)
+        wrapped = VecNormalize(wrapped, training=False)
+        wrapped.obs_rms = normalize.obs_rms
+    masks = {"action_masks": np.tile(core.choices.mask, (4, 1))} if isinstance(model, MaskablePPO) else {}
+    seen, memory, memories, starts = wrapped.reset(), None, [None] * len(players), np.ones(4, bool)
+    rounds, spread = 0, []
+    for _ in range(steps):
+        numbers = getattr(core.duel.batch, f"{core.side}_observations").copy()
+        actions, memory = model.predict(seen, memory, starts, deterministic=True, **masks)
+        expected = actions if core.choices is None else core.choices.decode(actions, numbers)
+        for index, player in enumerate(players):
+            answer, memories[index] = player.predict(numbers, memories[index], starts)
+            assert np.abs(answer - expected).max() < 1e-4
+        spread.append(expected)
+        seen, _, starts, _ = wrapped.step(actions)
         rounds += starts.sum()
     assert rounds == 2
     assert np.ptp(spread, axis=0).max() > 0.01

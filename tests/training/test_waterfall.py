@@ -1,4 +1,4 @@
-"""Agents that see a waterfall: exported, evaluated, trained, resumed and submitted as others are."""
+"""Agents that see a waterfall: exported, evaluated, trained and submitted as others are."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.leaderboard.playing import smoke_test
 from fpg_bench.players.registry import as_player
-from fpg_bench.training import train
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.sb3_zip import load_zip
 from fpg_bench.training.waterfall_cnn import WaterfallCNN
 from tests.leaderboard.making import as_policy
+from tests.training.test_export import check_plays_alike
 from tests.training.tiny import ALLY, settings, train_tiny
 
 CNN = {"features_extractor_class": "fpg_bench.training.waterfall_cnn:WaterfallCNN"}
@@ -64,27 +64,10 @@ def test_agents_play_as_the_model_does_in_its_own_games(algorithm, options, tmp_
     assert agent.row_wise
     words = {name: options[name] for name in ("scenario", "actions", "history") if name in options}
     games = make_sb3(ALLY, 4, seed=5, stagger=True, **(WATERFALL | words))
-    core = games.core
     players = [agent, ActorPlayer(model)]
     if not options.get("norm_obs"):  # predict itself does not normalize
-        players.append(as_player(model, "ally", core.scenario))
-    normalize = model.get_vec_normalize_env()
-    masks = {"action_masks": np.tile(core.choices.mask, (4, 1))} if algorithm is MaskablePPO else {}
-    window, memory, memories, starts = games.reset(), None, [None] * len(players), np.ones(4, bool)
-    rounds, spread = 0, []
-    for _ in range(160):
-        numbers = core.duel.batch.ally_observations.copy()
-        seen = window if normalize is None else normalize.normalize_obs(window)
-        actions, memory = model.predict(seen, memory, starts, deterministic=True, **masks)
-        expected = actions if core.choices is None else core.choices.decode(actions, numbers)
-        for index, player in enumerate(players):
-            answer, memories[index] = player.predict(numbers, memories[index], starts)
-            assert np.abs(answer - expected).max() < 1e-4
-        spread.append(expected)
-        window, _, starts, _ = games.step(actions)
-        rounds += starts.sum()
-    assert rounds == 2
-    assert np.ptp(spread, axis=0).max() > 0.01
+        players.append(as_player(model, "ally", games.core.scenario))
+    check_plays_alike(model, players, games, 160)
 
 
 def test_a_model_and_its_agent_score_the_same_and_the_agent_may_be_submitted(tmp_path):
@@ -115,20 +98,13 @@ def test_models_that_see_something_else_are_refused(tmp_path):
 
 
 @pytest.mark.slow
-def test_runs_are_repeatable_and_resume(tmp_path, monkeypatch):
+def test_runs_are_repeatable_and_are_no_stacks(tmp_path):
     changes = {"normalize": None, "policy_kwargs": {"net_arch": [8]}}
     runs = [train_tiny("dqn", tmp_path / name, changes, **WATERFALL) for name in ("a", "b")]
     assert len({(run / "policy.onnx").read_bytes() for run in runs}) == 1
     about = json.loads((tmp_path / "a" / "run.json").read_text())
     assert about["options"] == WATERFALL
     assert "--observation waterfall --history 6" in about["command"]
-    stopped = tmp_path / "stopped"
-    monkeypatch.setattr(train._Run, "finish", lambda run: (_ for _ in ()).throw(KeyboardInterrupt))
-    with pytest.raises(KeyboardInterrupt):
-        train_tiny("dqn", stopped, changes, **WATERFALL)
-    monkeypatch.undo()
-    agent = train_tiny("dqn", stopped, changes, resume=True, **WATERFALL)
-    assert (agent / "policy.onnx").read_bytes() == (runs[0] / "policy.onnx").read_bytes()
     with pytest.raises(UserError, match="a waterfall is a stack already; say its history"):
         train_tiny("dqn-stack3", tmp_path / "stack", settings("dqn"), **WATERFALL)
 

@@ -8,7 +8,6 @@ updates need no Python, and Adam's step for all weights is one operation on one 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ from torch import nn
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.training.maddpg.maddpg import MADDPG, Transitions
-from fpg_bench.training.maddpg.policies import JointPolicy, Sizes
+from fpg_bench.training.maddpg.policies import JointPolicy
 
 Shapes = tuple[tuple[tuple[int, int], ...], ...]  # input and output size of each layer of each network
 Network = list[tuple[jax.Array, jax.Array]]  # matrix (inputs, outputs) and bias (outputs,) of each layer
@@ -64,7 +63,7 @@ class JaxLearner:
     """
 
     def __init__(self, model: MADDPG) -> None:
-        update = _Update.of(model)
+        update = _Update(model)
         self._model = model
         self._state = jax.device_put(_read_model(model.policy, update.adam), jax.devices("cpu")[0])
         scan = partial(jax.lax.scan, update)
@@ -95,40 +94,21 @@ class JaxLearner:
             _write(self._model.policy, f"{name}_targets", networks.targets)
 
 
-@dataclass(frozen=True)
 class _Update:
-    """One update of a model; the attributes are those of :class:`fpg_bench.training.maddpg.MADDPG`."""
+    """One update of a model; raises UserError for one that is not supported."""
 
-    sizes: Sizes
-    actor_shapes: Shapes
-    critic_shapes: Shapes
-    activation: Callable[[jax.Array], jax.Array]
-    adam: optax.GradientTransformation
-    gamma: float
-    tau: float
-    logit_penalty: float
-    logit_limit: float
-
-    @classmethod
-    def of(cls, model: MADDPG) -> _Update:
-        """Return the update of a model; raises UserError where it is not supported."""
+    def __init__(self, model: MADDPG) -> None:
         policy = model.policy
         if policy.activation_fn not in _ACTIVATIONS:
             known = ", ".join(kind.__name__ for kind in _ACTIVATIONS)
             raise UserError(
                 f"learner jax: knows the activations {known}, not {policy.activation_fn.__name__}"
             )
-        return cls(
-            policy.sizes,
-            _shapes(policy, "actors"),
-            _shapes(policy, "critics"),
-            _ACTIVATIONS[policy.activation_fn],
-            _adam(model),
-            model.gamma,
-            model.tau,
-            model.logit_penalty,
-            model.logit_limit,
-        )
+        self.sizes, self.activation = policy.sizes, _ACTIVATIONS[policy.activation_fn]
+        self.actor_shapes, self.critic_shapes = _shapes(policy, "actors"), _shapes(policy, "critics")
+        self.adam = _adam(model)
+        self.gamma, self.tau = model.gamma, model.tau
+        self.logit_penalty, self.logit_limit = model.logit_penalty, model.logit_limit
 
     def __call__(
         self, state: list[Networks], batch: Transitions

@@ -34,14 +34,6 @@ N_SEEDS = 2
 _logger = logging.getLogger(__name__)
 
 
-def default_pruner() -> optuna.pruners.BasePruner:
-    """Asynchronous successive halving, first after half of the first seed's budget.
-
-    Any sooner, what learns fast would beat what learns well.
-    """
-    return optuna.pruners.SuccessiveHalvingPruner(min_resource=N_EVALS // 2, reduction_factor=2)
-
-
 def tune(
     algorithm: str,
     env_id: str,
@@ -132,9 +124,11 @@ def tune(
         },
     )
     Objective(task)  # refuses an unsuitable search space
+    if pruner is None:  # at the earliest after half of a seed's budget: fast learners need not end best
+        pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=N_EVALS // 2, reduction_factor=2)
     opened = open_storage(Path(out), storage)
     name = study_name or f"{algorithm} {task.env_id}"
-    study = open_study(opened, name, task, sampler, pruner or default_pruner())
+    study = open_study(opened, name, task, sampler, pruner)
     with opened.errors():
         is_finished = count_finished(study) >= n_trials
     if is_finished:
@@ -167,7 +161,7 @@ def _work(
     storage: str | None,
     study_name: str,
     sampler: optuna.samplers.BaseSampler | None,
-    pruner: optuna.pruners.BasePruner | None,
+    pruner: optuna.pruners.BasePruner,
     n_trials: int,
     timeout: float | None,
 ) -> None:
@@ -176,5 +170,5 @@ def _work(
     if storage is None and not (out / DATABASE).is_file():
         raise UserError(f"{socket.gethostname()} does not see {out / DATABASE}; name a database by --storage")
     opened = open_storage(out, storage)
-    study = open_study(opened, study_name, task, sampler, pruner or default_pruner())
+    study = open_study(opened, study_name, task, sampler, pruner)
     run_worker(study, opened, partial(Objective, task), n_trials, timeout)
