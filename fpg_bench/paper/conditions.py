@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -127,9 +128,7 @@ def conditions_of(target: str, preset: str, full: bool) -> list[Condition]:
     Raises:
         UserError: an unknown target or preset.
     """
-    if preset not in _OTHERWISE:
-        known = ", ".join(_OTHERWISE)
-        raise UserError(f"scenario: expected one of {known}, got {preset!r}{nearest(preset, _OTHERWISE)}")
+    one_of(preset, "scenario", _OTHERWISE)
     if target == ALL:
         conditions = [c for c in _MAIN if c.name != LONG or (full and preset == LONG_IN)]
         return [*conditions, *(sensitivity(preset) if full else ())]

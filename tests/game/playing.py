@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD, Scenario
 
 HOP, SPREAD, SPEED, PREFERENCE, EXPERT = range(5)
-TUNING, IN_BAND = 4, 5
+TUNING = 4
 TONE, NARROWBAND, BROADBAND, COMB = range(4)
 
 # A quiet world: no fading, exact sensing, an ally that hovers and an opponent that stays where it is put.
@@ -80,8 +79,3 @@ def play(batch: GameBatch, ally_actions: np.ndarray, opponent_actions: np.ndarra
         batch.step(a, o)
         records.append(batch.games.copy())
     return records
-
-
-def loss_db(distance_m: float, frequency_mhz: float) -> float:
-    """Eq. 1 of the paper."""
-    return 32.44 + 20 * math.log10(distance_m / 1000) + 20 * math.log10(frequency_mhz)

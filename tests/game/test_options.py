@@ -16,7 +16,6 @@ CIRCLE = dataclasses.replace(STANDARD, opponent_path="circle")
 LEARNED = dataclasses.replace(STANDARD, opponent_path="learned")
 PLANNED = dataclasses.replace(STANDARD, opponent_path="waypoints")
 LINK = preset("link")
-FIXED = dataclasses.replace(STANDARD, ally_path_m=PAPER.ally_path_m)
 
 # field: another value, and where it matters if that is not the standard scenario
 OTHERWISE = {

@@ -8,7 +8,6 @@ from fpg_bench.game.scenario import PAPER, STANDARD
 
 from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, at_mhz, begin, opponent, place, still, to_point
 
-NOISE_DBM, SPREAD_NOISE_DBM = -103.0102999566, -76.1978875829  # -170 + 10 log10 5e6 and 2400e6
 TOP = 600.0  # the ally hovers straight above the base station
 
 
