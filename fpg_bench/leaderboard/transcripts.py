@@ -24,7 +24,7 @@ from fpg_bench.planning.llm.transcript import FIRST, LAST, Attempt, Where, chain
 from fpg_bench.planning.planner import Limits
 
 FOLDER = "transcripts"
-LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 1 MB
+LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 0.1 MB
 _LARGEST = {ABOUT: 10_000, PROMPT: 16_000}
 _MOST_REPEATS = 2  # of the history in a prompt: more would make one that fills the memory
 _LONGEST_NAME, _LONGEST_PATH = 100, 1000  # of a prompt, its file may be told
