@@ -14,7 +14,7 @@ from fpg_bench.common.files import read_json
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
-from fpg_bench.leaderboard.close_season import play_candidate, shuffled, train_candidate
+from fpg_bench.leaderboard.close_season import play_against_candidate, shuffled, train_candidate
 from fpg_bench.leaderboard.season import (
     Recipe,
     Season,
@@ -126,7 +126,7 @@ def _compare(
     returns = np.array(
         [
             [
-                play_candidate(
+                play_against_candidate(
                     player,
                     other,
                     str(agent),
@@ -178,7 +178,7 @@ def describe_season(name: str | Path, board: str | Path) -> Iterator[str]:
             )
     yield ""
     try:
-        late = late_entries(season, read_entries(board, contract=False, scenario=season.scenario))
+        late = late_entries(season, read_entries(board, inspect_onnx=False, scenario=season.scenario))
     except UserError:
         yield f"No board at {board}: its late entries are unknown."
         return

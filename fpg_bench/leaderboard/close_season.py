@@ -37,6 +37,7 @@ from fpg_bench.leaderboard.season import (
     SeasonEntry,
     SeasonMember,
     entries_of_side,
+    load_season,
     read_entries,
     season_seed,
     write_season,
@@ -54,9 +55,9 @@ _logger = logging.getLogger(__name__)
 CANDIDATES, SIZE = 24, 12
 ROUNDS = 60  # of each entry against each candidate
 PROFILE, PLAN, PROBE = "profile.jsonl", "plan.yml", "probe"
-# Groups of a side's candidates: first those against which the first of two scripts is ahead of the second.
-# Opponents that drive an ally to hop on and on are met best by staying, those that aim at it by hopping;
-# allies that can be driven so by jamming both halves of the band in turn, those that evade it by aiming.
+# Groups of each side's candidates. In the first, the first script of PROBES leads the second by more.
+# Herders keep an ally hopping, so the best answer is to stay; aimers jam where it is, so it has to hop.
+# Herdable allies hop into a jammer that alternates between both halves of the band; evasive ones do not.
 GROUPS = {"opponent": ("herders", "aimers"), "ally": ("herdable", "evasive")}
 PROBES = {"opponent": ("idle", "expert"), "ally": ("alternate", "tone")}
 
@@ -115,9 +116,12 @@ def shuffled(items: Sequence[T], *key: object) -> list[T]:
     return [items[i] for i in order]
 
 
-def dealt(levels: Sequence[T], count: int, *key: object) -> list[T]:
-    """Deal levels evenly over ``count`` places in a drawn order; the first levels once more if necessary."""
-    return shuffled([levels[i % len(levels)] for i in range(count)], *key)
+def assign_balanced(values: Sequence[T], count: int, *key: object) -> list[T]:
+    """Assign values to ``count`` places in an order drawn from a key.
+
+    Each value is assigned equally often; if they do not divide evenly, the first ones once more.
+    """
+    return shuffled([values[i % len(values)] for i in range(count)], *key)
 
 
 def _digest(*key: object) -> str:
@@ -127,8 +131,8 @@ def _digest(*key: object) -> str:
 def draw_recipes(seed: str, side: str, count: int, entries: Sequence[SeasonEntry]) -> list[Recipe]:
     """Draw the recipes of a side's candidates.
 
-    Algorithms take turns. All other properties are dealt evenly over the candidates of an algorithm, so the
-    seed decides only their combinations.
+    Algorithms take turns. The values of all other properties are balanced over the candidates of an
+    algorithm, so the seed decides only how they are combined.
 
     Args:
         seed: the season's seed.
@@ -140,20 +144,20 @@ def draw_recipes(seed: str, side: str, count: int, entries: Sequence[SeasonEntry
         UserError: no entries to train against.
     """
     if not entries:
-        raise UserError(f"season: there is no entry that candidates of the {side} could be trained against")
+        raise UserError(f"season: no entries to train candidates of the {side} against")
     algorithms = [ALGORITHMS[i % len(ALGORITHMS)] for i in range(count)]
 
-    def deal(name: str, levels_of: Mapping[str, Sequence[T]] | Sequence[T]) -> list[T]:
-        """Deal a property's levels, which may depend on the algorithm, over each algorithm's candidates."""
-        hands = {}
+    def assign(name: str, choices: Mapping[str, Sequence[T]] | Sequence[T]) -> list[T]:
+        """Return a property's value for each candidate; choices may depend on the algorithm."""
+        per_algorithm = {}
         for algorithm, number in Counter(algorithms).items():
-            levels = levels_of[algorithm] if isinstance(levels_of, Mapping) else levels_of
-            hands[algorithm] = iter(dealt(levels, number, seed, side, name, algorithm))
-        return [next(hands[algorithm]) for algorithm in algorithms]
+            values = choices[algorithm] if isinstance(choices, Mapping) else choices
+            per_algorithm[algorithm] = iter(assign_balanced(values, number, seed, side, name, algorithm))
+        return [next(per_algorithm[algorithm]) for algorithm in algorithms]
 
-    rewards, gammas, steps = deal("reward", REWARDS[side]), deal("gamma", GAMMAS), deal("steps", STEPS)
-    log_stds = deal("log_std", LOG_STDS[side])
-    targets = _draw_targets(seed, side, deal("size", TARGETS), entries)
+    rewards, gammas, steps = assign("reward", REWARDS[side]), assign("gamma", GAMMAS), assign("steps", STEPS)
+    log_stds = assign("log_std", LOG_STDS[side])
+    targets = _draw_targets(seed, side, assign("size", TARGETS), entries)
     return [
         Recipe(
             name=f"{side[0]}{i:02d}",
@@ -176,13 +180,13 @@ def _draw_targets(
 ) -> list[tuple[tuple[str, ...], str]]:
     """Draw the players that each candidate is trained against, and the opponent's path.
 
-    The first target is a trained entry where there is one; each of them comes first equally often. Opponents
-    with different paths are never mixed; scripts go with either path.
+    The first target is a trained entry if there is any, and each trained entry is the first target equally
+    often. Opponents with different paths are never mixed; scripts fit either path.
     """
     trained = [entry for entry in entries if not entry.is_script] or list(entries)
     targets = []
     for i, (first, size) in enumerate(
-        zip(dealt(trained, len(sizes), seed, side, "first"), sizes, strict=True)
+        zip(assign_balanced(trained, len(sizes), seed, side, "first"), sizes, strict=True)
     ):
         flight = None if first.is_script else first.flight
         others = [e for e in entries if e.name != first.name and (e.is_script or e.flight in (None, flight))]
@@ -238,19 +242,22 @@ def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") ->
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-def halves(returns: np.ndarray, leads: np.ndarray, side: str) -> list[str]:
-    """Group the candidates of a side by what they do to entries, and name the groups.
+def group_candidates(returns: np.ndarray, leads: np.ndarray, side: str) -> list[str]:
+    """Cluster the candidates of a side into two groups by the returns against them, and name the groups.
 
-    Two groups by Ward's hierarchical clustering of the candidates' profiles of returns, each standardised, so
-    that their distance follows from their correlation: what counts is who fares well, not how well all fare.
+    Ward's hierarchical clustering of the candidates' standardised profiles of returns. Their distance
+    follows from their correlation, so it depends on which players do well, not on how well all do. The
+    groups may differ in size.
 
     Args:
-        returns: return per step of each entry against each candidate, ``(entries, candidates)``.
-        leads: by how much the first script of :data:`PROBES` earns more than the second, per candidate.
+        returns: return per step of each player against each candidate, ``(players, candidates)``; one row
+            per training seed of each entry.
+        leads: for each candidate, by how much the first script of :data:`PROBES` earns more than the second.
         side: the candidates' side.
 
     Returns:
-        The group of each candidate: that with the larger lead is called first in :data:`GROUPS`.
+        The name of each candidate's group; the group with the larger mean lead has the first name in
+        :data:`GROUPS`.
 
     Raises:
         UserError: a return that is not finite.
@@ -265,15 +272,17 @@ def halves(returns: np.ndarray, leads: np.ndarray, side: str) -> list[str]:
     return [GROUPS[side][order.index(label)] for label in labels]
 
 
-def select_by_halves(returns: np.ndarray, groups: Sequence[str], size: int) -> list[int]:
-    """Select as many candidates of each group, each half representative of its group.
+def select_by_group(returns: np.ndarray, groups: Sequence[str], size: int) -> list[int]:
+    """Select equally many candidates from each group, which represent it.
 
-    So the mean over the suite weighs both abilities alike, whatever their share among the candidates.
+    The mean over the suite then gives the groups equal weight, whatever their shares of the candidates.
 
     Args:
-        returns: return per step of each entry against each candidate, ``(entries, candidates)``.
+        returns: return per step of each player against each candidate, ``(players, candidates)``; one row
+            per training seed of each entry.
         groups: the group of each candidate.
-        size: number of candidates to select; fewer where a group has not half as many.
+        size: number of candidates to select. Fewer are selected, with a warning, if the smallest group does
+            not have enough candidates.
 
     Returns:
         Their indices, group by group.
@@ -281,23 +290,29 @@ def select_by_halves(returns: np.ndarray, groups: Sequence[str], size: int) -> l
     Raises:
         UserError: see :func:`select_representative`.
     """
-    of_group = {name: [i for i, group in enumerate(groups) if group == name] for name in sorted(set(groups))}
-    each = min(size // len(of_group), *map(len, of_group.values()))
+    by_group = {name: [i for i, group in enumerate(groups) if group == name] for name in sorted(set(groups))}
+    per_group = min(size // len(by_group), *map(len, by_group.values()))
+    if per_group * len(by_group) < size:
+        counts = ", ".join(f"{len(members)} {name}" for name, members in by_group.items())
+        _logger.warning(
+            f"season: selected {per_group * len(by_group)} members instead of {size}, from {counts}"
+        )
     return [
         members[index]
-        for members in of_group.values()
-        for index in select_representative(returns[:, members], each)
+        for members in by_group.values()
+        for index in select_representative(returns[:, members], per_group)
     ]
 
 
 def select_representative(returns: np.ndarray, size: int) -> list[int]:
-    """Select candidates against which entries earn about what they earn against all candidates.
+    """Select candidates against which players earn about what they earn against all candidates.
 
-    Starts with the strongest candidate, against which entries earn least. Each next one brings the suite's
-    mean returns nearest to those of all candidates.
+    Starts with the strongest candidate, against which players earn least. Each further one brings the mean
+    returns against the selection nearest to those against all candidates.
 
     Args:
-        returns: return per step of each entry against each candidate, ``(entries, candidates)``.
+        returns: return per step of each player against each candidate, ``(players, candidates)``; one row
+            per training seed of each entry.
         size: number of candidates to select.
 
     Returns:
@@ -306,7 +321,8 @@ def select_representative(returns: np.ndarray, size: int) -> list[int]:
     Raises:
         UserError: too few candidates, or returns that are not finite.
     """
-    selected = _strongest(returns, size)
+    _check_selection(returns, size)
+    selected = [_strongest(returns)]
     overall = returns.mean(axis=1)
     while len(selected) < size:
         sums = returns[:, selected].sum(axis=1)[:, None] + returns
@@ -317,12 +333,14 @@ def select_representative(returns: np.ndarray, size: int) -> list[int]:
 
 
 def select_diverse(returns: np.ndarray, size: int) -> list[int]:
-    """Select a training population: entries fare differently against each member.
+    """Select a training population whose members differ in the returns against them.
 
-    Starts with the strongest candidate; each next one has the profile of returns farthest from all selected
-    (greedy max-min distance). Arguments, result and errors are those of :func:`select_representative`.
+    Starts with the strongest candidate. Each further one has the profile of returns that is farthest from
+    all selected ones (greedy max-min distance). Arguments, result and errors are those of
+    :func:`select_representative`.
     """
-    selected = _strongest(returns, size)
+    _check_selection(returns, size)
+    selected = [_strongest(returns)]
     distances = np.linalg.norm(returns[:, :, None] - returns[:, None, :], axis=0)
     while len(selected) < size:
         nearest = distances[:, selected].min(axis=1)
@@ -331,30 +349,34 @@ def select_diverse(returns: np.ndarray, size: int) -> list[int]:
     return selected
 
 
-def _strongest(returns: np.ndarray, size: int) -> list[int]:
+def _check_selection(returns: np.ndarray, size: int) -> None:
     count = returns.shape[1]
     if size > count:
-        raise UserError(f"season: a suite of {size} needs as many candidates, got {count}")
+        raise UserError(f"season: cannot select {size} members from {count} candidates")
     _check_finite(returns)
-    return [int(returns.mean(axis=0).argmin())]
+
+
+def _strongest(returns: np.ndarray) -> int:
+    """Return the index of the candidate against which players earn least."""
+    return int(returns.mean(axis=0).argmin())
 
 
 def _check_finite(returns: np.ndarray) -> None:
     if not np.isfinite(returns).all():
-        raise UserError("season: a return of an entry is not a number")
+        raise UserError("season: an entry has a return that is not finite")
 
 
 @dataclass(frozen=True)
 class Closing:
-    """A season that is being closed.
+    """Settings of the closing of a season.
 
     Attributes:
-        name: the season suite's name, such as ``season-1``.
+        name: name of the season suite, such as ``season-1``.
         number: the season's number; None for a training population.
-        entries: the entries it is closed over.
-        work: folder of the candidates; it is kept, so that a stopped closing can be resumed.
-        candidates, size: trained and selected candidates per side.
-        scenario: the preset that is played, by entries and candidates.
+        entries: the entries that the season is closed over.
+        work: folder of the candidates, which is kept so that an interrupted closing can be resumed.
+        candidates, size: number of trained and of selected candidates per side.
+        scenario: the preset that entries and candidates play.
     """
 
     name: str
@@ -367,7 +389,7 @@ class Closing:
 
     @property
     def seed(self) -> str:
-        """The season's seed; a training population's follows from its name instead of a number."""
+        """The season's seed; for a training population, it follows from the name instead of a number."""
         label = self.name if self.number is None else season_label(self.number, self.scenario)
         return season_seed(PROTOCOL, label, self.entries)
 
@@ -392,7 +414,7 @@ def make_closing(
     size: int = SIZE,
     scenario: str = "standard",
 ) -> Closing:
-    """Return the closing of a season (by number) or a training population (by name) over a board.
+    """Return the settings for closing a season (by number) or a training population (by name).
 
     Args:
         name: the number or name.
@@ -425,22 +447,25 @@ def close_season(
     """Close a season, or resume its closing with the same result.
 
     Args:
-        closing: what to close.
+        closing: settings of the closing.
         out: the season's folder; ``season.yml`` is written last.
-        sides: train the candidates of these sides only; the season is closed once both are there.
+        sides: train candidates of these sides only; the season is closed once those of both are trained.
         n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
 
     Returns:
         The season; None while candidates of the other side are missing.
 
     Raises:
-        UserError: the season is closed already, a side without entries, a folder with candidates of another
-            closing, a candidate that failed, or one whose actions are not numbers.
+        UserError: the season is closed already, a side has no entries, another process is closing the
+            season, the folder holds candidates of another closing, a candidate could not be trained, or its
+            actions are not finite.
         KeyboardInterrupt: stopped by the user.
     """
     if (out / FILE).exists():
         raise UserError(f"season: {out} is closed already; the next one has another number")
-    with _at_work(closing.work, sides):
+    with contextlib.ExitStack() as locks:
+        for side in sides:  # otherwise two processes would both fill a profile, which never becomes complete
+            locks.enter_context(_lock(closing.work, side, f"is training candidates of the {side}"))
         _check_plan(closing)
         jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
         done = sum(job.done() for job in jobs)
@@ -453,35 +478,36 @@ def close_season(
         ]
         if missing:
             sides_missing = " and ".join(missing)
-            _logger.info(
-                f"{closing.name}: candidates of the {sides_missing} are not there yet; it is not closed"
-            )
+            _logger.info(f"{closing.name}: not closed yet: candidates of the {sides_missing} are missing")
             return None
+        locks.enter_context(_lock(closing.work, "publish", f"is publishing {closing.name}"))
+        if (out / FILE).exists():  # by a process that trained the other side
+            return load_season(out)
         return _publish(closing, out, {side: _select_members(closing, side) for side in SIDES})
 
 
 @contextlib.contextmanager
-def _at_work(work: Path, sides: Sequence[str]) -> Iterator[None]:
-    """Hold the candidates of these sides for this process.
+def _lock(work: Path, task: str, doing: str) -> Iterator[None]:
+    """Lock one task of a closing for this process.
 
-    Two processes would both play the entries against a candidate, which then would never be complete.
+    Args:
+        work: folder of the candidates.
+        task: a side, or ``publish``.
+        doing: text for the error: what another process is doing.
 
     Raises:
-        UserError: another process holds them.
+        UserError: another process holds the lock.
     """
     with contextlib.ExitStack() as held:
-        for side in sides:
-            try:
-                held.enter_context(RowFile(work / f"at-work-{side}").locked())
-            except UserError as error:
-                raise UserError(
-                    f"season: another process trains candidates of the {side} in {work}; wait for its end"
-                ) from error
+        try:
+            held.enter_context(RowFile(work / f"at-work-{task}").locked())
+        except UserError as error:
+            raise UserError(f"season: another process {doing} in {work}; wait until it ends") from error
         yield
 
 
 def _check_plan(closing: Closing) -> None:
-    """Store the plan in the working folder; raise UserError where the folder belongs to another closing."""
+    """Store the closing's seed and settings in its folder; raise UserError if it belongs to another one."""
     file = closing.work / PLAN
     plan = {"seed": closing.seed, "candidates": closing.candidates, "scenario": closing.scenario}
     if not file.exists():
@@ -512,13 +538,13 @@ def _candidate_job(closing: Closing, recipe: Recipe) -> Job:
 def _make_candidate(
     closing: Closing, recipe: Recipe, players: list[tuple[str, str, str]], folder: Path
 ) -> None:
-    """Train a candidate and play all entries against it; finished parts are kept."""
+    """Train a candidate and play all entries against it; skips what is done already."""
     train_candidate(recipe, folder, closing.scenario)
     file = RowFile(folder / PROFILE)
     played = {(row["entry"], row["player"]) for row in file.read()}
     for entry, path, player in players:
         if (entry, player) not in played:
-            means = play_candidate(
+            means = play_against_candidate(
                 player,
                 other_side(recipe.side),
                 str(folder / "agent"),
@@ -533,38 +559,38 @@ def _is_complete(folder: Path, n_players: int) -> bool:
     return RunFolder(folder).is_finished() and len(RowFile(folder / PROFILE).read()) == n_players
 
 
-def play_candidate(
+def play_against_candidate(
     player: str | Player,
     side: str,
-    other: str,
+    candidate: str,
     path: str,
-    season: str,
+    seed: str,
     scenario: str = "standard",
 ) -> dict[str, float]:
-    """Play a player against one of the other side.
+    """Play a player of an entry against a candidate.
 
     Args:
         player: a name, or an object with ``predict``.
-        side: its side.
-        other: the name of its rival.
+        side: the player's side.
+        candidate: the candidate's name, or the folder of its agent.
         path: the opponent's path.
-        season: the season's seed, which gives the evaluation seeds.
+        seed: the season's seed, from which the evaluation seeds follow.
         scenario: the preset.
 
     Returns:
-        Mean return per step of both sides, by side. The player's own counts rounds that it lost by an invalid
-        answer as :func:`fpg_bench.evaluation.play.play` does.
+        Mean return per step of both sides, by side. In the player's own mean, rounds that it lost by an
+        invalid answer count as in :func:`fpg_bench.evaluation.play.play`.
 
     Raises:
         UserError: an unknown player, or one of the wrong side.
     """
     preset = as_scenario(scenario)
-    rival = Rival("season", (other,), as_scenario(preset, opponent_path=path))
-    suite = Suite("season", side, preset, ROUNDS, (rival,), season=season, scale=_scale(side, scenario))
+    rival = Rival("season", (candidate,), as_scenario(preset, opponent_path=path))
+    suite = Suite("season", side, preset, ROUNDS, (rival,), season=seed, scale=_scale(side, scenario))
     try:
         record = play(player_entry(as_player(player, side, rival.scenario)), suite, rival)
     except UserError as error:
-        raise UserError(f"{player} against {other}: {error}") from error
+        raise UserError(f"{player} against {candidate}: {error}") from error
     means = {name: record.tally[f"{name}_return"] / record.tally["steps"] for name in SIDES}
     if record.lost:
         means[side] = statistics.fmean(record.returns) / preset.steps_per_round
@@ -573,7 +599,7 @@ def play_candidate(
 
 @cache
 def _scale(side: str, scenario: str) -> Scale:
-    """Return the scale of a side's public suite, on which a lost round has its score."""
+    """Return the scale of a side's public suite, which gives a lost round its return."""
     path = "pursuit" if side == "opponent" else None
     return load_suite(track_of(side, path, scenario).public).scale
 
@@ -590,8 +616,10 @@ def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     if closing.number is None:
         selected = select_diverse(returns, size)
     else:
-        groups = halves(returns, np.array([earned[first] - earned[second] for earned in probes]), side)
-        selected = select_by_halves(returns, groups, size)
+        groups = group_candidates(
+            returns, np.array([earned[first] - earned[second] for earned in probes]), side
+        )
+        selected = select_by_group(returns, groups, size)
     members = []
     for index in selected:
         about = read_json(closing.folder(recipes[index]) / "agent" / "agent.json", "agent")
@@ -603,7 +631,7 @@ def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
 
 
 def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember, ...]]) -> Season:
-    """Copy the members, write the suites of a season's tracks, and ``season.yml`` last."""
+    """Copy the members and write the suites of the season's tracks; ``season.yml`` is written last."""
     first = closing.folder(members["opponent"][0])
     season = Season(
         folder=out,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -25,16 +26,16 @@ from fpg_bench.leaderboard.close_season import (
     PROFILE,
     REWARDS,
     STEPS,
-    _at_work,
+    _lock,
+    assign_balanced,
     close_season,
-    dealt,
     draw_number,
     draw_recipes,
-    halves,
+    group_candidates,
     hyperparameters,
     make_closing,
-    play_candidate,
-    select_by_halves,
+    play_against_candidate,
+    select_by_group,
     select_diverse,
     select_representative,
     shuffled,
@@ -67,11 +68,11 @@ RETURNS = np.array([[20.0, 0, 9, 9, 1], [20.0, 9, 0, 9, 1], [20.0, 9, 9, 0, 1]])
 both_selections = pytest.mark.parametrize("select", [select_diverse, select_representative])
 
 
-def test_draws_are_the_same_everywhere_and_levels_are_dealt_evenly():
+def test_draws_are_the_same_everywhere_and_values_are_balanced():
     assert shuffled("abcdef", "seed") == list("edbfca")
     assert [draw_number(100, "seed", i) for i in range(5)] == [79, 20, 87, 63, 35]
-    assert Counter(dealt("abc", 8, "seed")) == {"a": 3, "b": 3, "c": 2}
-    assert dealt("abc", 8, "seed") != dealt("abc", 8, "other")
+    assert Counter(assign_balanced("abc", 8, "seed")) == {"a": 3, "b": 3, "c": 2}
+    assert assign_balanced("abc", 8, "seed") != assign_balanced("abc", 8, "other")
 
 
 @pytest.mark.parametrize(("side", "entries"), [("opponent", ALLIES), ("ally", OPPONENTS)])
@@ -103,7 +104,7 @@ def test_every_trained_entry_is_the_first_target_equally_often_and_paths_are_nev
 def test_scripts_are_targets_where_nobody_was_trained():
     recipes = draw_recipes("a", "opponent", 4, ALLIES[-2:])
     assert {recipe.targets[0] for recipe in recipes} == {"expert", "idle"}
-    with pytest.raises(UserError, match="no entry that candidates of the ally"):
+    with pytest.raises(UserError, match="no entries to train candidates of the ally against"):
         draw_recipes("a", "ally", 4, [])
 
 
@@ -119,11 +120,11 @@ def test_hyperparameters_follow_the_recipe(algorithm):
 def test_the_strongest_candidate_is_selected_first_and_invalid_returns_are_refused(select):
     assert select(RETURNS, 1) == [4]
     assert sorted(select(RETURNS, 5)) == list(range(5))
-    with pytest.raises(UserError, match="a suite of 6 needs as many candidates, got 5"):
+    with pytest.raises(UserError, match="cannot select 6 members from 5 candidates"):
         select(RETURNS, 6)
     invalid = RETURNS.copy()
     invalid[1, 2] = np.nan
-    with pytest.raises(UserError, match="season: a return of an entry is not a number"):
+    with pytest.raises(UserError, match="season: an entry has a return that is not finite"):
         select(invalid, 2)
 
 
@@ -159,22 +160,24 @@ def two_kinds(n_herders, n_aimers, n_entries=12):
 
 def test_candidates_are_grouped_by_who_fares_well_against_them_and_named_by_two_scripts():
     returns, leads = two_kinds(5, 7), np.array([3.0, -1, 8, 9, 2, 1, -5, -3, -9, 2, 0, -8])
-    assert halves(returns, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
-    assert halves(100 * returns + 1000, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
-    assert halves(returns, -leads, "ally") == ["evasive"] * 5 + ["herdable"] * 7
-    with pytest.raises(UserError, match="not a number"):
-        halves(np.where(returns == returns.max(), np.inf, returns), leads, "ally")
+    assert group_candidates(returns, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
+    assert group_candidates(100 * returns + 1000, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
+    assert group_candidates(returns, -leads, "ally") == ["evasive"] * 5 + ["herdable"] * 7
+    with pytest.raises(UserError, match="not finite"):
+        group_candidates(np.where(returns == returns.max(), np.inf, returns), leads, "ally")
 
 
 def test_a_season_has_as_many_members_of_each_group():
     returns = two_kinds(4, 16)
     groups = ["herders"] * 4 + ["aimers"] * 16
-    assert Counter(groups[i] for i in select_by_halves(returns, groups, 6)) == {"herders": 3, "aimers": 3}
-    selected = select_by_halves(returns, groups, 12)
+    assert Counter(groups[i] for i in select_by_group(returns, groups, 6)) == {"herders": 3, "aimers": 3}
+    with logged() as messages:
+        selected = select_by_group(returns, groups, 12)
+    assert messages == ["season: selected 8 members instead of 12, from 16 aimers, 4 herders"]
     assert Counter(groups[i] for i in selected) == {"herders": 4, "aimers": 4}
     aimers = [i for i in selected if groups[i] == "aimers"]
     assert aimers == [4 + i for i in select_representative(returns[:, 4:], 4)]
-    assert sorted(select_by_halves(returns, ["aimers"] * 20, 20)) == list(range(20))  # all are of one kind
+    assert sorted(select_by_group(returns, ["aimers"] * 20, 20)) == list(range(20))  # all are of one kind
 
 
 ROOT = Path(__file__).parents[2]
@@ -316,7 +319,7 @@ def test_one_side_can_be_trained_first(board, copied):
     shutil.rmtree(copied / "work/ally")
     season, messages = close_tiny(board, copied / "work", copied / "season-1", sides=["opponent"])
     assert season is None
-    assert messages[-1] == "season-1: candidates of the ally are not there yet; it is not closed"
+    assert messages[-1] == "season-1: not closed yet: candidates of the ally are missing"
 
 
 @pytest.mark.slow
@@ -328,24 +331,54 @@ def test_a_season_is_closed_once_and_in_a_folder_of_its_own(closed, board, tmp_p
         close_tiny(board, work, tmp_path / "season-2", name="2")
 
 
-@pytest.mark.process
-def test_two_closings_at_once_in_one_folder_are_told(board, tmp_path):
+@contextlib.contextmanager
+def locked_elsewhere(work, task):
+    """Hold a lock of a closing in another process."""
     fork = multiprocessing.get_context("fork")
-    held, refused = fork.Event(), fork.Event()
+    held, released = fork.Event(), fork.Event()
 
     def hold():
-        with _at_work(tmp_path, ["opponent"]):
+        with _lock(work, task, ""):
             held.set()
-            refused.wait(60)
+            released.wait(60)
 
     other = fork.Process(target=hold)
     other.start()
     assert held.wait(60)
-    with pytest.raises(UserError, match="another process trains candidates of the opponent in"):
-        close_tiny(board, tmp_path, tmp_path / "season")
-    refused.set()
+    yield
+    released.set()
     other.join()
+
+
+@pytest.mark.process
+def test_two_closings_at_once_in_one_folder_are_refused(board, tmp_path):
+    message = "another process is training candidates of the opponent in .*; wait until it ends"
+    with locked_elsewhere(tmp_path, "opponent"), pytest.raises(UserError, match=message):
+        close_tiny(board, tmp_path, tmp_path / "season")
     assert not (tmp_path / "season").exists()
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_two_processes_with_a_side_each_publish_a_season_once(season, board, copied, monkeypatch):
+    out, work = copied / "season-1", copied / "work"
+    shutil.rmtree(out)
+    message = "another process is publishing season-1 in .*; wait until it ends"
+    with locked_elsewhere(work, "publish"), pytest.raises(UserError, match=message):
+        close_tiny(board, work, out, sides=["ally"])
+    assert not out.exists()
+
+    def finish_other_side(jobs, *_):
+        monkeypatch.setattr(f"{MODULE}.run_jobs", run_here)
+        close_season(closing, out, sides=["opponent"])
+        (out / "ally" / "kept").touch()
+        return {}
+
+    monkeypatch.setattr(f"{MODULE}.run_jobs", finish_other_side)
+    closing = make_closing("1", board, work, candidates=2, size=2)
+    with patch.multiple(MODULE, ROUNDS=2, STEPS=TINY_STEPS):
+        assert close_season(closing, out, sides=["ally"]) == season.model_copy(update={"folder": out})
+    assert (out / "ally" / "kept").exists()
 
 
 @pytest.mark.parametrize("name", ["0", "season-1", "Mine", "../x", ""])
@@ -417,7 +450,7 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
     about["policy_sha256"] = hashlib.sha256(policy).hexdigest()
     (tmp_path / "agent/agent.json").write_text(json.dumps(about))
     with pytest.raises(UserError, match=r"expert against .*agent: opponent action of game 0: index 0 is nan"):
-        play_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed")
+        play_against_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed")
 
 
 @pytest.mark.slow
