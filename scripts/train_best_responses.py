@@ -107,10 +107,12 @@ def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
     """Yield the targets of these entries of a board, or of all; those of other scenarios are none."""
     for folder in submission_folders(board, names):
         if folder.parent.name in SIDES:
-            entry = load_submission(folder, contract=False)
+            entry = load_submission(folder, inspect_onnx=False)
             if entry.policies and entry.scenario == SCENARIO:
                 agent, sha256 = entry.players[0], entry.policies[0].sha256
-                yield Target(entry.table.key, entry.track, entry.slug, agent, sha256, entry.path or PURSUIT)
+                yield Target(
+                    entry.board_track.key, entry.track, entry.slug, agent, sha256, entry.path or PURSUIT
+                )
 
 
 def parse_recipe(text: str) -> Recipe:

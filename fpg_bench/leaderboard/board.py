@@ -6,7 +6,6 @@ import datetime
 import logging
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ from pydantic import TypeAdapter
 
 from fpg_bench.common.errors import nearest
 from fpg_bench.common.ids import other_side
-from fpg_bench.common.parallel import outcome_of
 from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
 from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
@@ -53,7 +51,7 @@ from fpg_bench.leaderboard.tracks import (
     ranked_by,
 )
 from fpg_bench.leaderboard.trail import first_returns, play_options, player_of, training_of
-from fpg_bench.leaderboard.verification import Case, load_entry, make_case
+from fpg_bench.leaderboard.verification import Case, explain, load_entry, make_case
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
 
@@ -71,8 +69,8 @@ class Score:
     """A score, or a return per step, with its 95 % interval.
 
     Attributes:
-        low, high: None where there is a single unit.
-        over: the units of the interval: training seeds or matches.
+        low, high: None if there is a single unit.
+        over: the units that the interval is computed over: training seeds or matches.
     """
 
     value: float
@@ -92,7 +90,7 @@ class BoardSuite:
         groups: the rivals of each group, where they have groups.
         trained: how each trained rival was trained, by name.
         play: options of ``fpg-bench play`` for an entry's first round against a rival, by the rival's name;
-            without those whose game it does not offer.
+            rivals whose game that command does not offer are left out.
     """
 
     role: str
@@ -112,11 +110,12 @@ class BoardSuite:
 
 @dataclass(frozen=True)
 class WorstCase:
-    """The lowest score known of an entry.
+    """Lowest known return per step of an entry, over the suites under unchanged rules and cross-play.
 
     Attributes:
-        rival: a suite's rival, or an entry of the other side.
-        where: the suite's role, or ``cross-play``.
+        rival: a rival of a suite, or an entry of the other side.
+        where: the role of the suite, or ``cross-play``.
+        score: the return as a score on the public suite's scale.
     """
 
     rival: str
@@ -126,8 +125,13 @@ class WorstCase:
 
 
 @dataclass(frozen=True)
-class Units:
-    """Samples behind an entry's intervals: the scores of each unit, by rival in the suite's order."""
+class UnitScores:
+    """Scores behind the intervals of an entry over a suite.
+
+    Attributes:
+        over: the units: training seeds or matches.
+        scores: the score of each unit, by rival in the suite's order.
+    """
 
     over: str
     scores: tuple[tuple[float, ...], ...]
@@ -135,7 +139,11 @@ class Units:
 
 @dataclass(frozen=True)
 class SeedsGap:
-    """The gain on public seeds over the season's seeds, beyond the track's median, in points."""
+    """Score on public seeds minus that on the season's seeds, in points above the track's median.
+
+    Attributes:
+        is_flagged: the gap is large, and larger than chance explains.
+    """
 
     value: float
     is_flagged: bool
@@ -178,15 +186,15 @@ class Figures:
         score: over the suite that ranks the track, else over the public one.
         scores: by role of the suite.
         by_rival: scores by role and rival.
-        by_group: scores over each group of rivals of the suite that ranks the track; empty without groups.
+        by_group: scores over each group of rivals of the suite that ranks the track; empty if it has none.
         first_rounds: return of the first round of the first training seed, by role and rival.
         units: by role.
         seeds: the score of each training seed.
         training_seeds: 0 for scripts and planners.
         is_late: entered or changed after the season was closed.
-        has_few_seeds: true if fewer than three training seeds.
+        has_few_seeds: it has training seeds, but fewer than three.
         measures: over all rounds of the public suite; ``return`` is per step.
-        histograms: share of time per frequency point, of ``ally`` and ``jam``.
+        histograms: share of time per frequency point, of the ally (``ally``) and of jamming (``jam``).
         lost, rounds: rounds lost by an invalid answer, and all rounds.
         records: one per training seed and rival.
         planner: None for players.
@@ -200,7 +208,7 @@ class Figures:
     by_rival: Mapping[str, Mapping[str, Score]]
     by_group: Mapping[str, Score]
     first_rounds: Mapping[str, Mapping[str, float]]
-    units: Mapping[str, Units]
+    units: Mapping[str, UnitScores]
     seeds: Mapping[int, float]
     training_seeds: int
     has_few_seeds: bool
@@ -326,10 +334,10 @@ class CrossPlay:
 
     Attributes:
         allies, opponents: rows and columns of all matrices.
-        same_player: opponents that are left out, each with the one that is shown instead of it.
-        missing: by side, the entries that have not.
+        same_player: opponents that are left out, each with the opponent that is shown instead.
+        missing: by side, the entries that have not played all others.
         returns: by side, mean return per step.
-        half: by side, half of its 95 % interval over training seeds.
+        half: by side, half the width of its 95 % interval over training seeds.
         rounds: per pair.
     """
 
@@ -351,7 +359,7 @@ class Board:
     Attributes:
         season: the number of the newest closed season; None before the first.
         built: date of the build.
-        crossplay: None where no entry has played all of the other side.
+        crossplay: None if no entry has played all entries of the other side.
     """
 
     version: str
@@ -394,10 +402,10 @@ _Rejected = tuple[Submission, str]  # a readable submission, and the reason why 
 
 
 def make_board(folder: str | Path = "leaderboard") -> Board:
-    """Compute the board from the results of a leaderboard's folder.
+    """Compute the board from a leaderboard's folder.
 
-    Figures come from results, texts from submissions. A submission without a result is left out; one whose
-    result does not fit is shown as not verified.
+    Figures come from results, texts from submissions. A submission without a result is left out; one with a
+    result that does not fit it is shown as not verified.
 
     Args:
         folder: the leaderboard's folder.
@@ -434,7 +442,7 @@ def _read_submissions(board: Path, suites: TrackSuites) -> tuple[list[Case], lis
     for path in sorted((board / "submissions").glob("[!.]*/")):
         if path.name not in TRACK_FOLDERS:
             hint = nearest(path.name, TRACK_FOLDERS)
-            _logger.info(f"submissions/{path.name}: left out: is no track{hint}")
+            _logger.info(f"submissions/{path.name}: left out: not a track{hint}")
     for folder in submission_folders(board):
         name = f"{folder.parent.name}/{folder.name}"
         if not result_file(board, folder.parent.name, folder.name).exists():
@@ -442,23 +450,27 @@ def _read_submissions(board: Path, suites: TrackSuites) -> tuple[list[Case], lis
                 f"{name}: left out: has no result; make it: fpg-bench submit run {short_path(folder)}"
             )
             continue
-        read = outcome_of(partial(load_entry, board, folder, contract=False, suites=suites))
-        if read.error is not None:
-            _logger.info(f"{name}: left out: {read.error}")  # nothing of it can be trusted, not even its name
+        try:
+            submission = load_entry(board, folder, inspect_onnx=False, suites=suites)
+        except Exception as error:
+            reason = explain(name, error)
+            _logger.info(f"{name}: left out: {reason}")  # nothing of it can be trusted, not even its name
             continue
-        submission: Submission = read.result
-        read = outcome_of(partial(make_case, board, submission, suites=suites))
-        reason = read.error if read.error is not None else _failure(read.result)
-        if reason is None:
-            cases.append(read.result)
+        try:
+            case = make_case(board, submission, suites=suites)
+            failure = _failure_reason(case)
+        except Exception as error:
+            failure = explain(name, error)
+        if failure is None:
+            cases.append(case)
         else:
-            rejected.append((submission, reason))
-            _logger.info(f"{name}: not verified: {reason}")
+            rejected.append((submission, failure))
+            _logger.info(f"{name}: not verified: {failure}")
     return cases, rejected
 
 
-def _failure(case: Case) -> str | None:
-    """Return why a case could not be played, as its result says; None if it could."""
+def _failure_reason(case: Case) -> str | None:
+    """Return the reason why a case is not verified, as printable text; None if its result is verified."""
     if case.result is None or case.result.reason is None:
         return None
     reason = case.result.reason[:_LONGEST_REASON]
@@ -474,7 +486,7 @@ def _make_track(
 ) -> BoardTrack:
     suites = loader.of(track)
     role = ranked_by(suites)
-    verified = [item for item in all_verified if item.submission.table is track]
+    verified = [item for item in all_verified if item.submission.board_track is track]
     ranked = sorted(
         (item for item in verified if role in item.summaries),
         key=lambda item: (-item.summaries[role].score.value, item.slug),
@@ -498,7 +510,9 @@ def _make_track(
         for item in verified
     ]
     entries += [
-        _make_entry(submission, reason=reason) for submission, reason in rejected if submission.table is track
+        _make_entry(submission, reason=reason)
+        for submission, reason in rejected
+        if submission.board_track is track
     ]
     return BoardTrack(
         key=track.key,
@@ -519,14 +533,14 @@ def _make_track(
             for role, suite in suites.items()
         ),
         scale=loader.public(track).scale,
-        entries=tuple(sorted(entries, key=_place)),
+        entries=tuple(sorted(entries, key=_sort_key)),
         improvement=_make_improvement(ranking),
         profiles=_make_profiles(ranking),
     )
 
 
-def _place(entry: BoardEntry) -> tuple[bool, bool, float, str]:
-    """Sort key of entries: ranked ones by score, then those without a rank, then those not verified."""
+def _sort_key(entry: BoardEntry) -> tuple[bool, bool, float, str]:
+    """Return the sort key of an entry: first ranked ones, then unranked ones, then those not verified."""
     figures = entry.figures
     if figures is None:
         return True, True, 0.0, entry.slug
@@ -534,14 +548,20 @@ def _place(entry: BoardEntry) -> tuple[bool, bool, float, str]:
 
 
 def _is_late(submission: Submission, season: SeasonKey | None) -> bool:
-    """The entry came or changed after the season was closed, so it may have trained on the members."""
+    """Return True if an entry came or changed after the season was closed.
+
+    Such an entry may have trained on the season's members.
+    """
     policies = [policy.sha256 for policy in submission.policies]
     name = f"{submission.track}/{submission.slug}"
     return season is not None and bool(policies) and not season.met(name, policies)
 
 
 def _seeds_gaps(verified: Iterable[_Verified]) -> dict[str, SeedsGap]:
-    """Return who gains more on public seeds than others do; flagged beyond some points and beyond chance."""
+    """Return how much more each entry gains on public seeds than the median entry does.
+
+    It is flagged if it exceeds :data:`SEEDS_GAP` and its 95 % interval lies above the median.
+    """
     gaps = {
         item.slug: _seeds_gap(item.summaries[PUBLIC_SEEDS], item.summaries[PUBLIC])
         for item in verified
@@ -640,10 +660,10 @@ def _make_figures(
     )
 
 
-def _make_units(summary: Summary) -> Units:
+def _make_units(summary: Summary) -> UnitScores:
     by_rival = [summary.units(summary.rewards[:, k : k + 1]) for k in range(summary.rewards.shape[1])]
     scores = [np.round(summary.suite.scale.score(rewards), 1).tolist() for rewards in by_rival]
-    return Units(summary.over, tuple(map(tuple, scores)))
+    return UnitScores(summary.over, tuple(map(tuple, scores)))
 
 
 def _make_planner_figures(public: Summary, result: Result) -> PlannerFigures | None:
@@ -668,15 +688,16 @@ def _make_planner_figures(public: Summary, result: Result) -> PlannerFigures | N
 def worst_case(
     slug: str, side: str, summaries: Mapping[str, Summary], pairs: Iterable[Pair] = ()
 ) -> WorstCase:
-    """Return the lowest return per step of an entry over all suites under its own rules, and over cross-play.
+    """Return the lowest known return per step of an entry.
 
-    It is an upper bound of the true worst case: a player that the entry has not met may hold it lower.
+    It is taken over the suites under unchanged rules and over cross-play. It is an upper bound on the true
+    worst case: the entry may earn less against a player that it has not met.
 
     Args:
         slug: the entry's slug.
         side: ``ally``, ``opponent`` or ``planner``.
-        summaries: by role; changed rules and public seeds do not count.
-        pairs: of cross-play.
+        summaries: by role of the suite; changed rules and public seeds do not count.
+        pairs: results of cross-play.
     """
     other = other_side(side)
     cases: list[tuple[Interval, str, str]] = [
@@ -693,7 +714,7 @@ def worst_case(
 
 
 def _score(interval: Interval, scale: Scale | None = None) -> Score:
-    """Return an interval to the digits that count; with a scale, of a return per step as a score."""
+    """Return a rounded interval; a scale converts it from a return per step to a score."""
     value, low, high = (
         float(end if scale is None else scale.score(end))
         for end in (interval.value, interval.low, interval.high)
@@ -725,7 +746,7 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
         return None
     played = [[pairs.results[pair_key(a, o)] for o in opponents] for a in allies]
     returns = {side: [[round_finite(pair.reward(side)) for pair in row] for row in played] for side in SIDES}
-    half = {side: [[_half(pair, side) for pair in row] for row in played] for side in SIDES}
+    half = {side: [[_half_width(pair, side) for pair in row] for row in played] for side in SIDES}
     jammed = [[pair.jamming_success_rate for pair in row] for row in played]
     equilibrium = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
     left_out = _same_players(
@@ -763,8 +784,8 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
     )
 
 
-def _half(pair: Pair, side: str) -> float | None:
-    """Return half of the 95 % interval of a side's return per step; None with a single training seed."""
+def _half_width(pair: Pair, side: str) -> float | None:
+    """Return half the width of the 95 % interval of a side's return per step; None for a single seed."""
     rewards = np.array(pair.rewards(side))
     return round_finite(student_half(rewards)) if len(rewards) > 1 else None
 
@@ -772,7 +793,8 @@ def _half(pair: Pair, side: str) -> float | None:
 def _same_players(identities: Sequence[list[str]], matrices: Sequence[np.ndarray]) -> dict[int, int]:
     """Return the columns that repeat an earlier one: the same policies with the same figures everywhere.
 
-    Figures count because the same policies play another game in the table of opponents that fly themselves.
+    Figures are compared, too, because the same policies play a different game in the table of opponents that
+    fly themselves.
     """
     first: dict[int, int] = {}
     for column, identity in enumerate(identities):

@@ -18,7 +18,7 @@ from fpg_bench.common.rows import Row
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.leaderboard.folders import TRACK_FOLDERS, crossplay_file
 
-_NO_FILE = "no plain file"
+_NO_FILE = "not a regular file"
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def changed_entries(board: Path, revision: str) -> Changes:
     """Return the changes since a git revision.
 
     Raises:
-        UserError: no such revision, or a board that lies in no checkout, in a submodule or behind a link.
+        UserError: no such revision, or a board outside of any checkout, in a submodule or behind a link.
     """
     top, commit = _checkout(board), _commit(board, revision)
     before = _kept(top, commit)
@@ -70,10 +70,10 @@ def pairs_at(board: Path, revision: str) -> list[Row]:
 
 
 def _checkout(board: Path) -> Path:
-    """Return the top of the checkout that a board lies in, without links or submodules in between."""
+    """Return the top of the checkout that contains a board, without links or submodules in between."""
     top = Path(_git(board, "rev-parse", "--show-toplevel").removesuffix("\n")).resolve()
     if _git(board, "rev-parse", "--show-superproject-working-tree").strip():
-        raise UserError(f"since: {board} lies in a submodule, whose history is its own; name no such board")
+        raise UserError(f"since: {board} is in a submodule; name a board in a checkout of its own")
     given = Path(os.path.abspath(board))
     inside = [path for path in (given, *given.parents) if path.resolve().is_relative_to(top)]
     above = [board / name / track for name in ("submissions", "results") for track in ("", *TRACK_FOLDERS)]
@@ -81,7 +81,7 @@ def _checkout(board: Path) -> Path:
         if path.is_symlink():
             raise UserError(f"since: {path} is a link; put the folder itself there")
     if not given.resolve().is_relative_to(top):
-        raise UserError(f"since: {board} does not lie in its checkout {top}")
+        raise UserError(f"since: {board} is not inside its checkout {top}")
     return top
 
 
@@ -108,8 +108,8 @@ def _there(board: Path) -> Iterator[Path]:
 def _blob(file: Path, commit: str) -> str | None:
     """Return git's hash of a file's bytes; None if there is nothing.
 
-    Links, files behind links, other repositories and everything else that is no plain file get a value that
-    equals no hash and not None, so that they always count as changed.
+    Links, files behind links, other repositories and everything else that is not a regular file get a value
+    that equals no hash and not None, so they always count as changed.
     """
     try:
         if not os.path.lexists(file):

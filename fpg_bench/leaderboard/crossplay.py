@@ -21,7 +21,7 @@ from annotated_types import Ge, Gt, Le, Len, Lt
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.parallel import folder_job, outcome_of, run_jobs
+from fpg_bench.common.parallel import folder_job, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
@@ -35,7 +35,7 @@ from fpg_bench.leaderboard.folders import at_work, crossplay_file, submission_fo
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, running_player
 from fpg_bench.leaderboard.result import round_finite
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
-from fpg_bench.leaderboard.verification import Case, check_share, load_case
+from fpg_bench.leaderboard.verification import Case, check_share, explain, load_case
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.sandbox.process import PolicyFailed
@@ -60,9 +60,9 @@ class CrossplayEntry:
         slug: its name in its track.
         side: ``ally`` or ``opponent``.
         parts: its training seeds, or its script.
-        scenario: its game; a pair plays that of the opponent.
-        scale: of its track.
-        season: the season of the seeds.
+        scenario: the game that it plays; a pair plays the opponent's.
+        scale: the scale of its track.
+        season: the seed of the season, from which the evaluation seeds follow.
     """
 
     slug: str
@@ -113,7 +113,7 @@ class Pair(Strict):
         return float(np.mean(self.rewards(side)))
 
     def is_of(self, ally: CrossplayEntry, opponent: CrossplayEntry) -> bool:
-        """Return True if it is of these two entries, and of as many training seeds as they have."""
+        """Return True if it is the result of these two entries, with as many training seeds as they have."""
         names = (self.ally, self.opponent) == (ally.slug, opponent.slug)
         seeds = len(self.ally_rewards), len(self.opponent_rewards)
         return names and seeds == (len(ally.parts), len(opponent.parts))
@@ -121,8 +121,8 @@ class Pair(Strict):
     def is_possible(self, scenario: Scenario) -> bool:
         """Return True if rounds of a scenario can earn these returns (Eq. 5 and 6).
 
-        The ally earns at most the capped SNR above the threshold. The opponent earns at most what the ally's
-        SNR lies below the cap, and the reward for being near.
+        The ally earns at most the capped SNR above the threshold. The opponent earns at most the drop of the
+        ally's SNR below the cap, plus the reward for being near.
         """
         if scenario.snr_cap_db is None or any(self.lost):
             return True
@@ -137,7 +137,7 @@ class Pair(Strict):
 
 
 def read_pair(row: Row) -> Pair | None:
-    """Return the pair of an untrusted row; None if it is none, or of an older protocol."""
+    """Return the pair of an untrusted row; None if it is not a pair, or of an older protocol."""
     try:
         return parse(Pair, row, "pair")
     except UserError:
@@ -149,8 +149,10 @@ def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayE
     suites, cases = TrackSuites(), []
     for folder in submission_folders(board):
         if folder.parent.name in SIDES:
-            read = outcome_of(partial(load_case, board, folder, suites=suites))
-            cases += [read.result] if read.error is None else []  # leaderboard verify says what is wrong
+            try:
+                cases.append(load_case(board, folder, suites=suites))
+            except Exception as error:  # leaderboard verify names the problem
+                explain(f"{folder.parent.name}/{folder.name}", error)
     return players_of(cases)
 
 
@@ -217,7 +219,7 @@ def read_pairs(board: Path, players: tuple[list[CrossplayEntry], list[CrossplayE
     rows = RowFile(file).read(bad.append)
     sound = [pair for pair in map(read_pair, rows) if pair is not None]
     if count := len(bad) + len(rows) - len(sound):
-        _logger.info(f"{file}: {count} lines are no pair's, or an older protocol's, and left out")
+        _logger.info(f"{file}: {count} lines are left out: not a pair, or of an older protocol")
     wanted = {key: (a, o) for key, a, o in Pairs(*players, {}).every()}
     own = [pair for pair in sound if pair.key in wanted and pair.is_of(*wanted[pair.key])]
     results = {pair.key: pair for pair in own if pair.is_possible(wanted[pair.key][1].scenario)}
@@ -266,8 +268,10 @@ def play_missing(
     """
     board = Path(board)
     pairs = read_pairs(board, players_of_board(board))
-    believed = None if trusted is None else set(map(read_pair, trusted))
-    results = {key: pair for key, pair in pairs.results.items() if believed is None or pair in believed}
+    trusted_pairs = None if trusted is None else set(map(read_pair, trusted))
+    results = {
+        key: pair for key, pair in pairs.results.items() if trusted_pairs is None or pair in trusted_pairs
+    }
     missing = [(a, o) for key, a, o in pairs.every() if key not in results]
     _logger.info(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
     with at_work(board):
@@ -315,7 +319,7 @@ def check_pairs(
 
 
 def _differences(played: Sequence[Pair], pairs: Pairs) -> list[str]:
-    """Return what differs of pairs that were played again, one line each; new pairs are passed over."""
+    """Return what differs of pairs that were played again, one line each; new pairs are skipped."""
     both = {key: players for key, *players in pairs.every()}
     return [
         f"{now.ally} - {now.opponent}: {name} {value:.4f}, the figure says {before:.4f}"
@@ -369,7 +373,7 @@ def _is_done(folder: Path, keys: set[str]) -> bool:
 
 
 def _fill(ally: CrossplayEntry, opponents: list[CrossplayEntry], folder: Path) -> None:
-    """Play an ally against opponents into a folder, one row each."""
+    """Play an ally against opponents and append a row for each to a folder; skips opponents with a row."""
     there = {row["key"] for row in _rows(folder)}
     for opponent in opponents:
         key = pair_key(ally, opponent)

@@ -1,4 +1,4 @@
-"""Folders of a leaderboard: where things lie, and checks that untrusted folders hold plain files only."""
+"""Folders of a leaderboard: their paths, and checks that untrusted folders contain regular files only."""
 
 from __future__ import annotations
 
@@ -92,12 +92,14 @@ def at_work(board: Path) -> Iterator[None]:
         try:
             held.enter_context(RowFile(work_folder(board) / "at-work").locked())
         except UserError as error:
-            raise UserError(f"leaderboard {board}: another process plays it; wait for its end") from error
+            raise UserError(
+                f"leaderboard {board}: another process is playing it; wait until it ends"
+            ) from error
         yield
 
 
 def set_aside(board: Path, track: str, slug: str) -> Path:
-    """Move an untrusted result off the board, whatever it is; return the path where it lies then."""
+    """Move an untrusted result off the board, whatever it is; return its new path."""
     path = result_file(board, track, slug)
     aside = result_file(work_folder(board) / "claimed", track, slug)
     if path.is_symlink() or path.exists():
@@ -118,24 +120,24 @@ def remove(path: Path) -> None:
 
 
 def folder_problem(path: Path) -> str | None:
-    """Return why a path is no plain folder; None if it is one."""
+    """Return why a path is not a plain folder; None if it is one."""
     mode = _mode(path)
     if mode is None:
-        return "is not there"
+        return "does not exist"
     if stat.S_ISLNK(mode):
         return "is a link; put the folder itself there"
-    return None if stat.S_ISDIR(mode) else "is no folder"
+    return None if stat.S_ISDIR(mode) else "is not a folder"
 
 
 def file_problem(path: Path, most_bytes: int) -> str | None:
-    """Return why a path is no plain file of at most so many bytes; None if it is one."""
+    """Return why a path is not a regular file of at most ``most_bytes``; None if it is one."""
     mode = _mode(path)
     if mode is None:
         return "is missing"
     if stat.S_ISLNK(mode):
         return "is a link; put the file itself there"
     if not stat.S_ISREG(mode):
-        return "is no plain file"
+        return "is not a regular file"
     size = path.lstat().st_size
     if size > most_bytes:
         return f"holds {size:,} bytes, at most {most_bytes:,} are allowed"
@@ -148,24 +150,24 @@ def list_names(folder: Path) -> list[str]:
         return sorted(entry.name for entry in islice(entries, _MOST_NAMES))
 
 
-def stray_files(folder: Path, known: Iterable[str]) -> list[str]:
-    """Return one line per name in a folder that is not known."""
-    known = list(known)
+def stray_files(folder: Path, expected: Iterable[str]) -> list[str]:
+    """Return one line per name in a folder that is not expected there."""
+    expected = list(expected)
     return [
-        f"{quoted(name)}: is no file of a submission{nearest(name, known)}"
+        f"{quoted(name)}: is not part of a submission{nearest(name, expected)}"
         for name in list_names(folder)
-        if name not in known
+        if name not in expected
     ]
 
 
 def short_path(path: Path) -> str:
-    """Return a path as text, relative to the working folder if it lies in there."""
+    """Return a path as text, relative to the working directory if it is inside it."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def quoted(value: object, most: int = 60) -> str:
-    """Return an untrusted value as one short line."""
+    """Return the representation of an untrusted value, shortened to ``most`` characters."""
     try:
         text = repr(value)
     except ValueError:  # a whole number of thousands of digits

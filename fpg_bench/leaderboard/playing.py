@@ -1,4 +1,4 @@
-"""Playing of submissions: every policy in a process of its own, one record per rival."""
+"""Play submissions: every policy in a process of its own, one record per rival."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fpg_bench.evaluation.entry import Entry, Same, player_entry
 from fpg_bench.evaluation.match import replaying
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_record
-from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
+from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import TrackSuites
@@ -31,7 +31,7 @@ from fpg_bench.players.sandbox.client import Policy
 from fpg_bench.players.sandbox.process import PolicyFailed, missing_here
 
 RECORDS = "records.jsonl"
-FAILED = "failed"  # key of a row that says why a part could not be played on
+FAILED = "failed"  # key of a row that says why a part could not be finished
 OPEN = "open"  # key of a row that names what the policy could not be kept from
 _GAMES, _STEPS, _ROUNDS = 16, 25, 6  # of a smoke test
 
@@ -85,14 +85,14 @@ def parts_of(submission: Submission) -> list[Part]:
     slug = submission.slug
     if submission.script is not None:
         return [Part(slug, None, submission.script)]
-    if submission.track == PLANNER:
+    if submission.is_recorded:
         return [Part(slug, None, "transcripts", recorded=submission.folder)]
     return [Part(slug, policy.seed, policy, submission.zoo is not None) for policy in submission.policies]
 
 
 def suites_of(submission: Submission, suites: TrackSuites) -> Mapping[str, Suite]:
     """Return the suites that a submission plays, by role."""
-    return suites.of(submission.table, transcripts=bool(submission.transcripts))
+    return suites.of(submission.board_track, transcripts=bool(submission.transcripts))
 
 
 def key_of(suite: Suite, rival: Rival) -> Key:
@@ -146,9 +146,9 @@ def running_player(part: Part, shipped_in_process: bool = False) -> Iterator[Pla
 
 
 def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:
-    """Play a part's matchups into a folder, one record each; what is there already is not played again.
+    """Play a part's matchups and append a record of each to a folder; skips matchups with a record.
 
-    A policy that cannot be played on leaves a row that says why.
+    If the policy fails, a row with the reason is appended.
     """
     file, there = RowFile(folder / RECORDS), read_part(folder).records
     missing = [matchup for matchup in matchups if key_of(*matchup) not in there]
@@ -167,7 +167,7 @@ class PlayedPart:
 
     Attributes:
         records: by their matchups.
-        failure: why the part could not be played on; None if it could.
+        failure: why the part could not be finished; None if it could.
         unprotected: what its policy could not be kept from.
     """
 
@@ -181,7 +181,7 @@ class PlayedPart:
 
 
 def read_part(folder: Path) -> PlayedPart:
-    """Return what was played of a part into a folder; nothing if there is no such folder."""
+    """Read the records of a part from its folder; empty if there is no such folder."""
     played = PlayedPart()
     for row in RowFile(folder / RECORDS).read():
         if FAILED in row:
@@ -199,7 +199,7 @@ def smoke_test(policy: Policy, suite: Suite | None = None) -> list[str]:
 
     Args:
         policy: the policy.
-        suite: its first and last rival are met for some rounds; None: no rival.
+        suite: the policy plays a few rounds against its first and last rival; None: no rounds.
     """
     try:
         with client.PolicyClient(policy) as player:

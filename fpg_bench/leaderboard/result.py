@@ -120,7 +120,7 @@ class Result:
     """A result.
 
     Attributes:
-        slug, track: whose it is.
+        slug, track: the entry that it belongs to.
         fingerprint: what was played.
         records: one per training seed and rival; empty if it is not verified.
         totals: the summary of the records; None if it is not verified.
@@ -233,10 +233,10 @@ def read_result(path: Path, suites: Suites) -> Result:
 
     Args:
         path: the file.
-        suites: what it should have been played on; a result on others is read, but not summed up again.
+        suites: the suites that the entry plays; the summary of a result on other suites is not checked.
 
     Raises:
-        UserError: it cannot be read, is no result, is of an older protocol, or was edited: its records are
+        UserError: it cannot be read, is not a result, is of an older protocol, or was edited: its records are
             not those that it was written with, or its summary does not follow from them.
     """
     first, *rows = _rows(path)

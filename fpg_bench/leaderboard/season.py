@@ -18,7 +18,7 @@ from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.seeds import SeasonKey, seed_from
 from fpg_bench.evaluation.suite import PLANNER
 from fpg_bench.leaderboard.folders import submission_folders
-from fpg_bench.leaderboard.submission import examine
+from fpg_bench.leaderboard.submission import read_submission
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import baselines_folder, suites_folder
 from fpg_bench.players.player import SIDES
@@ -63,13 +63,13 @@ class SeasonEntry:
 
 
 def read_entries(
-    board: str | Path = "leaderboard", contract: bool = True, scenario: str = "standard"
+    board: str | Path = "leaderboard", inspect_onnx: bool = True, scenario: str = "standard"
 ) -> list[SeasonEntry]:
     """Read the accepted entries of a board that play a scenario, sorted by track and name.
 
     Args:
         board: the leaderboard's folder.
-        contract: also check the policies; not needed where nobody plays them.
+        inspect_onnx: inspect each ONNX file; not needed if no policy is played.
         scenario: the preset.
 
     Raises:
@@ -78,12 +78,12 @@ def read_entries(
     folders = submission_folders(Path(board))
     if not folders:
         raise UserError(f"season: {board} holds no submissions; name the leaderboard's folder")
-    entries = [_read_entry(folder, contract) for folder in folders]
+    entries = [_read_entry(folder, inspect_onnx) for folder in folders]
     return [entry for entry in entries if entry.scenario == scenario]
 
 
-def _read_entry(folder: Path, contract: bool) -> SeasonEntry:
-    submission, problems = examine(folder, contract)
+def _read_entry(folder: Path, inspect_onnx: bool) -> SeasonEntry:
+    submission, problems = read_submission(folder, inspect_onnx)
     name = f"{folder.parent.name}/{folder.name}"
     if submission is None:
         raise UserError(f"season: entry {name}: {problems[0]}")
@@ -138,7 +138,7 @@ class SeasonMember(Recipe):
     Attributes:
         policy_sha256: hash of its ``policy.onnx``.
         entries_earn: mean return per step of the other side's entries against it.
-        group: the half of the suite that it belongs to; None in seasons without halves.
+        group: its group in the suite; None in seasons without groups.
     """
 
     policy_sha256: str

@@ -60,7 +60,7 @@ _ALPHABETS = frozenset(
     | {"TAMIL", "TELUGU", "THAI"}
 )
 _EAST_ASIAN = frozenset(["CJK", "HANGUL", "HIRAGANA", "IDEOGRAPHIC", "KATAKANA", "KATAKANA-HIRAGANA"])
-# Latin letters that are no ASCII letter with accents, and the ASCII letters that stand for them.
+# Latin letters that are not an ASCII letter with accents, and the ASCII letters that they are read as.
 _LATIN = str.maketrans(
     {"æ": "ae", "œ": "oe", "ø": "o", "đ": "d", "ð": "d", "ħ": "h", "ı": "i", "ł": "l", "ŋ": "n", "þ": "p"}
     | {"ŧ": "t"}
@@ -134,7 +134,7 @@ def _is_invisible(letter: str) -> bool:
 
 
 def _text(value: object, most: int, lines: bool = False, least: int = 1) -> str:
-    """Return stripped text of so many characters, all of which are visible."""
+    """Return stripped text of ``least`` to ``most`` characters, all of which are visible."""
     if not isinstance(value, str):
         raise UserError(f"expected text, got {quoted(value)}; put it in quotes")
     value = value.strip()
@@ -152,7 +152,7 @@ def _named(value: object, most: int) -> str:
     """Return text with a letter or a digit in it."""
     text = _text(value, most)
     if not any(unicodedata.category(letter)[0] in "LN" for letter in text):
-        raise UserError(f"expected a letter or a digit at least, got {quoted(text)}")
+        raise UserError(f"must contain at least one letter or digit, got {quoted(text)}")
     return text
 
 
@@ -190,7 +190,7 @@ def _link(value: object) -> str:
 
 def _distinct(seeds: tuple[int, ...]) -> tuple[int, ...]:
     if len(set(seeds)) < len(seeds):
-        raise UserError(f"one stands there twice: {quoted(list(seeds))}")
+        raise UserError(f"duplicate seed in {quoted(list(seeds))}")
     return seeds
 
 
@@ -275,8 +275,8 @@ class Submission(SubmissionFile):
         return self.folder.name
 
     @property
-    def table(self) -> Track:
-        """The table of the board that it enters."""
+    def board_track(self) -> Track:
+        """The track of the board that it enters, by its side, path and scenario."""
         return track_of(self.track, self.path, self.scenario)
 
     @property
@@ -325,20 +325,20 @@ def _contradictions(content: Mapping[str, Any], about: SubmissionFile) -> Iterat
     if about.track == "opponent" and "path" not in content:
         yield "lacks 'path': pursuit or learned, which of the two tables it enters"
     if about.track in ("ally", "planner") and "path" in given:
-        yield f"path: is of the track opponent only, not of {about.track}"
+        yield f"path: only allowed for the track opponent, not for {about.track}"
     if about.track == "planner" and about.scenario != "standard":
         yield f"scenario: planners play standard, not {about.scenario}"
     if about.scenario != "standard" and about.path == "learned":
-        yield f"path: opponents in {about.scenario} are entered in pursuit"
+        yield f"path: opponents in {about.scenario} must have the path pursuit"
     if {"zoo", "script"} <= given:
         yield "zoo, script: only one of them"
     if about.track == "planner" and "zoo" in given:
-        yield "zoo: its agents are no planners"
-    is_recorded = about.track == "planner" and "script" not in given
+        yield "zoo: not allowed for planners; the zoo has none"
+    is_recorded = about.is_recorded and "script" not in given  # a script that is invalid is given, too
     if is_recorded and "runs" not in given:
-        yield "lacks 'runs': how often the model was recorded for this, with the run that is entered"
+        yield "lacks 'runs': number of recordings made, including the submitted one"
     if about.track and not is_recorded and "runs" in given:
-        yield "runs: is of a language model's transcripts only"
+        yield "runs: only allowed for transcripts of a language model"
     if {"script", "training"} <= given:
         yield "training: a script is not trained; write null"
     is_trained = about.track in ("ally", "opponent") and "script" not in given
@@ -352,9 +352,9 @@ def _contradictions(content: Mapping[str, Any], about: SubmissionFile) -> Iterat
 def problems(folder: str | Path) -> list[str]:
     """Return all problems of a submission's folder, one line each; none if it may be played.
 
-    On a board (``submissions/<track>/<name>``) a name that another entry of its table has is a problem, too.
+    On a board (``submissions/<track>/<name>``), conflicts with the names of other entries are problems, too.
     """
-    submission, lines = examine(Path(folder))
+    submission, lines = read_submission(Path(folder))
     return lines if submission is None else lines + [line for _, line in name_conflicts(submission)]
 
 
@@ -363,48 +363,53 @@ def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str
 
     Args:
         submission: the submission.
-        board: the leaderboard's folder that it is probably meant for, if there is one.
+        board: the folder of the leaderboard that it is probably meant for, if there is one.
     """
     lines, count = [], len(submission.policies)
     if 0 < count < FEW_SEEDS:
-        lines.append(f"the board marks fewer than {FEW_SEEDS} training seeds, this has {count}")
+        lines.append(
+            f"the board marks entries with fewer than {FEW_SEEDS} training seeds; this one has {count}"
+        )
     board, home = Path(board), submission.folder.parent.parent
     if home.name != "submissions":
-        lines.append("lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>")
+        place = "<leaderboard>/submissions/<track>/<name>"
+        lines.append(f"is not inside a leaderboard folder; submit run expects {place}")
     elif (board / "submissions").is_dir() and home.parent.resolve() != board.resolve():
         written = f"{short_path(home.parent)}/results"
-        lines.append(f"does not lie in {board}/submissions; submit run writes its result to {written}")
+        lines.append(f"is not inside {board}/submissions; submit run writes its result to {written}")
     return lines
 
 
 def load_submission(
-    folder: str | Path, contract: bool = True, suites: TrackSuites | None = None
+    folder: str | Path, inspect_onnx: bool = True, suites: TrackSuites | None = None
 ) -> Submission:
-    """Load the submission of a folder, fully checked; nothing of it is run.
+    """Load and check the submission of a folder; none of it is run.
 
     Args:
         folder: the submission's folder.
-        contract: check the contents of its policies, too; not needed if they are not played.
-        suites: the tracks' suites; None: loaded when needed.
+        inspect_onnx: inspect each ONNX file in a sandboxed process; not needed if no policy is played.
+        suites: the suites of the tracks; None: they are loaded when needed.
 
     Raises:
         UserError: the first of its problems (see :func:`problems`).
     """
-    submission, lines = examine(Path(folder), contract, suites)
+    submission, lines = read_submission(Path(folder), inspect_onnx, suites)
     if submission is None:
         raise UserError(f"submission {folder}: {lines[0]}")
     return submission
 
 
-def examine(
-    folder: Path, contract: bool = True, suites: TrackSuites | None = None
+def read_submission(
+    folder: Path, inspect_onnx: bool = True, suites: TrackSuites | None = None
 ) -> tuple[Submission | None, list[str]]:
-    """Return the submission of a folder, None if it has problems, and all problems of it alone.
+    """Return the submission of a folder (None if it has problems), and its problems, one line each.
+
+    Conflicts with other submissions are not among them; see :func:`name_conflicts`.
 
     Args:
         folder: the submission's folder.
-        contract: check the contents of its policies, too; not needed if they are not played.
-        suites: the tracks' suites; None: loaded when needed.
+        inspect_onnx: inspect each ONNX file in a sandboxed process; not needed if no policy is played.
+        suites: the suites of the tracks; None: they are loaded when needed.
     """
     folder = Path(os.path.abspath(folder))
     if problem := folder_problem(folder):
@@ -416,9 +421,9 @@ def examine(
     except UserError as error:
         return None, [str(error).replace(f" {folder / ABOUT}: ", ": ", 1)]
     about, lines = read_about(content)
-    lines += [*_wrong_place(folder, about), *_wrong_names(folder, about)]
-    policies, wrong = _policies(folder, about, contract)
-    lines = [*_wrong_slug(folder), *(f"{ABOUT}: {line}" for line in lines), *wrong]
+    lines += [*_location_problems(folder, about), *_name_problems(folder, about)]
+    policies, wrong = _read_own_policies(folder, about, inspect_onnx)
+    lines = [*_slug_problems(folder), *(f"{ABOUT}: {line}" for line in lines), *wrong]
     if about.is_recorded:
         suite = (suites or TrackSuites()).of(TRACKS["planner"], transcripts=True)[PUBLIC]
         lines += check_transcripts(folder, suite)
@@ -432,7 +437,7 @@ def examine(
     return entered, []
 
 
-def _wrong_slug(folder: Path) -> Iterator[str]:
+def _slug_problems(folder: Path) -> Iterator[str]:
     if not _SLUG.fullmatch(folder.name):
         yield (
             f"the folder's name {quoted(folder.name)}: expected at most 40 of a-z, 0-9 and -, "
@@ -440,20 +445,20 @@ def _wrong_slug(folder: Path) -> Iterator[str]:
         )
 
 
-def _wrong_place(folder: Path, about: SubmissionFile) -> Iterator[str]:
-    """Yield a problem if the track is not that of the board's folder."""
+def _location_problems(folder: Path, about: SubmissionFile) -> Iterator[str]:
+    """Yield a problem if the submission is in the board's folder of another track."""
     parent, track = folder.parent.name, about.track
-    says = f"track: says {track}, but the folder lies in"
+    stated = f"track: states {track}, but the folder is in"
     if not track or track == parent:
         return
     if parent in TRACK_FOLDERS:
-        yield f"{says} {parent}; move it to submissions/{track}, or write track: {parent}"
+        yield f"{stated} {parent}; move it to submissions/{track}, or write track: {parent}"
     elif folder.parent.parent.name == "submissions":
-        yield f"{says} {quoted(parent)}, which is no track; move it to submissions/{track}"
+        yield f"{stated} {quoted(parent)}, which is not a track; move it to submissions/{track}"
 
 
-def _wrong_names(folder: Path, about: SubmissionFile) -> Iterator[str]:
-    """Yield scripts and agents that the package does not have, and titles that are names of its scripts."""
+def _name_problems(folder: Path, about: SubmissionFile) -> Iterator[str]:
+    """Yield a problem for each unknown script or zoo agent, and for each name that a script has already."""
     if not about.track:
         return
     scripts = _scripts(about.track)
@@ -461,7 +466,7 @@ def _wrong_names(folder: Path, about: SubmissionFile) -> Iterator[str]:
         yield f"script: unknown {quoted(about.script)}{nearest(about.script, scripts)}"
     for key, name in (("name", about.name), ("the folder's name", folder.name)):
         if name_skeleton(name) in map(name_skeleton, scripts) and name.strip().casefold() != about.script:
-            yield f"{key}: {quoted(name)} is what a script of the package is called; choose another"
+            yield f"{key}: {quoted(name)} is the name of a script of the package; choose another"
     if about.zoo is not None and about.zoo not in _zoo():
         hint = meant(about.zoo, _zoo())
         yield f"zoo: the package ships no agents {quoted(about.zoo)}{hint} (fpg-bench zoo lists them)"
@@ -481,37 +486,46 @@ def _zoo() -> tuple[str, ...]:
     return tuple(sorted(names))
 
 
-def _policies(folder: Path, about: SubmissionFile, contract: bool) -> tuple[tuple[Policy, ...], list[str]]:
+def _read_own_policies(
+    folder: Path, about: SubmissionFile, inspect_onnx: bool
+) -> tuple[tuple[Policy, ...], list[str]]:
     """Return the policies of a submission, and problems with them and with the names in its folder."""
+    home, expected = folder, [ABOUT]
+    if about.is_recorded:
+        expected.append(TRANSCRIPTS)
     has_own = about.script is None and about.zoo is None and about.track != "planner"
-    seeds = [path.name for path in seed_folders(folder).values()] if has_own else []
-    known = [ABOUT, *(seeds or ["seed_0"] if has_own else []), *([TRANSCRIPTS] if about.is_recorded else [])]
-    lines = stray_files(folder, known)
-    if has_own and not seeds:
-        return (), [*lines, "holds no seed_<k>/: the policy of each training seed"]
-    if not has_own and about.zoo not in _zoo():
-        return (), lines
-    home = folder if has_own else baselines_folder() / "agents" / str(about.zoo)
-    policies, wrong = read_policies(home, about.track if about.track in NAMED else None, contract)
+    if has_own:
+        seeds = [path.name for path in seed_folders(folder).values()]
+        expected += seeds or ["seed_0"]
+        if not seeds:
+            return (), [*stray_files(folder, expected), "has no folder seed_<k> with a policy"]
+    lines = stray_files(folder, expected)
+    if not has_own:
+        if about.zoo not in _zoo():
+            return (), lines
+        home = baselines_folder() / "agents" / str(about.zoo)
+    policies, wrong = read_policies(home, about.track if about.track in NAMED else None, inspect_onnx)
     lines += wrong
     if about.training is not None:
-        wrong = list(_wrong_training(about.training, seed_folders(home), policies))
+        wrong = list(_training_problems(about.training, seed_folders(home), policies))
         lines += [f"{ABOUT}: training: {line}" for line in wrong]
     return policies, lines
 
 
-def _wrong_training(training: Training, folders: Iterable[int], policies: Iterable[Policy]) -> Iterator[str]:
-    """Yield where the seeds and steps of training are not those of the policies."""
-    there, named = set(folders), set(training.seeds)
-    if lacking := _folder_names(named - there):
-        yield f"seeds: no folder {lacking}; there are: {_folder_names(there)}"
-    if unnamed := _folder_names(there - named):
-        yield f"seeds: does not name {unnamed}, which is there"
+def _training_problems(
+    training: Training, folders: Iterable[int], policies: Iterable[Policy]
+) -> Iterator[str]:
+    """Yield where the stated seeds and steps of training differ from those of the policies."""
+    present, listed = set(folders), set(training.seeds)
+    if missing := _folder_names(listed - present):
+        yield f"seeds: listed but missing: {missing}; found: {_folder_names(present)}"
+    if unlisted := _folder_names(present - listed):
+        yield f"seeds: found but not listed: {unlisted}"
     counts = (policy.about.get("training_steps") for policy in policies)
     steps = [max(1, count) for count in counts if _is_steps(count)]
     if steps and not min(steps) / _OVERSHOOT <= training.steps <= max(steps) * _OVERSHOOT:
-        stated = f"{min(steps):,}" + (f" to {max(steps):,}" if min(steps) < max(steps) else "")
-        yield f"steps: says {training.steps:,}, but training_steps of agent.json {stated}"
+        trained = f"{min(steps):,}" + (f" to {max(steps):,}" if min(steps) < max(steps) else "")
+        yield f"steps: states {training.steps:,}, but agent.json has training_steps {trained}"
 
 
 def _folder_names(seeds: Iterable[int]) -> str:
@@ -519,7 +533,11 @@ def _folder_names(seeds: Iterable[int]) -> str:
 
 
 def name_conflicts(submission: Submission) -> Iterator[tuple[str, str]]:
-    """Yield the other submissions of its table with the same name, each with a line that says so."""
+    """Yield the other submissions whose name conflicts with this one's, each with a line on the conflict.
+
+    A conflict is a name that looks the same in the same table of the board, or a folder's name in the same
+    track that differs only in case.
+    """
     if submission.folder.parent.name != submission.track:
         return
     own = (submission.path, submission.scenario, name_skeleton(submission.name))
@@ -528,14 +546,14 @@ def name_conflicts(submission: Submission) -> Iterator[tuple[str, str]]:
         if name == submission.slug or folder_problem(other):
             continue
         if name.casefold() == submission.slug.casefold():
-            yield name, f"the folder's name: {quoted(name)} differs by case only"
+            yield name, f"the folder's name: differs from {quoted(name)} only in case"
         if _table_and_name(other) == own:
-            line = f"{ABOUT}: name: {quoted(submission.name)} is that of {quoted(name)}, too; choose another"
-            yield name, line
+            problem = f"{quoted(submission.name)} is the name of {quoted(name)}, too; choose another"
+            yield name, f"{ABOUT}: name: {problem}"
 
 
 def _table_and_name(folder: Path) -> tuple[str | None, str, str] | None:
-    """Return the path, the scenario and the plain name of a submission, None if they cannot be read."""
+    """Return a submission's path, scenario and :func:`name_skeleton`; None if they cannot be read."""
     try:
         stamp = (folder / ABOUT).lstat()
     except OSError:
@@ -564,14 +582,14 @@ def seed_folders(folder: Path) -> dict[int, Path]:
 
 
 def read_policies(
-    folder: Path, side: str | None, contract: bool = True
+    folder: Path, side: str | None, inspect_onnx: bool = True
 ) -> tuple[tuple[Policy, ...], list[str]]:
     """Return the policies of a folder by training seed, and one line per problem with them.
 
     Args:
-        folder: holds ``seed_<k>``, each with ``agent.json`` and ``policy.onnx``.
+        folder: contains folders ``seed_<k>``, each with ``agent.json`` and ``policy.onnx``.
         side: the side that they must play; None: either.
-        contract: check the contents of the policies, too, which takes a process.
+        inspect_onnx: inspect each ONNX file in a sandboxed process.
     """
     policies: list[Policy] = []
     lines: list[str] = []
@@ -581,26 +599,26 @@ def read_policies(
         if policy is None:
             continue
         if same := [other.seed for other in policies if other.sha256 == policy.sha256]:
-            line = f"{path.name}: holds the same policy as seed_{same[0]}; a seed is a training of its own"
-            lines.append(line)
+            rule = "each seed must be a separate training run"
+            lines.append(f"{path.name}: holds the same policy as seed_{same[0]}; {rule}")
         policies.append(policy)
-    intact = [policy for policy in policies if _is_described(policy)] if contract else []
+    intact = [policy for policy in policies if _is_described(policy)] if inspect_onnx else []
     for policy, wrong in zip(intact, check_policies([policy.model for policy in intact]), strict=True):
         lines += [f"seed_{policy.seed}/policy.onnx: {line}" for line in wrong]
     return tuple(policies), lines
 
 
 def _is_described(policy: Policy) -> bool:
-    """Return True if ``agent.json`` describes this file, as far as it can be read."""
+    """Return True if ``agent.json`` has the hash of this policy, or could not be read."""
     return not policy.about or bool(policy.about.get("policy_sha256") == policy.sha256)
 
 
 def read_policy(path: Path, seed: int | None, side: str | None) -> tuple[Policy | None, list[str]]:
-    """Return the policy of a folder, and the problems of the folder but those of the policy's contents.
+    """Return the policy of a folder, and the folder's problems; the ONNX file is not inspected.
 
     Args:
-        path: holds ``agent.json`` and ``policy.onnx``.
-        seed: the training seed that it must have; None: any, or none.
+        path: contains ``agent.json`` and ``policy.onnx``.
+        seed: the training seed that it must have; None: any or none.
         side: the side that it must play; None: either.
     """
     if problem := folder_problem(path):
@@ -614,9 +632,7 @@ def read_policy(path: Path, seed: int | None, side: str | None) -> tuple[Policy 
     model = (path / "policy.onnx").read_bytes()
     policy = Policy(seed or 0, about, model, hashlib.sha256(model).hexdigest())
     if not _is_described(policy):
-        wrong.append(
-            "policy_sha256: is not that of policy.onnx beside it, which was cut off or changed since"
-        )
+        wrong.append("policy_sha256: does not match policy.onnx (truncated or modified file?)")
     return policy, lines + [f"/agent.json: {line}" for line in wrong]
 
 
@@ -631,7 +647,7 @@ def _read_agent(path: Path, seed: int | None, side: str | None) -> tuple[dict[st
     lines = []
     trained, steps, algorithm = (about[key] for key in ("training_seed", "training_steps", "algorithm"))
     if isinstance(trained, bool) or (seed is not None and trained != seed):
-        lines.append(f"training_seed: expected {seed}, as the folder is called, got {quoted(trained)}")
+        lines.append(f"training_seed: expected {seed}, as in the folder's name, got {quoted(trained)}")
     if not _is_steps(steps):
         expected = f"a whole number from 0 to {MOST_STEPS:,}"
         lines.append(f"training_steps: expected {expected}, got {quoted(steps)}")
@@ -644,7 +660,7 @@ def _read_agent(path: Path, seed: int | None, side: str | None) -> tuple[dict[st
             f"offline: expected a mapping with the name of a data set, got {quoted(about['offline'])}"
         )
     if not _is_finite(about):
-        lines.append("holds a number that is not finite")
+        lines.append("contains a number that is not finite")
     return about, lines
 
 

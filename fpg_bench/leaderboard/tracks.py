@@ -19,12 +19,12 @@ TRANSCRIPT_MATCHES = 4  # of each ally: 200 plans in all, which a small or paid 
 
 @dataclass(frozen=True)
 class Track:
-    """A table of the board.
+    """A track of the board, which has a table of its own.
 
     Attributes:
         key: its name.
-        side: who is entered, and the folder of submissions: ``ally``, ``opponent`` or ``planner``.
-        path: of opponents, how they fly; else None.
+        side: what is entered, and the folder of its submissions: ``ally``, ``opponent`` or ``planner``.
+        path: how opponents fly: ``pursuit`` or ``learned``; None for others.
         title: its title on the page.
         public: the name of the public suite.
         scenario: the preset that its entries play.

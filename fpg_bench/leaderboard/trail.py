@@ -1,4 +1,4 @@
-"""The way from a mean to its rounds: who a rival is, and the command that plays a round again."""
+"""Trace figures back to rounds: how a rival was trained, and the command that plays a round again."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fpg_bench.players.player import SIDES
 
 
 def training_of(rival: Rival) -> str:
-    """Describe how a rival that a suite brings along was trained; empty for others.
+    """Describe how a rival that is part of a suite was trained; empty for others.
 
     Returns:
         Such as ``PPO-stack8, trained against expert, ally-population/td3``.
@@ -36,7 +36,7 @@ def training_of(rival: Rival) -> str:
 def play_options(suite: Suite, rival: Rival) -> str:
     """Return the options of ``fpg-bench play`` for the first round against a rival.
 
-    Empty where that verb does not offer the game: of planners, several players, or changed rules.
+    Empty if that command does not offer the game: with planners, several players or changed rules.
     """
     path = rival.scenario.opponent_path
     presets = [
@@ -56,6 +56,6 @@ def player_of(submission: Submission) -> str | None:
 
 
 def first_returns(records: Iterable[Record]) -> dict[str, float]:
-    """Return the return of the first round against each rival, of the first training seed."""
+    """Return the first training seed's return in the first round against each rival."""
     ordered = sorted(records, key=lambda record: -(record.training_seed or 0))
     return {record.rival: record.returns[0] for record in ordered}

@@ -27,7 +27,7 @@ FOLDER = "transcripts"
 LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 0.1 MB
 _LARGEST = {ABOUT: 10_000, PROMPT: 16_000}
 _MOST_REPEATS = 2  # of the history in a prompt: more would make one that fills the memory
-_LONGEST_NAME, _LONGEST_PATH = 100, 1000  # of a prompt, its file may be told
+_LONGEST_NAME, _LONGEST_PATH = 100, 1000  # of a prompt, which may be a file's path
 _LIMITS = {"seconds": 1e7, "calls": 1e4, "tokens_in": 1e9, "tokens_out": 1e9}
 _RAW_CUT = 10_000  # characters that are kept of a long raw reply
 
@@ -37,14 +37,14 @@ _ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "suite_has
 def check_transcripts(folder: Path, suite: Suite) -> list[str]:
     """Return the problems of a submission's transcripts, one line each.
 
-    Whether their prompts are those of the game shows only when they are played again.
+    Whether the prompts match the game is checked only when the transcripts are replayed.
 
     Args:
         folder: the submission's folder.
         suite: the suite that was to be played.
     """
     where = folder / FOLDER
-    if problems := list(_wrong_files(where, suite)):
+    if problems := list(_file_problems(where, suite)):
         return problems
     try:
         about, _ = read_recording(folder, suite)
@@ -79,7 +79,7 @@ def read_recording(folder: Path, suite: Suite) -> tuple[Row, Prompt]:
     _check_plain(file)
     prompt = load_prompt(str(file))
     if prompt.hash != about["prompt_hash"]:
-        raise UserError(f"{file}: is not the prompt that {ABOUT} tells the hash of")
+        raise UserError(f"{file}: does not match the prompt_hash in {ABOUT}")
     _check_nonce(folder / FOLDER / ABOUT, about)
     return about, prompt
 
@@ -87,7 +87,7 @@ def read_recording(folder: Path, suite: Suite) -> tuple[Row, Prompt]:
 # Files
 
 
-def _wrong_files(where: Path, suite: Suite) -> Iterator[str]:
+def _file_problems(where: Path, suite: Suite) -> Iterator[str]:
     if problem := folder_problem(where):
         yield f"{FOLDER}: {problem}; it holds what plan compare has recorded"
         return
@@ -96,7 +96,7 @@ def _wrong_files(where: Path, suite: Suite) -> Iterator[str]:
     size = 0
     for path in (where / name for name in list_names(where)):
         if path.is_dir() and not path.is_symlink():
-            yield f"{FOLDER}/{path.name!r:.60}: is a folder; the files lie in {FOLDER} itself"
+            yield f"{FOLDER}/{path.name!r:.60}: is a folder; put the files into {FOLDER} itself"
         elif path.is_symlink() or not path.is_file():
             yield f"{FOLDER}/{path.name!r:.60}: not a plain file"
         elif path.name not in known:
@@ -110,7 +110,7 @@ def _wrong_files(where: Path, suite: Suite) -> Iterator[str]:
     for name in [*_LARGEST, *needed]:
         there = [path for path in (where / name, where / f"{name}{PACKED}") if path.exists()]
         if len(there) != 1:
-            yield f"{FOLDER}/{name}: {'is missing' if not there else 'lies there packed and unpacked'}"
+            yield f"{FOLDER}/{name}: {'is missing' if not there else 'is there both packed and unpacked'}"
 
 
 def _about(file: Path, suite: Suite) -> Row:
@@ -123,7 +123,7 @@ def _about(file: Path, suite: Suite) -> Row:
         raise UserError(f"{file}: control: expected one of {', '.join(CONTROLS)}")
     if about["suite_hash"] != suite.hash:
         asked = f"--suite {suite.name} --matches {suite.matches}"
-        raise UserError(f"{file}: tells of other matches; record those of plan compare {asked}")
+        raise UserError(f"{file}: is of other matches; record those of plan compare {asked}")
     return about
 
 
@@ -153,7 +153,7 @@ def _check_plain(file: Path) -> None:
         raise UserError(f"{file}: holds an alias (*name); write out what it stands for")
     for word in ("history", "rounds"):
         if sum(word in name for name in names) > _MOST_REPEATS:
-            raise UserError(f"{file}: ${word} stands there more than {_MOST_REPEATS} times")
+            raise UserError(f"{file}: uses ${word} more than {_MOST_REPEATS} times")
 
 
 # Attempts
@@ -226,12 +226,12 @@ def _at(where: Where) -> str:
 
 def _attempt(row: Row, where: str) -> Attempt:
     if row.get("kind") != "attempt":
-        raise UserError(f"{where} is no attempt; a transcript of plan compare holds nothing else")
+        raise UserError(f"{where} is not an attempt; a transcript of plan compare has no other rows")
     attempt = Attempt.read(row, where)
     for name in ("seed", "match", "round", "attempt", *_LIMITS):
         value = getattr(attempt, name)
         if isinstance(value, bool) or (value is not None and not 0 <= value <= _LIMITS.get(name, math.inf)):
-            raise UserError(f"{where}: {name}: {value!r:.40} cannot be")
+            raise UserError(f"{where}: {name}: {value!r:.40} is not possible")
     try:
         changed = attempt.changed_field(row.get("raw"))
         own_key = row.get("key") == attempt.key
@@ -240,7 +240,7 @@ def _attempt(row: Row, where: str) -> Attempt:
     if changed:
         raise UserError(f"{where} is changed: its {changed} is not what its raw reply says")
     if not own_key:
-        raise UserError(f"{where} is changed: its key is not that of its request")
+        raise UserError(f"{where} is changed: its key does not match its request")
     return attempt
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fpg_bench.common.errors import UserError, meant, printable
+from fpg_bench.common.imports import described
 from fpg_bench.common.parallel import Job, folder_job, outcome_of, run_jobs
 from fpg_bench.evaluation.record import TALLIES, Record
 from fpg_bench.evaluation.suite import Suite
@@ -113,32 +114,32 @@ def load_case(
 def load_entry(
     board: Path,
     folder: Path,
-    contract: bool = True,
+    inspect_onnx: bool = True,
     new: Collection[str] = (),
     suites: TrackSuites | None = None,
 ) -> Submission:
-    """Load the submission of a board's folder, whose name no earlier one has.
+    """Load a submission of a board, and check that no entry that takes precedence has its name.
 
-    Earlier are entries that are not new, then those with a result, then those whose folder's name is first.
+    Entries that are not new come first, then those with a result; others are in the order of their folders.
 
     Args:
         board: the leaderboard's folder.
         folder: the submission's folder.
-        contract: check the contents of its policies, too.
+        inspect_onnx: inspect each of its ONNX files.
         new: the submissions, ``track/name``, that are new or have changed.
-        suites: the tracks' suites; None: loaded when needed.
+        suites: the suites of the tracks; None: they are loaded when needed.
 
     Raises:
         UserError: the first of its problems.
     """
-    submission = load_submission(folder, contract, suites)
+    submission = load_submission(folder, inspect_onnx, suites)
     track = submission.track
 
-    def place(name: str) -> tuple[bool, bool, str]:
+    def precedence(name: str) -> tuple[bool, bool, str]:
         return f"{track}/{name}" in new, not result_file(board, track, name).exists(), name
 
     for name, line in name_conflicts(submission):
-        if place(name) < place(submission.slug):
+        if precedence(name) < precedence(submission.slug):
             raise UserError(f"submission {folder}: {line}")
     return submission
 
@@ -152,39 +153,50 @@ def make_case(
         board: the leaderboard's folder.
         submission: one of its submissions.
         update: ignore a result that does not fit.
-        suites: the tracks' suites; None: loaded anew.
+        suites: the suites of the tracks; None: they are loaded when needed.
 
     Raises:
-        UserError: a result that was edited, or is of something else.
+        UserError: the result was edited, or is of another submission or of other suites.
     """
     played = suites_of(submission, suites or TrackSuites())
-    printed = fingerprint(submission, played)
+    expected = fingerprint(submission, played)
     path = result_file(board, submission.track, submission.slug)
     try:
-        result = _result_at(path, submission, played, printed)
+        result = _result_at(path, submission, played, expected)
     except UserError:
         if not update:
             raise
         result = None
-    digest = hashlib.sha256(printed.model_dump_json().encode()).hexdigest()[:16]
+    digest = hashlib.sha256(expected.model_dump_json().encode()).hexdigest()[:16]
     work = work_folder(board) / submission.track / f"{submission.slug}-{digest}"
     everything = tuple(matchups_of(played.values()))
     wanted = tuple((part, everything) for part in parts_of(submission))
-    return Case(submission, played, printed, path, result, work, wanted)
+    return Case(submission, played, expected, path, result, work, wanted)
+
+
+def explain(name: str, error: Exception) -> str:
+    """Return why an entry cannot be loaded; logs the traceback of an unexpected error, which is a bug.
+
+    A hostile submission must not stop the board for the others, so callers catch all exceptions.
+    """
+    if isinstance(error, UserError | OSError):
+        return str(error)
+    _logger.error(f"{name}: unexpected error", exc_info=error)
+    return described(error)
 
 
 def _result_at(
-    path: Path, submission: Submission, suites: Mapping[str, Suite], printed: Fingerprint
+    path: Path, submission: Submission, suites: Mapping[str, Suite], expected: Fingerprint
 ) -> Result | None:
     """Read the result of just this submission on just these suites; None if there is no file.
 
     Raises:
-        UserError: a result that was edited, or is of something else.
+        UserError: the result was edited, or is of another submission or of other suites.
     """
     if not path.exists() and not path.is_symlink():
         return None
     result = read_result(path, suites)
-    differing = result.fingerprint.differences(printed)
+    differing = result.fingerprint.differences(expected)
     if not differing:
         return result
     if set(differing) <= _SUBMITTED:
@@ -335,7 +347,10 @@ def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) ->
 
 
 def _tolerances(now: Record, then: Record, span: float) -> dict[str, float]:
-    """Return how far the sums of two records may differ; the longest outage may, as one round decides it."""
+    """Return how far the sums of two records may differ.
+
+    The longest outage has no limit, since a single round decides it.
+    """
     if now.rounds_sha256 == then.rounds_sha256:
         return {name: _SAME_WITHIN * abs(value) for name, value in now.tally.items()}
     within = {"steps": 0.0} | dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
@@ -371,7 +386,7 @@ def _judge(case: Case, played: Sequence[PlayedPart]) -> tuple[bool, str]:
     for part, (_, matchups) in zip(played, case.wanted, strict=True) if failure is None else ():
         records += [part.records[key_of(*matchup)] for matchup in matchups]
     if case.is_complete and records and all(record.lost == len(record.returns) for record in records):
-        failure = "all of its rounds are lost by rule: its answers are no valid actions"
+        failure = "all of its rounds are lost by rule: its answers are not valid actions"
     if case.result is None:
         return _judge_first(case, records, failure)
     if not case.result.verified:
@@ -407,7 +422,7 @@ def _false_claim(case: Case, claimed: Path, records: list[Record]) -> str | None
     """Return what is wrong with a result that came along; None if it holds or there was none."""
     read = outcome_of(partial(_result_at, claimed, case.submission, case.suites, case.fingerprint))
     if read.error is not None:
-        return "is none of this entry's, or was edited"
+        return "is not of this entry, or was edited"
     claim: Result | None = read.result
     if claim is None:
         return None
@@ -429,7 +444,7 @@ def _describe(result: Result) -> str:
 
 
 def _missing_isolation(played: Sequence[PlayedPart]) -> str:
-    """Return what the processes of played policies could not be kept from, in words; else nothing."""
+    """Return text on what the processes of policies could not be kept from; empty if all was blocked."""
     names = dict.fromkeys(name for part in played for name in part.unprotected)
     return f"; this machine cannot keep a policy from {', '.join(names)}" if names else ""
 
@@ -500,8 +515,8 @@ def _new_entries(board: Path, since: str, changes_known: bool) -> frozenset[str]
     if changes.others and not changes_known:
         few = ", ".join(changes.others[:5]) + (", ..." if len(changes.others) > 5 else "")
         raise UserError(
-            f"since: {len(changes.others)} files of no entry are not as they were: {few}; read them, then "
-            "say --changes-known"
+            f"since: {len(changes.others)} files outside of entries have changed: {few}; review them, then "
+            "pass --changes-known"
         )
     if changes.has_pairs:
         _logger.info(
@@ -523,7 +538,7 @@ class _Verification:
         aside = {name: outcome_of(partial(set_aside, self._board, *name.split("/"))) for name in self._new}
         for name in sorted(self._new):
             if not (self._board / "submissions" / name).is_dir():
-                self._add(name, False, "its submission was there, or its result came, and is gone")
+                self._add(name, False, "has no submission: it was removed, or only a result was added")
         suites, cases = TrackSuites(), []
         for folder in folders:
             name = f"{folder.parent.name}/{folder.name}"
@@ -596,7 +611,7 @@ def run_one(
     """Verify the submission of a folder ``<board>/submissions/<track>/<name>``; see :func:`verify`.
 
     Raises:
-        UserError: a folder that lies elsewhere, or no cluster.
+        UserError: a folder elsewhere, or no cluster.
     """
     given, folder = folder, Path(folder).resolve()
     track = folder.parent.name

@@ -143,7 +143,7 @@ def test_two_at_work_on_one_board_are_refused(board, in_process, tmp_path):
     enter(board, "ally", "wise", script="expert")
     other = python(HOLDS, board, tmp_path / "cache", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert other.stdout.readline() == "held\n"
-    with pytest.raises(UserError, match="another process plays it; wait for its end"):
+    with pytest.raises(UserError, match="another process is playing it; wait until it ends"):
         verify(board)
     other.communicate("", timeout=60)
     with at_work(board), at_work(board):  # one process may do so twice

@@ -155,14 +155,14 @@ def test_no_invisible_letter_stands_in_a_text(key):
 def test_nobody_is_taken_for_a_script(name, tmp_path):
     folder = write_submission(tmp_path / "submissions" / "ally" / "mine", name=name)
     (line,) = problems(folder)
-    assert "is what a script of the package is called" in line or "mixes Cyrillic and Latin" in line
+    assert "is the name of a script of the package" in line or "mixes Cyrillic and Latin" in line
 
 
 @pytest.mark.parametrize("name", ["Popu1ation  PPO", "POPULATION ppo", "Populatíon-PP0"])
 def test_the_name_of_another_entry_is_taken_however_it_is_written(tmp_path, name):
     write_submission(tmp_path / "submissions" / "ally" / "first", name="Population PPO")
     folder = write_submission(tmp_path / "submissions" / "ally" / "second", name=name)
-    assert any("is that of 'first', too" in line for line in problems(folder))
+    assert any("is the name of 'first', too" in line for line in problems(folder))
 
 
 def test_no_number_of_entries_hides_whose_name_is_taken(tmp_path):

@@ -25,7 +25,7 @@ from fpg_bench.leaderboard.board import (
     Profiles,
     Score,
     SeedsGap,
-    Units,
+    UnitScores,
     WorstCase,
 )
 from fpg_bench.leaderboard.site import page_data
@@ -195,12 +195,12 @@ def _figures(
     )
 
 
-def _units(by_rival: dict[str, dict[str, Score]], kind: str) -> dict[str, Units]:
+def _units(by_rival: dict[str, dict[str, Score]], kind: str) -> dict[str, UnitScores]:
     """Return five training seeds around each score; of scripts, ten matches."""
     spread = (-1, 0, 1) * 3 + (0,) if kind == "script" else (-2, -1, 0, 1, 2)
     over = "matches" if kind == "script" else SEEDS
     return {
-        role: Units(over, tuple(tuple(score.value + k for k in spread) for score in scores.values()))
+        role: UnitScores(over, tuple(tuple(score.value + k for k in spread) for score in scores.values()))
         for role, scores in by_rival.items()
     }
 

@@ -115,7 +115,7 @@ def test_what_does_not_count_is_shown_last_or_left_out_with_its_reason(entered, 
     assert "edited by hand" in ally.entries[-2].reason
     assert len(ally.improvement.names) == 2
     assert [message for message in messages if "still" not in message] == [
-        "submissions/planers: left out: is no track; did you mean 'planner'?",
+        "submissions/planers: left out: not a track; did you mean 'planner'?",
         f"ally/new: left out: has no result; make it: fpg-bench submit run {new}",
         "ally/slow: not verified: seed_7: took longer than it may",
         f"ally/torn: left out: submission {torn}: submission.yaml: script: unknown 'exprt'; "
@@ -123,6 +123,24 @@ def test_what_does_not_count_is_shown_last_or_left_out_with_its_reason(entered, 
         "ally/wise: not verified: submission.yaml or a policy changed since this result was made; "
         f"make it again: fpg-bench submit run --update {wise.parent}",
     ]
+
+
+def test_a_bug_that_takes_an_entry_off_the_board_is_logged_with_its_traceback(board, in_process, monkeypatch):
+    enter(board, "ally", "wise", script="expert")
+    verify(board)
+
+    def broken(*_, **options):
+        raise TypeError("a bug")
+
+    for name, load in (
+        ("board.load_entry", make_board),
+        ("board.make_case", make_board),
+        ("crossplay.load_case", play_missing),
+    ):
+        with monkeypatch.context() as patched, logged() as messages:
+            patched.setattr(f"fpg_bench.leaderboard.{name}", broken)
+            load(board)
+        assert re.match(r"ally/wise: unexpected error\nTraceback .*TypeError: a bug$", messages[0], re.DOTALL)
 
 
 def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, tmp_path):

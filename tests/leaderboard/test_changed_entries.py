@@ -71,7 +71,7 @@ def test_the_lines_of_who_verifies_take_the_place_of_forged_ones(trusted):
     played = case.path.read_text()
     case.path.write_text("[" * 500)
     (verdict,) = verify(trusted, ["ally/honest"], since="HEAD")
-    assert verdict.line.startswith("replaced: the result that came along is none of this entry's, or was")
+    assert verdict.line.startswith("replaced: the result that came along is not of this entry, or was")
     assert case.path.read_text() == played
 
 
@@ -117,10 +117,10 @@ def test_a_rival_that_is_gone_is_told(trusted):
 def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
     enter(trusted, "ally", slug, seeds=(2,), name="H0nest")
     verdicts = verdicts_of(trusted, since="HEAD")
-    assert "is that of 'honest', too" in verdicts[f"ally/{slug}"][1]
+    assert "is the name of 'honest', too" in verdicts[f"ally/{slug}"][1]
     assert verdicts["ally/honest"][0]
     assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == ["honest"]
-    with pytest.raises(UserError, match="is that of 'honest', too"):
+    with pytest.raises(UserError, match="is the name of 'honest', too"):
         load_case(trusted, trusted / "submissions/ally" / slug)
 
 
@@ -147,7 +147,7 @@ def test_a_board_that_is_a_link_or_a_submodule_is_refused(trusted, tmp_path):
     outer = tmp_path / "whole"
     git(tmp_path, "init", "--quiet", str(outer))
     git(outer, "-c", "protocol.file.allow=always", "submodule", "--quiet", "add", str(trusted), "inner")
-    with pytest.raises(UserError, match="lies in a submodule"):
+    with pytest.raises(UserError, match="is in a submodule"):
         changed_entries(outer / "inner", "HEAD")
     (outer / "real").mkdir()
     (outer / "other").symlink_to("real")
@@ -165,9 +165,7 @@ def test_an_entry_that_is_a_link_has_changed(trusted, tmp_path):
 def test_changes_of_other_files_are_named_and_refused_until_they_are_known(trusted):
     (trusted / "season.yml").write_text("entries: {}")
     (trusted / "results/best_responses.jsonl").write_text("")
-    message = (
-        "since: 2 files of no entry are not as they were: results/best_responses.jsonl, season.yml; read them"
-    )
+    message = "2 files outside of entries have changed: results/best_responses.jsonl, season.yml; review them"
     with pytest.raises(UserError, match=message):
         verify(trusted, since="HEAD")
     assert all(v.is_good for v in verify(trusted, since="HEAD", changes_known=True))

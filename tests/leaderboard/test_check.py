@@ -12,7 +12,7 @@ from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
 from tests.leaderboard.making import FIELDS, policy, write_seed, write_submission
 
 TRAINED = FIELDS["training"]
-NOWHERE = "lies on no leaderboard; submit run takes <leaderboard>/submissions/<track>/<name>"
+NOWHERE = "is not inside a leaderboard folder; submit run expects <leaderboard>/submissions/<track>/<name>"
 BOMB = "\n".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}' if i else 'x'] * 9)}]" for i in range(12))
 
 
@@ -64,9 +64,9 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
 def test_players_of_link_have_tables_of_their_own(tmp_path):
     entry = {"name": "tone", "track": "opponent", "training": None, "script": "tone", "scenario": "link"}
     submission = load_submission(write_submission(tmp_path / "tone", (), path="pursuit", **entry))
-    assert (public_suite(submission), submission.table.key) == ("opponent-link-v1", "opponent-link")
+    assert (public_suite(submission), submission.board_track.key) == ("opponent-link-v1", "opponent-link")
     flying = only(write_submission(tmp_path / "flying", (), path="learned", **entry))
-    assert "path: opponents in link are entered in pursuit" in flying
+    assert "path: opponents in link must have the path pursuit" in flying
     planner = entry | {"name": "circle", "track": "planner", "script": "circle"}
     assert "scenario: planners play standard" in only(write_submission(tmp_path / "circle", (), **planner))
 
@@ -79,17 +79,17 @@ def test_players_of_link_have_tables_of_their_own(tmp_path):
         ({"name": "x" * 61}, "name: expected 1 to 60 characters, got 61"),
         ({"name": 5}, "name: expected text, got 5; put it in quotes"),
         ({"name": "a\u202eb"}, "name: holds the control character U+202E"),
-        ({"name": "Expert"}, "name: 'Expert' is what a script"),
+        ({"name": "Expert"}, "name: 'Expert' is the name of a script"),
         ({"authors": []}, "authors: expected a list of 1 to 20 names, got []"),
         ({"reference": "javascript:alert(1)"}, "reference: expected null or a link"),
         ({"track": "aly"}, "track: expected ally, opponent, planner, got 'aly'; did you mean 'ally'?"),
         ({"track": ["ally"]}, "track: expected ally, opponent, planner, got ['ally']"),
-        ({"path": "pursuit"}, "path: is of the track opponent only"),
+        ({"path": "pursuit"}, "path: only allowed for the track opponent, not for ally"),
         ({"scenario": "paper"}, "scenario: expected standard, link, got 'paper'"),
-        ({"runs": 2}, "runs: is of a language model's transcripts only"),
+        ({"runs": 2}, "runs: only allowed for transcripts of a language model"),
         ({"training": None}, "training: expected steps, hours and seeds, got null"),
         ({"training": {"steps": 1, "hours": 1}}, "training: lacks seeds"),
-        ({"training": {"steps": 1, "hours": 1, "seeds": [0, 0]}}, "one stands there twice"),
+        ({"training": {"steps": 1, "hours": 1, "seeds": [0, 0]}}, "training.seeds: duplicate seed in [0, 0]"),
         ({"training": TRAINED | {"hours": float("inf")}}, "training.hours: expected a number"),
         ({"training": TRAINED | {"hours": 10**400}}, "training.hours: expected a number"),
         ({"training": TRAINED | {"seeds": [0, True]}}, "training.seeds: expected a list of 1 to 20 whole"),
@@ -97,12 +97,12 @@ def test_players_of_link_have_tables_of_their_own(tmp_path):
         ({"training": TRAINED | {"steps": True}}, "training.steps: expected a whole number"),
         (
             {"training": TRAINED | {"seeds": [0, 1, 5, 7]}},
-            "training: seeds: no folder seed_5, seed_7; there are: seed_0, seed_1",
+            "training: seeds: listed but missing: seed_5, seed_7; found: seed_0, seed_1",
         ),
-        ({"training": TRAINED | {"seeds": [1]}}, "training: seeds: does not name seed_0, which is there"),
+        ({"training": TRAINED | {"seeds": [1]}}, "training: seeds: found but not listed: seed_0"),
         (
             {"training": TRAINED | {"steps": 900}},
-            "training: steps: says 900, but training_steps of agent.json 1,000",
+            "training: steps: states 900, but agent.json has training_steps 1,000",
         ),
     ],
 )
@@ -169,7 +169,7 @@ def test_files_that_are_too_large_or_no_files_are_not_read(tmp_path):
     (folder / "seed_1" / "agent.json").unlink()
     os.mkfifo(folder / "seed_1" / "agent.json")
     lines = problems(folder)
-    assert "seed_1/agent.json: is no plain file" in lines
+    assert "seed_1/agent.json: is not a regular file" in lines
     assert "seed_0/policy.onnx: holds 5,000,001 bytes, at most 5,000,000 are allowed" in lines
     assert "seed_0/agent.json: holds 64,001 bytes, at most 64,000 are allowed" in lines
 
@@ -182,7 +182,7 @@ def test_unknown_names_are_strays(tmp_path):
     lines = problems(folder)
     assert len(lines) == 5
     assert any(line.endswith("; known: seed_0, seed_1, submission.yaml") for line in lines)
-    assert all("is no file of a submission" in line and "\n" not in line for line in lines)
+    assert all("is not part of a submission" in line and "\n" not in line for line in lines)
     assert any(line.startswith("seed_0/'weights.bin'") for line in lines)
 
 
@@ -199,9 +199,9 @@ def test_unknown_names_are_strays(tmp_path):
         ({"track": "planner", "script": "module:Planner"}, "script: unknown 'module:Planner'"),
         (
             {"track": "planner", "script": "hold", "zoo": "ally-scripted/ppo"},
-            "zoo: its agents are no planners",
+            "zoo: not allowed for planners",
         ),
-        ({"track": "planner"}, "lacks 'runs': how often the model was recorded"),
+        ({"track": "planner"}, "lacks 'runs': number of recordings made, including the submitted one"),
         ({"track": "planner", "runs": 0}, "runs: expected a whole number from 1"),
     ],
 )
@@ -213,15 +213,15 @@ def test_scripts_and_recordings_that_are_not_there_are_named(tmp_path, change, l
 @pytest.mark.parametrize(
     ("change", "line"),
     [
-        ({"policy_sha256": "0"}, "policy_sha256: is not that of policy.onnx beside it, which was cut off"),
+        ({"policy_sha256": "0"}, "policy_sha256: does not match policy.onnx"),
         ({"id": "FPG/OpponentVsScripted-v0"}, "plays the opponent"),
         ({"id": "FPG/AllyVsScripted-v9"}, "which this version does not have"),
         ({"format": 7}, "format 7"),
-        ({"training_seed": 3}, "training_seed: expected 1, as the folder is called, got 3"),
+        ({"training_seed": 3}, "training_seed: expected 1, as in the folder's name, got 3"),
         ({"actions": "many"}, "actions: expected one of continuous, discrete"),
         ({"offline": {"dataset": 3}}, "offline: expected a mapping with the name of a data set, got"),
         ({"offline": "much"}, "offline: expected a mapping with the name of a data set, got"),
-        ({"seconds": float("nan")}, "holds a number that is not finite"),
+        ({"seconds": float("nan")}, "contains a number that is not finite"),
         ({"algorithm": "x" * 61}, "algorithm: expected text"),
     ],
 )
@@ -240,13 +240,15 @@ def test_steps_may_end_a_little_after_the_budget_and_lie_between_those_of_the_se
     write_seed(folder / "seed_1", 1, training_steps=6700)
     assert problems(folder) == []
     write_seed(folder / "seed_1", 1, training_steps=6500)
-    assert only(folder).endswith("steps: says 7,000, but training_steps of agent.json 1,000 to 6,500")
+    assert only(folder).endswith("steps: states 7,000, but agent.json has training_steps 1,000 to 6,500")
 
 
 def test_a_policy_twice_or_off_the_contract_is_named_with_its_seed(tmp_path):
     folder = write_submission(tmp_path / "mine")
     write_seed(folder / "seed_1", 1, policy(0))
-    assert "seed_1: holds the same policy as seed_0" in only(folder)
+    assert "seed_1: holds the same policy as seed_0; each seed must be a separate training run" in only(
+        folder
+    )
     write_seed(folder / "seed_1", 1, policy(1)[:200])
     assert only(folder).startswith("seed_1/policy.onnx: is no ONNX file")
 
@@ -256,7 +258,7 @@ def test_names_are_taken_once_on_a_board(tmp_path):
     first = write_submission(board / "mine")
     second = write_submission(board / "other", name="  Míne ")
     for folder, other in ((first, "other"), (second, "mine")):
-        assert f"is that of {other!r}, too" in problems(folder)[0]
+        assert f"is the name of {other!r}, too" in problems(folder)[0]
         load_submission(folder)  # by itself it is sound: nobody's entry can be taken off the board by a name
 
 
@@ -264,12 +266,12 @@ def test_names_are_taken_once_on_a_board(tmp_path):
     ("track", "line"),
     [
         ("opponent", "opponent; move it to submissions/ally, or write track: opponent"),
-        ("aly", "'aly', which is no track; move it to submissions/ally"),
+        ("aly", "'aly', which is not a track; move it to submissions/ally"),
     ],
 )
 def test_a_folder_in_another_track_is_told_where_to_go(tmp_path, track, line):
     lost = write_submission(tmp_path / "submissions" / track / "lost")
-    assert problems(lost)[0] == f"submission.yaml: track: says ally, but the folder lies in {line}"
+    assert problems(lost)[0] == f"submission.yaml: track: states ally, but the folder is in {line}"
 
 
 def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
@@ -280,11 +282,14 @@ def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
     script = {"training": None, "script": "expert", "name": "expert"}
     assert notes(load_submission(write_submission(place / "expert", (), **script))) == []
     other = write_submission(tmp_path / "other/submissions/ally/mine", (0, 1, 2), training=training)
-    line = "does not lie in leaderboard/submissions; submit run writes its result to other/results"
+    line = "is not inside leaderboard/submissions; submit run writes its result to other/results"
     assert notes(load_submission(other)) == [line]
     assert notes(load_submission(other), "nowhere") == []
     few = write_submission(tmp_path / "mine", (0,), training=TRAINED | {"seeds": [0]})
-    assert notes(load_submission(few)) == ["the board marks fewer than 3 training seeds, this has 1", NOWHERE]
+    assert notes(load_submission(few)) == [
+        "the board marks entries with fewer than 3 training seeds; this one has 1",
+        NOWHERE,
+    ]
 
 
 def test_the_verb_says_line_by_line(tmp_path):
@@ -296,7 +301,7 @@ def test_the_verb_says_line_by_line(tmp_path):
     line = f"{folder}: submission.yaml: name: expected 1 to 60 characters, got 0\n"
     assert check(folder) == (1, line)
     sound = write_submission(tmp_path / "sound")
-    few = "note: the board marks fewer than 3 training seeds, this has 2"
+    few = "note: the board marks entries with fewer than 3 training seeds; this one has 2"
     lines = [few, f"note: {NOWHERE}", "nothing is wrong"]
     assert check(sound) == (0, "".join(f"{sound}: {line}\n" for line in lines))
     assert check(tmp_path / "none")[0] == 1

@@ -243,5 +243,5 @@ def test_a_line_that_is_no_pair_is_left_out_and_said(played, row, messages):
     with crossplay_file(played).open("a") as file:
         file.write(json.dumps(row) + "\n")
     assert play_missing(played) == []
-    assert "crossplay.jsonl: 1 lines are no pair's, or an older protocol's, and left out" in messages[0]
+    assert "crossplay.jsonl: 1 lines are left out: not a pair, or of an older protocol" in messages[0]
     assert rows(played) == before

@@ -40,7 +40,7 @@ def rival_of(suites, track, role, name):
 def test_a_printed_command_plays_the_first_round_of_a_mean(monkeypatch, suites, track, slug, role, rival):
     monkeypatch.chdir(BOARD.parent)
     side = TRACKS[track].side
-    submission = load_submission(BOARD / "submissions" / side / slug, contract=False)
+    submission = load_submission(BOARD / "submissions" / side / slug, inspect_onnx=False)
     suite, met = rival_of(suites, track, role, rival)
     options = f"play --{side} {player_of(submission)} {play_options(suite, met)}"
     ran = CliRunner().invoke(app, shlex.split(options))

@@ -72,12 +72,12 @@ def test_what_was_recorded_may_be_run_packed_or_not(recorded, suite, entry, chec
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda f: shutil.rmtree(f), "transcripts: is not there; it holds what plan compare has recorded"),
+        (lambda f: shutil.rmtree(f), "transcripts: does not exist; it holds what plan compare has recorded"),
         (lambda f: (f / "expert.jsonl").unlink(), "transcripts/expert.jsonl: is missing"),
         (lambda f: (f / "planner.json").unlink(), "transcripts/planner.json: is missing"),
         (lambda f: (f / "notes.txt").write_text("hello"), "transcripts/'notes.txt': does not belong here"),
-        (lambda f: (f / "more").mkdir(), "transcripts/'more': is a folder; the files lie in transcripts"),
-        (lambda f: (f / "idle.jsonl.gz").write_bytes(b""), "lies there packed and unpacked"),
+        (lambda f: (f / "more").mkdir(), "transcripts/'more': is a folder; put the files into transcripts"),
+        (lambda f: (f / "idle.jsonl.gz").write_bytes(b""), "is there both packed and unpacked"),
         (lambda f: (f / "prompt.yml").write_text("#" * 20_000), "prompt.yml: 20,000 bytes, more than 16,000"),
         (lambda f: f.symlink_to(f.rename(f.with_name("all"))), "transcripts: is a link"),
         (
@@ -101,7 +101,7 @@ def test_files_that_lack_or_do_not_belong(entry, check, spoil, message):
         ("suite_hash", "0" * 64, "record those of plan compare --suite mine --matches 2"),
         ("control", "magic", "control: expected one of none"),
         ("server", ["generic"], "server: expected a line"),
-        ("prompt_hash", "0" * 64, "is not the prompt that planner.json tells the hash of"),
+        ("prompt_hash", "0" * 64, "does not match the prompt_hash in planner.json"),
         ("model", "another", "nonce: does not follow from the seed of season 2"),
         ("season", None, "season: expected the number of a closed one, got None"),  # beside a nonce
         ("begun", "2026-01-01T00:00:00+00:00", "line 1 does not follow from the lines before it"),
@@ -118,7 +118,7 @@ def test_what_is_told_of_all_must_be_so(entry, check, key, value, message):
     [
         ("a: &a [1]\nb: [*a, *a]\n", "holds an alias"),
         ("about: !!python/object/apply:os.system [echo]\n", "prompt.yml: not valid YAML"),
-        (f"user: '{'$history' * 3}'\n", "$history stands there more than 2 times"),
+        (f"user: '{'$history' * 3}'\n", "uses $history more than 2 times"),
     ],
 )
 def test_a_prompt_that_would_do_harm(entry, check, text, message):
@@ -194,9 +194,9 @@ NOT_ASKED = "holds an attempt that nothing asks for"
             lambda rows: [row | {"text": f"{row['text'] or ''} "} for row in rows],
             "line 1 is changed: its text is not what its raw reply says",
         ),
-        (each(seconds=1e300), "seconds: 1e+300 cannot be"),
+        (each(seconds=1e300), "seconds: 1e+300 is not possible"),
         (each(seed="1"), "is no attempt: seed: expected a whole number, got '1'"),
-        (each(kind="flown"), "is no attempt; a transcript of plan compare holds nothing else"),
+        (each(kind="flown"), "is not an attempt; a transcript of plan compare has no other rows"),
         (each(control="no-history"), "was made with control 'no-history', and not 'none'"),
     ],
 )
@@ -215,7 +215,7 @@ def test_attempts_that_are_not_those_of_the_matches(entry, check, change, messag
 def test_a_key_that_is_not_its_request_s(entry, check):
     file = entry / "transcripts" / "idle.jsonl"
     file.write_text(file.read_text().replace('"temperature":0.7', '"temperature":0.1'))
-    assert "its key is not that of its request" in only(check())
+    assert "its key does not match its request" in only(check())
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,7 @@ def test_lost_rounds_count_as_the_lowest_return(board, in_process):
 
     in_process.loses = (0, 1, 2, 3)
     result(board, "ally/linear").unlink()
-    why = "all of its rounds are lost by rule: its answers are no valid actions"
+    why = "all of its rounds are lost by rule: its answers are not valid actions"
     assert verdicts_of(board)["ally/linear"] == (False, f"not verified: {why}")
     assert verdicts_of(board)["ally/linear"] == (True, f"not verified, as before: {why}")
 

@@ -175,7 +175,7 @@ def _environment(board: Board, docs: str) -> Environment:
 def _doc_link(docs: str, page: str, text: str, heading: str = "", root: str = "") -> Markup:
     """Return a link to a page of the documentation, ``folder/name``, or of this site without one.
 
-    Its text and file where there is no such page.
+    If there is no such page, return its text and file name.
     """
     from markupsafe import Markup
 

@@ -175,7 +175,7 @@ def _improvement(track: BoardTrack, order: Sequence[str]) -> Row | None:
 
 
 def crossplay_data(board: Board, submitted: Policies, zoo: Zoo) -> Row | None:
-    """Return the matrices of cross-play, and by which players of the page a pair's round is played."""
+    """Return the matrices of cross-play, and the players that the page plays a pair's round with."""
     crossplay = board.crossplay
     if crossplay is None:
         return None
@@ -197,7 +197,7 @@ def _rounded_matrix(matrix: Sequence[Sequence[float | None]]) -> list[list[float
 
 
 def _watched(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, dict[str, Row]]:
-    """Return, by side and entry, the page's player that stands for it, and its path."""
+    """Return the player that represents an entry on the page, and its path, by side and entry."""
     watched: dict[str, dict[str, Row]] = {side: {} for side in SIDES}
     for track in board.tracks:
         for entry in track.entries if track.side in SIDES else ():
@@ -336,7 +336,7 @@ def submitted_policies(board: Board, folder: str | Path) -> dict[tuple[str, str]
 
 def _first_policy(folder: Path) -> Row | None:
     try:
-        policies = load_submission(folder, contract=False).policies
+        policies = load_submission(folder, inspect_onnx=False).policies
         return policy_data(policies[0].model) if policies else None
     except UserError:
         return None  # leaderboard verify names the problem

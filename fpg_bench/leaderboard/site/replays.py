@@ -111,7 +111,7 @@ def _rounds(
     if None not in kept or not simulate:
         yield from (replay for replay in kept if replay is not None)
         return
-    if submission.track == PLANNER and submission.script is None:
+    if submission.is_recorded:
         raise UserError("transcripts are not shown as rounds")
     _logger.info(f"{key}/{submission.slug}: playing rounds to watch")
     with running_player(parts_of(submission)[0]) as player:

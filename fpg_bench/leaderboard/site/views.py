@@ -179,7 +179,7 @@ def worst_view(board: Board, track: BoardTrack, figures: Figures) -> WorstView:
 
 
 def warnings(figures: Figures | None) -> list[str]:
-    """Return the remarks that stand below an entry's name in tables."""
+    """Return the remarks shown below an entry's name in tables."""
     if figures is None:
         return []
     texts = ["late entry" if figures.is_late else "", seeds_gap_text(figures), lost_text(figures)]
