@@ -110,7 +110,7 @@ def test_a_rival_that_is_gone_is_told(trusted):
     result_file(trusted, "ally", "honest").unlink()
     (is_good, line), (other_is_good, _) = verdicts_of(trusted, since="HEAD").values()
     assert (is_good, other_is_good) == (False, True)
-    assert "gone" in line
+    assert line == "has no submission: it was removed, or only a result was added"
 
 
 @pytest.mark.parametrize("slug", ["aaa", "zzz"])
