@@ -19,7 +19,7 @@ _SPECTRUM = ("half_width_mhz", "spacing_mhz")
 
 
 @dataclass(frozen=True)
-class Entry:
+class KnowledgeEntry:
     """Entry of one jamming type: its spectrum, and the counter-strategy.
 
     ``candidates`` is 0 where the strategy draws from all free points, else how many of the free
@@ -35,7 +35,7 @@ class Entry:
     advice: str
 
 
-def load_knowledge(name: str) -> tuple[Entry, ...] | None:
+def load_knowledge(name: str) -> tuple[KnowledgeEntry, ...] | None:
     """Load the knowledge base ``expert`` of the package or a YAML file; None for ``none``.
 
     Returns:
@@ -50,24 +50,24 @@ def load_knowledge(name: str) -> tuple[Entry, ...] | None:
 
 
 @functools.cache
-def _expert() -> tuple[Entry, ...]:
+def _expert() -> tuple[KnowledgeEntry, ...]:
     return _load(EXPERT_FILE)
 
 
-def _load(path: Path) -> tuple[Entry, ...]:
+def _load(path: Path) -> tuple[KnowledgeEntry, ...]:
     content = read_yaml(path, "knowledge (expert, none or a YAML file)")
     check_keys(content, JAMMING_TYPES, f"knowledge {path}", needed=JAMMING_TYPES)
     return tuple(_entry(f"knowledge {path}: {name}", content[name]) for name in JAMMING_TYPES)
 
 
-def _entry(where: str, content: dict[str, Any]) -> Entry:
+def _entry(where: str, content: dict[str, Any]) -> KnowledgeEntry:
     check_keys(content, _KEYS, where, needed=_KEYS)
     spectrum, candidates = content["spectrum"], content["candidates"]
     check_keys(spectrum, _SPECTRUM, f"{where}: spectrum", needed=_SPECTRUM)
     if candidates != "all" and not is_whole(candidates):
         raise UserError(f"{where}: candidates: expected 'all' or a whole number above 0, got {candidates!r}")
     spacing = spectrum["spacing_mhz"]
-    return Entry(
+    return KnowledgeEntry(
         half_width_mhz=_positive(f"{where}: half_width_mhz", spectrum["half_width_mhz"]),
         spacing_mhz=0.0 if spacing is None else _positive(f"{where}: spacing_mhz", spacing),
         guard_mhz=_positive(f"{where}: guard_mhz", content["guard_mhz"]),

@@ -233,8 +233,10 @@ def beam(base: np.ndarray, towards: np.ndarray, place: np.ndarray, radio: Record
 
 
 @compiled
-def is_heard(game: Record, distance_to_base_m: float, fading: float, rules: Record, radio: Record) -> bool:
-    """Return True if the opponent's radiometer finds the link: the ally's signal, or the base station's.
+def radiometer_detects(
+    game: Record, distance_to_base_m: float, fading: float, rules: Record, radio: Record
+) -> bool:
+    """Return True if the opponent's radiometer detects the link: the ally's signal or the base station's.
 
     It listens in the ally's present channel, where a part of its own jamming leaks into its receiver.
     """

@@ -18,7 +18,7 @@ import yaml
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml, write_whole
-from fpg_bench.game.knowledge import Entry, load_knowledge
+from fpg_bench.game.knowledge import KnowledgeEntry, load_knowledge
 from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, MOST_PATHS, PATHS, SNR_MODELS
 
 RULES_VERSION = 1
@@ -375,9 +375,9 @@ class Scenario:
         object.__setattr__(self, "_knowledge_base", load_knowledge(self.knowledge))
 
     @property
-    def knowledge_base(self) -> tuple[Entry, ...] | None:
+    def knowledge_base(self) -> tuple[KnowledgeEntry, ...] | None:
         """The expert knowledge base, an entry per jamming type; None if ``knowledge`` is ``none``."""
-        base: tuple[Entry, ...] | None = vars(self)["_knowledge_base"]
+        base: tuple[KnowledgeEntry, ...] | None = vars(self)["_knowledge_base"]
         return base
 
     @property

@@ -10,27 +10,27 @@ from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.flight import distance_m
 from fpg_bench.game.jamming import covers
-from fpg_bench.game.link import is_heard
+from fpg_bench.game.link import radiometer_detects
 from fpg_bench.game.names import DETECTIONS
 from fpg_bench.game.radio import noise_dbm, path_loss_db
 from fpg_bench.game.state import OBSERVATION_SIZE, TYPES, Record
 
 EMISSION, LINK, OFF, RADIOMETER = range(len(DETECTIONS))
 
-# Where the ally's observation holds what (the opponent's: see opponent_observation).
+# Indices into the observations: of both sides, of the ally, of the opponent.
 OWN_POSITION, RELATIVE_POSITION = 0, 3
 OWN_FREQUENCY, SPREADING_TIME, SNR, SENSED_CENTRE, SENSED_TYPE, SENSED_COVERS = 6, 7, 8, 9, 10, 14
 KNOWN_FREQUENCY, KNOWN_AGE, NEXT_CHECK, JAM_CENTRE, JAM_TYPE, LAST_CHECK = 6, 7, 8, 9, 10, 14
 
 
 @compiled
-def check(game: Record, rules: Record, radio: Record | None) -> None:
-    """Run a detection check if one is due; a frequency it hears becomes known, with age 0."""
+def run_detection_check(game: Record, rules: Record, radio: Record | None) -> None:
+    """Run a detection check if one is due; a detected frequency becomes known, with age 0."""
     game.age_s += 1
     game.checked = game.step + 1 == game.next_check
     if not game.checked:
         return
-    if hears(game, rules, radio):
+    if detects_ally(game, rules, radio):
         game.known_mhz = game.frequency_mhz
         game.age_s = 0
         game.last_check = 1
@@ -41,17 +41,18 @@ def check(game: Record, rules: Record, radio: Record | None) -> None:
 
 
 @compiled
-def hears(game: Record, rules: Record, radio: Record | None) -> bool:
-    """Return True if the opponent hears the ally in the last step.
+def detects_ally(game: Record, rules: Record, radio: Record | None) -> bool:
+    """Return True if the opponent detects the ally in the step just played.
 
     ``emission``: the ally's emission at the opponent's own receiver, against the noise in the ally's
     present bandwidth, with a fading draw of its own. ``link``: the ally's own SNR, and no spreading.
-    ``radiometer``: as in :func:`fpg_bench.game.link.is_heard`, with the same draw.
+    ``radiometer``: as in :func:`fpg_bench.game.link.radiometer_detects`, with the same draw. ``off``: never.
     """
+    # `Scenario` allows the radiometer with the SNR model `link` alone, so `radio` is never None there.
     if radio is not None and rules.detection == RADIOMETER:
         fading, _ = rng.gaussians(game.round_key, game.step, rng.DETECTION_FADING)
         distance_to_base_m = distance_m(game.opponent_position, rules.base_station)
-        return is_heard(game, distance_to_base_m, fading, rules, radio)
+        return radiometer_detects(game, distance_to_base_m, fading, rules, radio)
     if rules.detection == EMISSION:
         level = rules.ally_emission - path_loss_db(game.distance_m, game.frequency_mhz, rules)
         fading, _ = rng.gaussians(game.round_key, game.step, rng.DETECTION_FADING)
@@ -60,8 +61,8 @@ def hears(game: Record, rules: Record, radio: Record | None) -> bool:
 
 
 @compiled
-def sense(game: Record, centre_error: float, rules: Record) -> None:
-    """Update the ally's spectrum monitor: the centre has an error, the type is at times wrong."""
+def update_spectrum_monitor(game: Record, centre_error: float, rules: Record) -> None:
+    """Update the ally's spectrum monitor: its centre has an error, and its type is sometimes wrong."""
     game.sensed_mhz = game.jamming_mhz + rules.sensing_sd * centre_error
     game.sensed_type = game.jamming_type
     chance = rng.uniform(game.round_key, game.step, rng.SENSED_TYPE)
@@ -77,30 +78,30 @@ def _clip(x: float) -> float:
 
 @compiled
 def _positions(out: np.ndarray, own: np.ndarray, other: np.ndarray, rules: Record) -> None:
-    """Write the own position and the other's relative one; the signed root resolves 30 m in 1500 m."""
+    """Write the own position and the signed root of the relative one, which resolves 30 m in 1500 m."""
     for axis in range(3):
-        per_size = rules.per_box[axis]
-        out[OWN_POSITION + axis] = _clip(2.0 * own[axis] * per_size - 1.0)
+        inverse_size = rules.per_box[axis]
+        out[OWN_POSITION + axis] = _clip(2.0 * own[axis] * inverse_size - 1.0)
         away = other[axis] - own[axis]
-        out[RELATIVE_POSITION + axis] = _clip(math.copysign(math.sqrt(abs(away) * per_size), away))
+        out[RELATIVE_POSITION + axis] = _clip(math.copysign(math.sqrt(abs(away) * inverse_size), away))
 
 
 @compiled
-def _in_band(frequency_mhz: float, rules: Record) -> float:
+def _normalised_frequency(frequency_mhz: float, rules: Record) -> float:
     return _clip((frequency_mhz - rules.band_middle) * rules.per_band_half)
 
 
 @compiled
-def ally_observation(out: np.ndarray, game: Record, rules: Record, radio: Record | None) -> None:
-    """The ally's 15 numbers in [-1, 1]: own position (3), the opponent's relative to it (3), own
+def write_ally_observation(out: np.ndarray, game: Record, rules: Record, radio: Record | None) -> None:
+    """Write the ally's 15 numbers in [-1, 1]: own position (3), the opponent's relative to it (3), own
     frequency, spreading time, SNR, sensed centre, sensed type (4), whether the sensed footprint
     covers the own frequency."""
     _positions(out, game.ally_position, game.opponent_position, rules)
-    out[OWN_FREQUENCY] = _in_band(game.frequency_mhz, rules)
+    out[OWN_FREQUENCY] = _normalised_frequency(game.frequency_mhz, rules)
     out[SPREADING_TIME] = _clip(game.spreading_s * rules.per_spreading_scale)
     out[SNR] = _clip(game.snr_db * rules.per_snr_scale)
     sensed = game.sensed_type >= 0
-    out[SENSED_CENTRE] = _in_band(game.sensed_mhz, rules) if sensed else 0.0
+    out[SENSED_CENTRE] = _normalised_frequency(game.sensed_mhz, rules) if sensed else 0.0
     for kind in range(TYPES):
         out[SENSED_TYPE + kind] = 1.0 if kind == game.sensed_type else 0.0
     f, spreading = game.frequency_mhz, game.spreading
@@ -109,15 +110,15 @@ def ally_observation(out: np.ndarray, game: Record, rules: Record, radio: Record
 
 
 @compiled
-def opponent_observation(out: np.ndarray, game: Record, rules: Record) -> None:
-    """The opponent's 15 numbers in [-1, 1]: own position (3), the ally's relative to it (3), known
+def write_opponent_observation(out: np.ndarray, game: Record, rules: Record) -> None:
+    """Write the opponent's 15 numbers in [-1, 1]: own position (3), the ally's relative to it (3), known
     frequency, its age, time to the next check, own jamming centre, own type (4), the last check's
     result (1 heard, -1 not heard, 0 none yet)."""
     _positions(out, game.opponent_position, game.ally_position, rules)
-    out[KNOWN_FREQUENCY] = _in_band(game.known_mhz, rules)
+    out[KNOWN_FREQUENCY] = _normalised_frequency(game.known_mhz, rules)
     out[KNOWN_AGE] = _clip(game.age_s * rules.per_age_scale)
     out[NEXT_CHECK] = _clip((game.next_check - game.step) * rules.per_check_scale)
-    out[JAM_CENTRE] = _in_band(game.jamming_mhz, rules) if game.jamming_type >= 0 else 0.0
+    out[JAM_CENTRE] = _normalised_frequency(game.jamming_mhz, rules) if game.jamming_type >= 0 else 0.0
     for kind in range(TYPES):
         out[JAM_TYPE + kind] = 1.0 if kind == game.jamming_type else 0.0
     out[LAST_CHECK] = game.last_check

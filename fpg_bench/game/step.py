@@ -23,7 +23,12 @@ from fpg_bench.game.link import transmit
 from fpg_bench.game.metrics import count_step
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
-from fpg_bench.game.sensing import ally_observation, check, opponent_observation, sense
+from fpg_bench.game.sensing import (
+    run_detection_check,
+    update_spectrum_monitor,
+    write_ally_observation,
+    write_opponent_observation,
+)
 from fpg_bench.game.state import Record
 
 # The indices of both actions; hopping.py reads 3-8 of the ally, jamming.py and flight.py 0-3 and 6-8 of the
@@ -77,14 +82,14 @@ def play(
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
         _transmit(game, fading, rules, radio)
         reward(game, speed_m_s, rules, radio)
-        check(game, rules, radio)
-        sense(game, centre_error, rules)
+        run_detection_check(game, rules, radio)
+        update_spectrum_monitor(game, centre_error, rules)
         game.truncated = game.step + 1 >= game.horizon
         count_step(game, tallies[i], histograms[i], point_before, rules)
         _record_segment(game, segments[i], rules)
         game.step += 1
-        ally_observation(ally_observations[i], game, rules, radio)
-        opponent_observation(opponent_observations[i], game, rules)
+        write_ally_observation(ally_observations[i], game, rules, radio)
+        write_opponent_observation(opponent_observations[i], game, rules)
 
 
 @compiled
@@ -186,8 +191,8 @@ def begin(
         _begin_match(game, rng.match_key(game.seed, game.match), rules)
         _begin_round(game, rules, radio)
         segments[i] = 0.0
-        ally_observation(ally_observations[i], game, rules, radio)
-        opponent_observation(opponent_observations[i], game, rules)
+        write_ally_observation(ally_observations[i], game, rules, radio)
+        write_opponent_observation(opponent_observations[i], game, rules)
 
 
 @compiled
