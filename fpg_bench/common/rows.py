@@ -19,8 +19,7 @@ from fpg_bench.common.strict_json import read_object
 Row = dict[str, Any]
 _LARGEST = 2**30  # bytes; those of a long run are a few million
 
-# Which files this process holds, and how many of its parts hold each: a match and its planner write to
-# one transcript.
+# Locks held by this process, and the number of holders of each: a match and its planner share a transcript.
 _LOCKS: dict[tuple[int, Path], IO[str]] = {}
 _HOLDERS: Counter[tuple[int, Path]] = Counter()
 _GUARD = threading.Lock()
@@ -31,21 +30,21 @@ class RowFile:
 
     Args:
         path: the file; it need not exist.
-        needs: required keys of each row, with their types.
+        required: keys that each row must have, with the types of their values.
     """
 
-    def __init__(self, path: Path, needs: Mapping[str, type | UnionType] = MappingProxyType({})) -> None:
+    def __init__(self, path: Path, required: Mapping[str, type | UnionType] = MappingProxyType({})) -> None:
         self.path = path
-        self._needs = needs
+        self._required = required
 
-    def read(self, left_out: Callable[[str], None] | None = None) -> list[Row]:
+    def read(self, on_invalid: Callable[[str], None] | None = None) -> list[Row]:
         """Return all complete rows.
 
         Args:
-            left_out: called with a message per invalid line, which is skipped; None: it is an error.
+            on_invalid: called with a message for each invalid line, which is skipped; None: raise.
 
         Raises:
-            UserError: the file cannot be read, is huge, or a line that is not the last is not a row.
+            UserError: the file cannot be read, is too large, or holds an invalid line.
         """
         try:
             there = self.path.exists() and not self.path.is_char_device()  # a device may never end
@@ -56,36 +55,36 @@ class RowFile:
             raise UserError(f"rows {self.path}: cannot be read: {error.strerror}") from error
         lines = data.splitlines(keepends=True)
         if lines and not lines[-1].endswith(b"\n"):
-            lines.pop()  # torn: the run that wrote it was stopped
+            lines.pop()  # partial: the run that wrote it was stopped
         rows = []
         for number, line in enumerate(lines, 1):
             try:
                 rows.append(self._row(number, line))
             except UserError as error:
-                if left_out is None:
+                if on_invalid is None:
                     raise
-                left_out(f"{error}; it is left out")
+                on_invalid(f"{error}; it is skipped")
         return rows
 
     def _row(self, number: int, line: bytes) -> Row:
         try:
             row = read_object(line, nan=True)
         except ValueError as error:
-            raise UserError(f"rows {self.path}: line {number} is no row: {error}") from error
-        for key, kind in self._needs.items():
+            raise UserError(f"rows {self.path}: line {number} is not a valid row: {error}") from error
+        for key, kind in self._required.items():
             if not isinstance(row.get(key), kind):
-                raise UserError(f"rows {self.path}: line {number}: {key} is missing or changed")
+                raise UserError(f"rows {self.path}: line {number}: {key} is missing or has the wrong type")
         return row
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Append rows in one write; a partial last line is cut off first.
+        """Append rows in one write; a partial last line is removed first.
 
         Raises:
-            OSError: the file cannot be written, with its name also where the disk is full.
+            OSError: the file cannot be written; the error names it, also where the disk is full.
         """
         text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._cut_torn_line()
+        self._truncate_partial_line()
         try:
             with self.path.open("a", encoding="utf-8") as file:
                 file.write(text)
@@ -123,8 +122,8 @@ class RowFile:
             raise UserError(f"rows {self.path}: another process is writing them") from error
         return file
 
-    def _cut_torn_line(self) -> None:
-        """Cut off a partial last line; of complete files only the last byte is read."""
+    def _truncate_partial_line(self) -> None:
+        """Remove a partial last line; of complete files only the last byte is read."""
         if not self.path.exists() or not self.path.stat().st_size:
             return
         with self.path.open("r+b") as file:

@@ -26,7 +26,7 @@ def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False, halves
         halves: accept lone surrogates, as in a text that was cut off.
 
     Raises:
-        ValueError: it is no JSON, is too long or too deep, or holds a key twice, a number of too many digits
+        ValueError: it is not JSON, is too long or too deep, or holds a key twice, a number of too many digits
             or beyond all floats, or half of a surrogate pair. Nothing else is raised.
     """
     if len(text) > most:
@@ -80,7 +80,7 @@ def _check_digits(word: str) -> None:
 
 
 def _refuse(word: str) -> None:
-    raise ValueError(f"{word} is no number")
+    raise ValueError(f"{word} is not a valid number")
 
 
 def _check_depth(content: object) -> None:
@@ -101,4 +101,4 @@ def _check_letters(content: object) -> None:
     try:
         json.dumps(content, ensure_ascii=False).encode("utf-8")
     except UnicodeEncodeError:
-        raise ValueError("half of a surrogate pair, which is no letter") from None
+        raise ValueError("half of a surrogate pair, which is not a character") from None

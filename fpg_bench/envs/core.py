@@ -24,7 +24,7 @@ from fpg_bench.planning import LLM_CONTROLS, Planner, as_planner
 from fpg_bench.planning.planner import planner_name
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.population import with_members
+from fpg_bench.players.population import expand_suites
 from fpg_bench.players.registry import as_player, player_name, policy_hash
 
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
@@ -193,7 +193,7 @@ class SingleAgentGame(Core):
         own, other = (ally, opponent) if self.side == "ally" else (opponent, ally)
         if own is not None:
             raise UserError(f"{self.side}: in {config.id} you play the {self.side}; name the {other_side}")
-        self.other_specs = with_members(_as_list(other, config.other), other_side)
+        self.other_specs = expand_suites(_as_list(other, config.other), other_side)
         self._reward = "own" if reward is None else one_of(reward, "reward", REWARDS)
         if planner is not None and config.planner is None:
             raise UserError(f"planner: {config.id} plans no paths; FPG/AllyVsPlanner-v0 does")
@@ -264,7 +264,7 @@ class SingleAgentGame(Core):
         if self.config.scripted and not (isinstance(spec, str) and spec in SCRIPTED[side]):
             hint = nearest(str(spec), SCRIPTED[side]) if isinstance(spec, str) else ""
             policy = re.sub("Scripted|Planner|LLM", "Policy", self.config.id)
-            raise UserError(f"{side}: {spec!r} is no script{hint} ({policy} plays against anyone)")
+            raise UserError(f"{side}: {spec!r} is not a script{hint} ({policy} plays against anyone)")
         return as_player(spec, side, self.scenario)
 
     def _begin(self, mask: np.ndarray) -> None:

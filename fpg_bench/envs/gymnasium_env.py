@@ -75,7 +75,7 @@ class FPGEnv(gymnasium.Env):
         """Begin a round; see the class.
 
         Raises:
-            UserError: a seed that is no whole number in [0, 2^63), or an unknown option.
+            UserError: a seed that is not a whole number in [0, 2^63), or an unknown option.
         """
         seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
         super().reset(seed=seed)

@@ -1,7 +1,7 @@
 """The bridge over SuperSuit: the PettingZoo environment as an SB3 ``VecEnv`` whose slots are agents.
 
-For those who come from PettingZoo and want one policy to learn both sides. A single side at full speed
-is :func:`fpg_bench.make_sb3`.
+For users of PettingZoo who want one policy to learn both sides. To train a single side at full speed, use
+:func:`fpg_bench.make_sb3`.
 """
 # ruff: noqa: E402
 
@@ -28,15 +28,15 @@ from fpg_bench.players.player import SIDES
 
 
 class SuperSuitVecEnv(VecEnvWrapper):
-    """SuperSuit's SB3 ``VecEnv``, repaired.
+    """Wrapper that fixes seeding, truncation handling and attribute access of SuperSuit's SB3 ``VecEnv``.
 
-    As it comes, ``seed`` and ``reset(seed=...)`` raise, every copy plays the same game, time limits look
-    like terminations to SB3, and attributes and methods of the games are out of reach.
+    Without it, ``seed`` and ``reset(seed=...)`` raise, every copy plays the same game, SB3 takes time limits
+    for terminations, and attributes and methods of the games cannot be reached.
 
     Args:
-        venv: what ``supersuit.concat_vec_envs_v1(..., base_class="stable_baselines3")`` gives for copies
+        venv: result of ``supersuit.concat_vec_envs_v1(..., base_class="stable_baselines3")`` for copies
             of :class:`fpg_bench.envs.pettingzoo_env.FPGParallelEnv`, all in this process.
-        seed: copy i begins with a match of seed + i; None: by chance.
+        seed: copy i begins with a match of seed + i; None: random.
     """
 
     def __init__(self, venv: VecEnv, seed: int | None = None) -> None:
@@ -62,7 +62,7 @@ class SuperSuitVecEnv(VecEnvWrapper):
         return np.concatenate(observations)
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Play the step; a round's end is marked as the time limit that it is."""
+        """Play the step; set ``TimeLimit.truncated`` at the end of a round."""
         observations, rewards, terminations, truncations, infos = self._concatenated.step_wait()
         for info, terminated, truncated in zip(infos, terminations, truncations, strict=True):
             if truncated:
@@ -86,7 +86,7 @@ class SuperSuitVecEnv(VecEnvWrapper):
         return [getattr(self._game(slot), method_name)(*method_args, **method_kwargs) for slot in slots]
 
     def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
-        """Return False: a game is wrapped in nothing."""
+        """Return False for every slot: the games have no wrappers."""
         return [False for _ in self._get_indices(indices)]
 
     def _game(self, slot: int) -> FPGParallelEnv:
@@ -97,20 +97,20 @@ def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Unpac
     """Make an SB3 ``VecEnv`` of ``2 * n_envs`` slots over ``n_envs`` games: each slot is one agent.
 
     Slots alternate, ally (even) and opponent (odd), so **one policy learns and plays both sides**
-    (parameter sharing, self-play of a kind): both see 15 numbers and choose 9, whose meanings differ. A
-    mean reward over the slots mixes both sides' rewards. To train one side alone, or two policies, take
+    (parameter sharing, a form of self-play): both see 15 numbers and choose 9, whose meanings differ. A
+    mean reward over the slots mixes both sides' rewards. To train one side alone, or two policies, use
     :func:`fpg_bench.make_sb3` or :func:`fpg_bench.make_duel`.
 
     A round's end is a truncation: its info holds ``terminal_observation``, ``TimeLimit.truncated``,
     ``episode`` and ``measures``.
 
     Args:
-        n_envs: how many games.
-        seed: game i begins with a match of seed + i; None: by chance.
+        n_envs: number of games.
+        seed: game i begins with a match of seed + i; None: random.
         **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
 
     Raises:
-        UserError: something unknown, out of range, or impossible together.
+        UserError: an unknown option, a value out of range, or options that exclude each other.
     """
     whole(n_envs, "n_envs")
     copies = supersuit.pettingzoo_env_to_vec_env_v1(parallel_env(**options))

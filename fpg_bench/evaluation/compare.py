@@ -12,7 +12,7 @@ from typing import Any
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.envs.two_player import PlannerSpec
-from fpg_bench.evaluation.entry import Entry, planner_entry
+from fpg_bench.evaluation.entry import EvaluatedPlayer, planner_entry
 from fpg_bench.evaluation.evaluate import Progress, play_into, with_matches
 from fpg_bench.evaluation.match import replaying
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
@@ -87,7 +87,7 @@ _SAMPLING = ("temperature", "sampling_seed")
 _CAPS = ("calls", "tokens", "seconds")
 
 
-def _recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> Entry:
+def _recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> EvaluatedPlayer:
     """Return a language model whose answers are recorded in a folder; recorded answers are not asked again.
 
     Raises:
@@ -126,10 +126,10 @@ def _recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str,
         planner.budget = budget
         return planner
 
-    return Entry(name, None, _fingerprint(about), make)
+    return EvaluatedPlayer(name, None, _fingerprint(about), make)
 
 
-def _replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> list[Entry]:
+def _replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> list[EvaluatedPlayer]:
     """Return the language models whose transcripts are in the subfolders of a folder; no server is asked.
 
     Raises:
@@ -147,7 +147,7 @@ def _replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> lis
     return [_replayed_entry(path, suite) for path in folders]
 
 
-def _replayed_entry(folder: Path, suite: Suite) -> Entry:
+def _replayed_entry(folder: Path, suite: Suite) -> EvaluatedPlayer:
     about, prompt = _about(folder), load_prompt(str(folder / PROMPT))
     _check_suite(folder, about, suite)
     if prompt.hash != about["prompt_hash"]:
@@ -157,7 +157,7 @@ def _replayed_entry(folder: Path, suite: Suite) -> Entry:
         chain = chain_start(about, transcript_name(ally.name))
         return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name), chain)
 
-    return Entry(folder.name, None, _fingerprint(about), make)
+    return EvaluatedPlayer(folder.name, None, _fingerprint(about), make)
 
 
 def begun(about: Mapping[str, Any]) -> dict[str, Any]:

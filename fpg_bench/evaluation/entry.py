@@ -32,15 +32,15 @@ _MADE_BY = ("algorithm", "id", "scenario", "training_steps", "hyperparameters", 
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One training seed of an entry.
+class EvaluatedPlayer:
+    """What is evaluated: a script, a planner, or one training seed of an agent.
 
     Attributes:
         name: its name in records and tables; agents of several training seeds share it.
         training_seed: None for a script or a planner.
         fingerprint: hash of the policy or source file, or the name of a script.
         make: returns the player (or planner) that meets a rival.
-        made: hash of all that made an agent but its training seed; None for all else.
+        made: hash of all that made an agent except its training seed; None for all else.
         training: training steps and seconds of an agent, as far as they are known.
     """
 
@@ -52,17 +52,19 @@ class Entry:
     training: dict[str, float] = dataclasses.field(default_factory=dict)
 
 
-def player_entry(spec: PlayerSpec, name: str | None = None, training_seed: int | None = None) -> Entry:
+def player_entry(
+    spec: PlayerSpec, name: str | None = None, training_seed: int | None = None
+) -> EvaluatedPlayer:
     """Return the entry of a single player, given by its name or as an object."""
     fingerprint = policy_hash(spec) or code_fingerprint(player_name(spec))
-    return Entry(name or player_name(spec), training_seed, fingerprint, Same(spec))
+    return EvaluatedPlayer(name or player_name(spec), training_seed, fingerprint, FixedPlayer(spec))
 
 
 def entries_of(
     specs: Sequence[PlayerSpec] | Mapping[str, Players],
     suite: Suite,
     name: str | None = None,
-) -> list[Entry]:
+) -> list[EvaluatedPlayer]:
     """Return the entries of players, one per training seed.
 
     Agents are training seeds of one entry where all that made them is the same but the seed: algorithm,
@@ -71,9 +73,9 @@ def entries_of(
 
     Args:
         specs: players of the suite's side, groups of training seeds (``ally-scripted/sac``, ``runs/ppo``), or
-            ``all-scripted``; of a mapping, each key is the name of one
-            entry, a player or a list of agents.
-        suite: what they will meet.
+            ``all-scripted``. In a mapping, each key names an entry, and its value is a player or a list of
+            agents.
+        suite: the suite that they will meet.
         name: name of the agents among them; None: their algorithm.
 
     Raises:
@@ -112,7 +114,7 @@ def _each(spec: PlayerSpec, side: str) -> Sequence[PlayerSpec]:
     return [spec] if named == [name] else named
 
 
-def _named_entry(name: str, specs: Players, suite: Suite) -> list[Entry]:
+def _named_entry(name: str, specs: Players, suite: Suite) -> list[EvaluatedPlayer]:
     """Return the entry of this name, one per training seed."""
     entries = entries_of(list(specs) if isinstance(specs, list | tuple) else [specs], suite)
     if len({entry.name for entry in entries}) > 1:
@@ -120,7 +122,7 @@ def _named_entry(name: str, specs: Players, suite: Suite) -> list[Entry]:
     return [dataclasses.replace(entry, name=name) for entry in entries]
 
 
-def check_kept(entries: Sequence[Entry]) -> None:
+def check_kept(entries: Sequence[EvaluatedPlayer]) -> None:
     """Refuse players that a results folder could not recognize again, as they were not named by text."""
     for entry in entries:
         if entry.fingerprint.startswith(_NAMELESS):
@@ -130,7 +132,7 @@ def check_kept(entries: Sequence[Entry]) -> None:
             )
 
 
-def check_seeds(entries: Sequence[Entry]) -> None:
+def check_seeds(entries: Sequence[EvaluatedPlayer]) -> None:
     """Refuse two players of one entry with the same training seed."""
     known: dict[tuple[str, int | None], str] = {}
     for entry in entries:
@@ -142,18 +144,18 @@ def check_seeds(entries: Sequence[Entry]) -> None:
             )
 
 
-def planner_entry(spec: PlannerSpec, suite: Suite) -> Entry:
+def planner_entry(spec: PlannerSpec, suite: Suite) -> EvaluatedPlayer:
     """Return the entry of a planner, given by its name or as an object.
 
     Raises:
         UserError: no such planner, one without a valid name or tier, or one by the name of another.
     """
-    as_planner(spec, suite.scenario)  # refuses what is none, before anything is played
+    as_planner(spec, suite.scenario)  # refuses an invalid planner before anything is played
     name = spec if isinstance(spec, str) else str(getattr(spec, "name", type(spec).__name__))
     code = spec if isinstance(spec, str) else f"{type(spec).__module__}:{name}"
     if not isinstance(spec, str) and name in PLANNERS:
         raise UserError(f"planner {spec!r}: calls itself {name}, as one of the package does; rename it")
-    return Entry(name, None, code_fingerprint(code), Same(spec))
+    return EvaluatedPlayer(name, None, code_fingerprint(code), FixedPlayer(spec))
 
 
 def code_fingerprint(name: str) -> str:
@@ -212,26 +214,28 @@ def _label(specs: Sequence[PlayerSpec]) -> str:
     return shared.rstrip("/_-.") or player_name(specs[0])
 
 
-def _entry(spec: PlayerSpec, player: Player, name: str) -> Entry:
+def _entry(spec: PlayerSpec, player: Player, name: str) -> EvaluatedPlayer:
     about = _about(player)
     if about is None:
         is_nameless = not isinstance(spec, str | os.PathLike)
         fingerprint = f"{_NAMELESS}{id(spec)}" if is_nameless else code_fingerprint(player_name(spec))
-        return Entry(name, None, fingerprint, Same(spec))
+        return EvaluatedPlayer(name, None, fingerprint, FixedPlayer(spec))
     # An agent itself is sent to workers, as other machines may lack its files; other players by their names.
     made = hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]
     cost = {key: about.get(name) for key, name in (("steps", "training_steps"), ("seconds", "seconds"))}
     training = {key: value for key, value in cost.items() if isinstance(value, int | float)}
     fingerprint = str(policy_hash(player))
-    return Entry(name, about["training_seed"], fingerprint, Same(player), made=made, training=training)
+    return EvaluatedPlayer(
+        name, about["training_seed"], fingerprint, FixedPlayer(player), made=made, training=training
+    )
 
 
 @dataclass(frozen=True)
-class Same:
-    """Returns one player for all rivals; unlike a closure it can be sent to a worker."""
+class FixedPlayer:
+    """Factory that returns the same player for every rival; unlike a closure it can be pickled."""
 
-    plays: PlayerSpec | PlannerSpec
+    player: PlayerSpec | PlannerSpec
 
     def __call__(self, rival: Rival) -> PlayerSpec | PlannerSpec:
         """Return the player."""
-        return self.plays
+        return self.player

@@ -17,7 +17,7 @@ from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import PositiveInt, Strict, parse
-from fpg_bench.evaluation.entry import Entry, check_kept, check_seeds, entries_of
+from fpg_bench.evaluation.entry import EvaluatedPlayer, check_kept, check_seeds, entries_of
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_records
 from fpg_bench.evaluation.rounds import Players
@@ -27,7 +27,8 @@ from fpg_bench.evaluation.table import Results
 from fpg_bench.players.player import PlayerSpec
 
 RECORDS, ABOUT = "records.jsonl", "evaluation.json"  # the files of a results folder
-Progress = Callable[[Entry, Rival, int], None]  # called with the number of rounds played of each match
+# Called with the number of rounds of each match that were played.
+Progress = Callable[[EvaluatedPlayer, Rival, int], None]
 
 
 def evaluate(
@@ -78,7 +79,7 @@ def play_into(
     out: Path,
     name: str,
     suite: Suite,
-    entries: Sequence[Entry],
+    entries: Sequence[EvaluatedPlayer],
     progress: Progress = lambda entry, rival, rounds: None,
     n_jobs: int = 1,
     backend: str = "loky",
@@ -164,7 +165,7 @@ class _ResultsFile(Strict):
     training: dict[str, dict[str, dict[str, int | float]]] = pydantic.Field(default_factory=dict)
 
 
-def _claim(out: Path, name: str, suite: Suite, entries: Sequence[Entry]) -> None:
+def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer]) -> None:
     """Write into a folder the suite of its records, and how its agents were made and at what cost.
 
     Raises:
@@ -205,7 +206,9 @@ def _about(folder: Path) -> _ResultsFile:
         raise UserError(f"{error}; evaluate again into another folder") from error
 
 
-def _missing(entries: Sequence[Entry], suite: Suite, file: RowFile) -> Iterator[tuple[Entry, Rival]]:
+def _missing(
+    entries: Sequence[EvaluatedPlayer], suite: Suite, file: RowFile
+) -> Iterator[tuple[EvaluatedPlayer, Rival]]:
     """Yield the matchups that have no record yet.
 
     Raises:
@@ -230,7 +233,7 @@ def _missing(entries: Sequence[Entry], suite: Suite, file: RowFile) -> Iterator[
                 )
 
 
-def _job(entry: Entry, suite: Suite, rival: Rival, file: RowFile) -> Job:
+def _job(entry: EvaluatedPlayer, suite: Suite, rival: Rival, file: RowFile) -> Job:
     seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
     name = f"{entry.name}{seed} - {rival.name}"
     return Job(name, partial(play, entry, suite, rival), lambda record: file.append([record.row()]))

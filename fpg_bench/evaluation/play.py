@@ -14,7 +14,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.entry import Entry
+from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.record import TALLIES, Plans, Record
 from fpg_bench.evaluation.rounds import MatchBatch, make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
@@ -28,7 +28,7 @@ _DIGITS = 3  # of a round's return
 
 
 def play(
-    entry: Entry,
+    entry: EvaluatedPlayer,
     suite: Suite,
     rival: Rival,
     seeds: SeedSource | None = None,

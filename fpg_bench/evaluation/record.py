@@ -83,7 +83,7 @@ class Record:
         returns: of each round, in the order of seed and round.
         tally: sums of ``state.TALLY`` over all rounds; the longest outage is the greatest.
         ally_points, jam_points: steps per frequency point of both sides' centres.
-        lost: number of rounds lost by an answer that is no action.
+        lost: number of rounds lost by an answer that is not a valid action.
         rounds_sha256: of the tallies of all rounds.
         plans: statistics of planned paths; None if the entry plans none.
     """

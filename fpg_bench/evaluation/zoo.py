@@ -21,7 +21,7 @@ from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.players.player import SIDES
 
 if TYPE_CHECKING:
-    from fpg_bench.evaluation.entry import Entry
+    from fpg_bench.evaluation.entry import EvaluatedPlayer
 
 
 class _GroupFile(Strict):
@@ -94,7 +94,7 @@ class ZooAgent:
         """Return the content of ``agent.json``; raises UserError where it cannot be read."""
         return read_json(self.folder / "agent.json", "agent")
 
-    def entry(self) -> Entry:
+    def entry(self) -> EvaluatedPlayer:
         """Return the shipped agent as an entry of an evaluation; raises UserError where it is damaged."""
         from fpg_bench.evaluation.entry import player_entry  # needs the extra `evaluate`
 

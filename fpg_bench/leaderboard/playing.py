@@ -15,7 +15,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.compare import transcript_file
-from fpg_bench.evaluation.entry import Entry, Same, player_entry
+from fpg_bench.evaluation.entry import EvaluatedPlayer, FixedPlayer, player_entry
 from fpg_bench.evaluation.match import replaying
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_record
@@ -67,11 +67,11 @@ class Part:
         """Hash of the policy, or the script's name."""
         return self.plays if isinstance(self.plays, str) else self.plays.sha256
 
-    def entry(self, player: PlayerSpec, suite: Suite) -> Entry:
+    def entry(self, player: PlayerSpec, suite: Suite) -> EvaluatedPlayer:
         """Return the part as an entry of a suite, played by a player."""
         if self.recorded is not None:
-            return Entry(self.slug, None, self.fingerprint, partial(_replay, self.recorded, suite))
-        return Entry(self.slug, self.seed, self.fingerprint, Same(player))
+            return EvaluatedPlayer(self.slug, None, self.fingerprint, partial(_replay, self.recorded, suite))
+        return EvaluatedPlayer(self.slug, self.seed, self.fingerprint, FixedPlayer(player))
 
 
 def _replay(folder: Path, suite: Suite, ally: Rival) -> PlannerSpec:

@@ -199,4 +199,4 @@ def _checked(plan: object, where: str) -> Plan:
     try:
         return replace(plan, waypoints=np.asarray(plan.waypoints, float))
     except (TypeError, ValueError) as error:
-        raise UserError(f"{where}: its waypoints are no array of numbers: {reason(error)}") from error
+        raise UserError(f"{where}: its waypoints are not an array of numbers: {reason(error)}") from error

@@ -49,7 +49,7 @@ class OnnxPlayer(SeededPolicy):
         row_wise: True if one call plays all games; see :func:`fpg_bench.players.onnx_file.row_wise`.
 
     Raises:
-        UserError: it is no ONNX file, onnxruntime cannot read it, or its inputs and outputs are others.
+        UserError: not an ONNX file, one that onnxruntime cannot read, or one with other inputs or outputs.
     """
 
     def __init__(self, model: bytes, about: dict[str, Any]) -> None:
@@ -232,7 +232,7 @@ def _places(name: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def seed_folders(folder: Path) -> list[Path]:
-    """Return the folders of training seeds in a folder that is no agent, in their order."""
+    """Return the folders of training seeds in a folder that is not an agent, in their order."""
     if (folder / "agent.json").exists() or (folder / "agent").exists():
         return []
     seeds = [path for path in folder.glob("seed_*") if _SEED.fullmatch(path.name) and path.is_dir()]
@@ -281,7 +281,7 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
             ``actions``.
 
     Raises:
-        UserError: a field missing, a policy off the contract, or no ONNX.
+        UserError: a field missing, a policy with other inputs or outputs, or a file that is not ONNX.
     """
     where = f"agent {os.fspath(folder)}"
     data = stripped(model if isinstance(model, bytes) else Path(model).read_bytes())
@@ -305,7 +305,7 @@ def stripped(model: bytes) -> bytes:
     """Return a policy without its exporter's notes on the machine: paths, stack traces, module names.
 
     Raises:
-        UserError: no ONNX, or the package ``onnx`` is not installed.
+        UserError: not an ONNX file, or the package ``onnx`` is not installed.
     """
     need("evaluate", "onnx")
     import onnx
@@ -313,7 +313,7 @@ def stripped(model: bytes) -> bytes:
     try:
         proto = onnx.load_model_from_string(model)
     except Exception as error:  # protobuf's own kinds
-        raise UserError("policy.onnx: is no ONNX file, or a truncated one") from error
+        raise UserError("policy.onnx: is not an ONNX file, or is truncated") from error
     del proto.metadata_props[:]
     proto.doc_string = proto.graph.doc_string = ""
     del proto.graph.metadata_props[:]

@@ -19,7 +19,7 @@ MAX_NOISE = 16
 _MODEL = ("producer_name", "producer_version", "domain", "model_version", "doc_string", "metadata_props")
 _GRAPH = ("doc_string", "metadata_props", "value_info", "quantization_annotation")
 _PART = ("doc_string", "metadata_props")
-_NO_FILE = "is no ONNX file, or a truncated one"
+_NO_FILE = "is not an ONNX file, or is truncated"
 
 
 def plain_model(data: bytes) -> ModelProto:
@@ -29,7 +29,7 @@ def plain_model(data: bytes) -> ModelProto:
     another program could take for something else, as a file of onnxruntime's own format, are gone.
 
     Raises:
-        UserError: the bytes are no model with a graph.
+        UserError: the bytes are not a model with a graph.
     """
     from onnx import ModelProto
 
@@ -59,7 +59,7 @@ def check_signature(inputs: dict[str, list[Any]], outputs: dict[str, list[Any]])
     """Raise UserError if the inputs and outputs of a policy do not fit the contract.
 
     Args:
-        inputs, outputs: their shapes by name; a size that is free is no int.
+        inputs, outputs: their shapes by name; a free size is not an int.
 
     Raises:
         UserError: a name, shape or size that does not fit.
@@ -109,7 +109,7 @@ def row_wise(model: ModelProto) -> bool:
         model: a policy's, as :func:`fpg_bench.players.onnx_file.plain_model` reads it.
 
     Returns:
-        False where the operators do not show it, which is no proof of the contrary.
+        False where the operators do not show it, which does not prove the contrary.
     """
     if any(opset.version < _OLDEST for opset in model.opset_import):
         return False
@@ -178,7 +178,7 @@ class _Read:
         others: the shapes of those that hold none.
         outputs: the shapes of its outputs.
         attributes: its attributes.
-        integers: its inputs as integers; None if they are no constants of the file.
+        integers: its inputs as integers; None if they are not constants of the file.
     """
 
     node: NodeProto

@@ -1,4 +1,4 @@
-"""Populations of agents: ``suite:NAME`` for all agents of a suite, ``suite:NAME/MEMBER`` for one."""
+"""Agents of a suite as players: ``suite:NAME`` for all of them, ``suite:NAME/MEMBER`` for one."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ PREFIX = "suite:"
 class SuiteMember(OnnxPlayer):
     """An agent that flies as in its training: an opponent that never learned to fly pursues the ally.
 
-    Under the path ``learned`` such an opponent's rounds are those of the path ``pursuit``, to the bit. So
-    opponents of both kinds can be drawn in one game.
+    Under the path ``learned`` such an opponent's rounds are bit-identical to those of the path
+    ``pursuit``, so one game can draw opponents of both kinds.
     """
 
     @property
@@ -28,14 +28,16 @@ class SuiteMember(OnnxPlayer):
         return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
 
 
-def as_member(folder: str | os.PathLike[str], side: str | None = None) -> SuiteMember:
+def member_from_folder(folder: str | os.PathLike[str], side: str | None = None) -> SuiteMember:
     """Load a member from its agent folder; raises as :func:`fpg_bench.players.agent.load_agent`."""
     agent = load_agent(folder, side)
     return SuiteMember(agent.model, agent.about)
 
 
-def with_members(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:
-    """Return a list of players with each suite replaced by its members of a side.
+def expand_suites(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:
+    """Replace each suite in a list of players by its members of a side.
+
+    Any other player is returned as it is, also one that does not exist; loading it raises.
 
     Args:
         specs: players as :func:`fpg_bench.players.registry.as_player` takes them, and suites: ``suite:NAME``,
@@ -43,7 +45,7 @@ def with_members(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:
         side: ``ally`` or ``opponent``.
 
     Raises:
-        UserError: no such suite, or one without members of this side.
+        UserError: a suite has no members of this side.
     """
     players: list[PlayerSpec] = []
     for spec in specs:
@@ -66,18 +68,18 @@ def load_member(spec: str, side: str) -> SuiteMember:
     """Load the player that ``suite:NAME/MEMBER`` names.
 
     Raises:
-        UserError: no such suite or member, a whole suite, or a member that is damaged or plays another side.
+        UserError: no such suite or member, a whole suite, or an agent that cannot be loaded as this side.
     """
     name = spec.removeprefix(PREFIX)
     if _folder(name) is not None:
-        raise UserError(f"{spec}: is a whole suite, to draw from per round; here one player is expected")
+        raise UserError(f"{spec}: names a whole suite; expected a single player")
     suite, _, member = name.rpartition("/")
     known = _members(PREFIX + (suite or name), side)
     if spec not in known:
         raise UserError(f"{side} {spec!r}: the suite has no such member{nearest(spec, known)}")
     folder = _folder(suite)
     assert folder is not None
-    return as_member(folder / side / member, side)
+    return member_from_folder(folder / side / member, side)
 
 
 def _members(spec: str, side: str) -> list[str]:

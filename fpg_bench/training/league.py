@@ -34,7 +34,7 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.player import SIDES, Player
-from fpg_bench.players.population import member_folder, with_members
+from fpg_bench.players.population import expand_suites, member_folder
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.players.tactics import draw_variants
 from fpg_bench.training.config import GameOptions, RunConfig
@@ -611,7 +611,7 @@ def train_champion(recipe: Recipe, seed: int, runs: Path, *, progress: bool = Fa
         UserError: something unknown or out of range, or a folder that holds another run.
         KeyboardInterrupt: stopped by the user.
     """
-    population = [str(spec) for spec in with_members(recipe.against, recipe.other_side)]
+    population = [str(spec) for spec in expand_suites(recipe.against, recipe.other_side)]
     folder, agent = runs / recipe.name / f"seed_{seed}", Path()
     for number, stage in enumerate(recipe.stages):
         stage_folder = folder / f"stage_{number}"

@@ -101,7 +101,7 @@ def annotated(proto):
 def test_a_file_of_onnxruntimes_own_format_is_never_played(tmp_path):
     data = in_own_format(policy(0), tmp_path)
     assert data[4:8] == b"ORTM"
-    with pytest.raises(UserError, match="is no ONNX file"):
+    with pytest.raises(UserError, match="is not an ONNX file"):
         OnnxPlayer(data, {})
     assert check_policy(data) != []
 

@@ -124,9 +124,9 @@ def test_a_policy_environment_takes_a_script_an_oracle_an_object_and_a_list(spec
 
 
 MISTAKES = [
-    (ALLY, {"opponent": "adaptve"}, "opponent: 'adaptve' is no script; did you mean 'adaptive'"),
+    (ALLY, {"opponent": "adaptve"}, "opponent: 'adaptve' is not a script; did you mean 'adaptive'"),
     (ALLY, {"opponent": "oracle"}, "FPG/AllyVsPolicy-v0 plays against anyone"),
-    (ALLY, {"opponent": 3}, "opponent: 3 is no script"),
+    (ALLY, {"opponent": 3}, "opponent: 3 is not a script"),
     (ALLY, {"opponent": []}, "must not be empty"),
     (ALLY, {"ally": "expert"}, "you play the ally; name the opponent"),
     (OPPONENT, {"opponent": "tone"}, "you play the opponent; name the ally"),

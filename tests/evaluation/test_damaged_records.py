@@ -43,7 +43,7 @@ def test_an_entry_with_and_without_a_training_seed_is_named(records, suite):
 def test_a_row_that_lacks_what_it_needs_is_named(tmp_path, row):
     file = RowFile(tmp_path / "rows.jsonl", {"side": str, "score": float | int})
     file.append([{"side": "ally", "score": 1.5}, row])
-    with pytest.raises(UserError, match=r"line 2: (side|score) is missing or changed"):
+    with pytest.raises(UserError, match=r"line 2: (side|score) is missing or has the wrong type"):
         file.read()
 
 

@@ -13,7 +13,7 @@ import fpg_bench
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation import evaluate as evaluating
-from fpg_bench.evaluation.entry import Entry, entries_of, player_entry
+from fpg_bench.evaluation.entry import EvaluatedPlayer, entries_of, player_entry
 from fpg_bench.evaluation.evaluate import evaluate, play_into, read_results
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
@@ -254,7 +254,7 @@ def test_many_at_once_give_the_same_rows_and_a_player_that_fails_holds_up_nobody
 
 
 def test_entries_of_one_name_and_seed_are_refused_however_they_come(suite, tmp_path):
-    one: Entry = player_entry("idle", name="x")
+    one: EvaluatedPlayer = player_entry("idle", name="x")
     with pytest.raises(UserError, match="x: two different players"):
         play_into(
             tmp_path / "out", suite, load_suite(suite), [one, dataclasses.replace(one, fingerprint="2")]

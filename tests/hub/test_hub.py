@@ -220,7 +220,7 @@ def test_what_cannot_be_done_is_one_clear_line(hub, first, tmp_path, monkeypatch
     [
         ({}, through("RandomNormalLike"), r"policy.onnx: .*draws at random"),
         ({}, through("Abs", "Neg", "Log"), r"policy.onnx: loses rounds"),
-        ({}, b"no network", r"policy.onnx: is no ONNX file"),
+        ({}, b"no network", r"policy.onnx: is not an ONNX file"),
         ({"policy_sha256": "0" * 64}, None, r"policy_sha256: does not match policy.onnx"),
         ({"id": "FPG/AllyVsScripted-v9"}, None, r"agent.json: .*which this version does not have"),
         ({"training_steps": -1}, None, r"training_steps: expected a whole number"),

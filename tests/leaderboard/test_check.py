@@ -250,7 +250,7 @@ def test_a_policy_twice_or_off_the_contract_is_named_with_its_seed(tmp_path):
         folder
     )
     write_seed(folder / "seed_1", 1, policy(1)[:200])
-    assert only(folder).startswith("seed_1/policy.onnx: is no ONNX file")
+    assert only(folder).startswith("seed_1/policy.onnx: is not an ONNX file")
 
 
 def test_names_are_taken_once_on_a_board(tmp_path):

@@ -90,8 +90,8 @@ def by_content():
 
 
 HOSTILE = {
-    "nonsense": (b"nonsense", "no ONNX file"),
-    "empty": (b"", "no ONNX file"),
+    "nonsense": (b"nonsense", "not an ONNX file"),
+    "empty": (b"", "not an ONNX file"),
     "truncated": (policy(0)[:300], "truncated"),
     "oversized": (b"0" * 5_000_001, "5,000,001 bytes, at most 5,000,000"),
     "custom domain": (one("Magic", domain="com.microsoft"), "'Magic' of the domain 'com.microsoft'"),
@@ -110,7 +110,7 @@ HOSTILE = {
     "float64": (one("Cast", None, value("action", 9, DOUBLE), to=DOUBLE), "expected float32"),
     "input": (one("Tanh", value("seen")), "unknown input 'seen'"),
     "output": (one("Tanh", None, value("x")), "unknown output 'x'"),
-    "shapes": (one("Tanh"), "no valid ONNX"),
+    "shapes": (one("Tanh"), "not valid ONNX"),
     "two sets": (model([PRODUCT], [weights()], opsets=[("", 18), ("ai.onnx", 11)]), "imports 2 sets of ONNX"),
     "two tensors": (model([PRODUCT], [weights(), weights(scale=2.0)]), "two tensors 'w'"),
     "two alphas": (changed(lambda proto: proto.graph.node[0].attribute.extend(ALPHA)), "stands there twice"),
@@ -121,7 +121,7 @@ HOSTILE = {
     "few bytes": (changed(lambda proto: setattr(proto.graph.initializer[0], "raw_data", b"x")), "no valid"),
     "costly": (DEEP, r"3,0\d\d,\d+ multiply-adds a row, at most 2,000,000"),
     "huge": (huge(), r"needs 2,000,000,\d+ multiply-adds"),
-    "many axes": (many_axes(), "cannot be read|no valid ONNX|more than 8 axes|memory|worked out"),
+    "many axes": (many_axes(), "cannot be read|not valid ONNX|more than 8 axes|memory|worked out"),
     "by content": (by_content(), "does not follow from the file"),
 }
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from onnx import TensorProto
 
-from fpg_bench.evaluation.entry import Entry, Same
+from fpg_bench.evaluation.entry import EvaluatedPlayer, FixedPlayer
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import STANDARD
@@ -127,11 +127,11 @@ def test_a_policy_that_is_slow_in_all_or_dies_is_given_up(monkeypatch):
                 client.predict(np.zeros((2, 15), np.float32))
         os.kill(client.pid, signal.SIGKILL)
         with pytest.raises(PolicyFailed, match=r"its process died \(SIGKILL\)"):
-            play(Entry("mine", 0, "0" * 64, Same(client)), SUITE, ADAPTIVE)
+            play(EvaluatedPlayer("mine", 0, "0" * 64, FixedPlayer(client)), SUITE, ADAPTIVE)
 
 
 def test_what_onnxruntime_cannot_read_is_named():
-    with pytest.raises(PolicyFailed, match="is no ONNX file"), PolicyClient(as_policy(b"nonsense")):
+    with pytest.raises(PolicyFailed, match="is not an ONNX file"), PolicyClient(as_policy(b"nonsense")):
         pass
 
 

@@ -44,9 +44,9 @@ def test_waypoints_may_be_a_list_and_come_as_floats(waypoints):
     [
         (None, "plan must give a fpg_bench.planning.Plan, got NoneType"),
         (CORNER, "plan must give a fpg_bench.planning.Plan, got ndarray"),
-        (Plan([["a"] * 3] * 16, "here"), "its waypoints are no array of numbers: ValueError: .*'a'"),
-        (Plan([[0, 0, 0], [0, 0]], "here"), "its waypoints are no array of numbers: ValueError"),
-        (Plan([{}] * 16, "here"), "its waypoints are no array of numbers: TypeError"),
+        (Plan([["a"] * 3] * 16, "here"), "its waypoints are not an array of numbers: ValueError: .*'a'"),
+        (Plan([[0, 0, 0], [0, 0]], "here"), "its waypoints are not an array of numbers: ValueError"),
+        (Plan([{}] * 16, "here"), "its waypoints are not an array of numbers: TypeError"),
         (Plan(CORNER, 7), "its plan's source is 7; expected str"),
         (Plan(CORNER, "here", None), "its plan's status is None; expected str"),
         (Plan(CORNER, "here", tokens="many"), r"its plan's tokens is 'many'; expected int \| None"),

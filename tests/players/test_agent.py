@@ -89,8 +89,8 @@ def test_same_bits_whatever_the_batch():
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"nonsense", "is no ONNX file"),
-        (model_bytes()[:200], "is no ONNX file"),
+        (b"nonsense", "is not an ONNX file"),
+        (model_bytes()[:200], "is not an ONNX file"),
         (model_bytes(observation=16), r"shape \['n', 16\]"),
         (model_bytes(action=8), r"shape \['n', 8\]"),
         (model_bytes(noise=17), "at most 16"),

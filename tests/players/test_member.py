@@ -9,7 +9,7 @@ import numpy as np
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.population import as_member
+from fpg_bench.players.population import member_from_folder
 from fpg_bench.players.registry import as_player
 
 PURSUER = "opponent-pursuit/ppo/seed_0"
@@ -34,18 +34,18 @@ def rounds(path, *opponents):
 
 
 def test_who_learned_in_pursuit_plays_the_same_rounds_under_learned_flight():
-    member = as_member(PURSUER)
+    member = member_from_folder(PURSUER)
     assert (rounds("learned", member)[0] == rounds("pursuit", member)[0]).all()
     agent = load_agent(PURSUER)  # which is not told how it flew
     assert (rounds("learned", agent)[0] != rounds("pursuit", agent)[0]).any()
 
 
 def test_who_learned_to_fly_flies_itself():
-    assert (rounds("learned", as_member(FLYER))[0] == rounds("learned", load_agent(FLYER))[0]).all()
+    assert (rounds("learned", member_from_folder(FLYER))[0] == rounds("learned", load_agent(FLYER))[0]).all()
 
 
 def test_both_kinds_are_drawn_in_one_game():
-    pursuer, flyer = as_member(PURSUER), as_member(FLYER)
+    pursuer, flyer = member_from_folder(PURSUER), member_from_folder(FLYER)
     mixed, choices = rounds("learned", pursuer, flyer)
     assert set(choices.ravel()) == {0, 1}
     assert (mixed[choices == 0] == rounds("pursuit", pursuer)[0][choices == 0]).all()
@@ -53,4 +53,4 @@ def test_both_kinds_are_drawn_in_one_game():
 
 
 def test_a_member_that_travels_to_a_worker_flies_as_before():
-    assert pickle.loads(pickle.dumps(as_member(PURSUER))).flies == "pursuit"
+    assert pickle.loads(pickle.dumps(member_from_folder(PURSUER))).flies == "pursuit"

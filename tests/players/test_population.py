@@ -15,7 +15,7 @@ from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.population import with_members
+from fpg_bench.players.population import expand_suites
 from fpg_bench.players.registry import as_player
 
 from .test_agent import model_bytes
@@ -94,7 +94,7 @@ def suite(tmp_path):
 
 
 def test_a_suites_name_stands_for_its_members_of_the_side_wherever_it_is_in_a_list(suite):
-    found = with_members(["tone", suite, "comb"], "opponent")
+    found = expand_suites(["tone", suite, "comb"], "opponent")
     assert found == ["tone", f"{suite}/a-td3", f"{suite}/b-ppo", "comb"]
     core = SingleAgentGame(ENV_ID, 64, opponent=["tone", suite])
     core.reset(seeds=0)

@@ -32,7 +32,7 @@ def test_an_id_of_discrete_actions_becomes_the_plain_id_and_an_action_mode(tmp_p
 @pytest.mark.parametrize(
     ("model", "change", "message"),
     [
-        (b"nonsense", {}, "no ONNX file"),
+        (b"nonsense", {}, "not an ONNX file"),
         (policy(0), {"id": "FPG/Nothing-v0"}, "unknown id"),
         (policy(0), {"side": "ally", "id": "FPG/duel_v0", "format": 3}, "format 3"),
     ],

@@ -67,7 +67,7 @@ def test_impossible_players_are_refused(ally, tmp_path):
         (AGAINST_ALLIES, both / "agent", "holds agents of both sides"),
         (AGAINST_ALLIES, other, r"made for the id 'FPG/AllyVsScripted-v9', which this version does not"),
         (AGAINST_ALLIES, "exprt", "did you mean 'expert'"),
-        ("FPG/OpponentVsScripted-v0", ally / "agent", "is no script"),
+        ("FPG/OpponentVsScripted-v0", ally / "agent", "is not a script"),
     ):
         with pytest.raises(UserError, match=message):
             respond(tmp_path / "run", str(against), env_id)

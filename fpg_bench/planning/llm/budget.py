@@ -22,8 +22,8 @@ _logger = logging.getLogger(__name__)
 class Budget:
     """Caps on calls, tokens and time, and a circuit breaker that opens after five failures in a row.
 
-    Once spent or open it stays so: the rest of the run is flown without calls, which is logged once. Copies
-    of a planner share one budget.
+    Once a cap is reached or the breaker is open, the rest of the run is flown without calls; this is logged
+    once. Copies of a planner share one budget.
 
     Args:
         calls: largest number of calls.
@@ -31,7 +31,7 @@ class Budget:
         seconds: no call is made after this much time in calls.
 
     Raises:
-        UserError: a cap is no positive number.
+        UserError: a cap is not a positive number.
     """
 
     def __init__(self, calls: float = CALLS, tokens: float = TOKENS, seconds: float = SECONDS) -> None:
@@ -47,32 +47,34 @@ class Budget:
         return self
 
     def resume(self, attempts: Iterable[Attempt], where: str) -> None:
-        """Count the attempts of a resumed run once.
+        """Count the attempts of a resumed run; calls after the first do nothing.
 
-        Its failures in a row are reset, since the server may have been repaired. Plans without an answer stay
+        Consecutive failures are reset, since the server may have been repaired. Plans without an answer stay
         as they were flown; their number is logged.
 
         Args:
-            attempts: of the transcript.
-            where: the transcript's name for the log.
+            attempts: all attempts of the transcript.
+            where: name of the transcript in the log.
         """
         if self._is_resumed:
             return
-        self._is_resumed, lost = True, Counter[str]()
+        self._is_resumed = True
+        lost = Counter[str]()
         for attempt in attempts:
             self.spend(attempt)
-            lost[attempt.error or ""] += attempt.error in UNANSWERED
+            if attempt.error in UNANSWERED:
+                lost[attempt.error] += 1
         self.failures = 0
         if lost.total():
-            why = ", ".join(f"{error} {count}" for error, count in sorted(lost.items()) if count)
+            why = ", ".join(f"{error} {count}" for error, count in sorted(lost.items()))
             stay = "they stay as they were flown; another file or folder asks anew"
             _logger.warning("%s: plans without an answer: %d (%s); %s", where, lost.total(), why, stay)
 
     def refusal(self, under_way: int = 0) -> str | None:
-        """Return the reason that no further call may be made, None if one may.
+        """Return why no further call may be made, None if one may; log the first refusal.
 
         Args:
-            under_way: calls that are decided on but not spent yet.
+            under_way: calls that are planned but not counted yet.
         """
         why = self._why(under_way)
         if why is not None and not self._is_reported:

@@ -34,7 +34,7 @@ SHORTEST_SECRET = 8  # shorter keys are words such as "none" and "x", which stan
 RETRIES = 2  # after a lost connection, or a status such as 503
 BACKOFF_S = (1.0, 2.0, 4.0, 8.0, 16.0, 30.0)  # waits after each 429 that names no time to wait
 _WAIT_HEADERS = {"retry-after", "retry-after-ms"}
-_LONGEST_RAW = 10_000  # characters kept of a body that is no JSON
+_LONGEST_RAW = 10_000  # characters kept of a body that is not JSON
 _LONGEST_DETAIL = 200
 _PERMANENT = (401, 403, 404, 405)  # statuses that a retry cannot mend; redirects are not followed either
 _ADVICE = {
@@ -70,7 +70,7 @@ class Reply:
     Attributes:
         text: what the model wrote; None where ``error`` is set.
         error: None, or one of ``ERRORS``: the deadline passed; no connection, or an error of the server;
-            the model or a filter refused to answer; a reply that is no chat completion.
+            the model or a filter refused to answer; a reply that is not a chat completion.
         detail: one line about the error, and about fields that were left out.
         raw: the body, as JSON; text, cut, where it is none; None where none came.
         model: the model that answered, as the server reports it.
@@ -371,7 +371,7 @@ def read_reply(status: int, data: bytes, secret: str | None, refusal_codes: tupl
         return replace(reply, is_permanent=(status in _PERMANENT or status < 400) and reply.error == "http")
     if not isinstance(body, dict):
         kind = _describe_body(data) if isinstance(body, str) else "other JSON"
-        detail = f"the reply is no chat completion but {kind}"
+        detail = f"the reply is not a chat completion but {kind}"
         return Reply(error="invalid", detail=detail, raw=body, is_permanent=kind == _WEB_PAGE)
     if not body.get("choices"):
         if body.get("error") or body.get("code"):

@@ -69,7 +69,7 @@ class LLMPlanner(BatchPlanner):
         sampling_seed: determines the seeds that the server is sent.
 
     Raises:
-        UserError: no endpoint, an unknown prompt, control or mode, a cap or deadline that is no positive
+        UserError: no endpoint, an unknown prompt, control or mode, a cap or deadline that is not a positive
             number, a temperature that the server does not take; while planning: a transcript that holds
             other requests, or in a replay lacks one, or a server that cannot be reached, knows no such
             address or refuses the key.

@@ -89,7 +89,7 @@ def model_file(path: str | Path | None = None) -> Path:
         path: the file; None: what ``FPG_LLM_GGUF`` names, else the one that was fetched.
 
     Raises:
-        UserError: there is none, or it is no GGUF file.
+        UserError: there is none, or it is not a GGUF file.
     """
     named = path or os.environ.get(GGUF, "").strip() or None
     file = SMOLLM2.file if named is None else Path(named)
@@ -102,7 +102,7 @@ def model_file(path: str | Path | None = None) -> Path:
     except OSError as error:
         raise UserError(f"language model {file}: cannot be read: {error.strerror}") from error
     if magic != _MAGIC:
-        raise UserError(f"language model {file}: is no GGUF file")
+        raise UserError(f"language model {file}: is not a GGUF file")
     return file
 
 

@@ -99,7 +99,7 @@ class Attempt(Strict, extra="ignore"):
         Raises:
             UserError: a field is missing, or of another type; ``where`` begins the message.
         """
-        return parse(cls, row, f"{where} is no attempt")
+        return parse(cls, row, f"{where} is not a valid attempt")
 
     def row(self) -> Row:
         """Return the row that :meth:`read` reads."""
@@ -217,7 +217,7 @@ def packed_rows(path: Path) -> list[Row]:
         path: the file, gzip-compressed where its name ends in ``.gz``.
 
     Raises:
-        UserError: it cannot be read or unpacked, is too long, has a line that is too long or no row, or ends
+        UserError: it cannot be read or unpacked, is too long, has a line that is too long or invalid, or ends
             in the middle of one.
     """
     data = read_bounded(path, "transcript", MOST_BYTES)
@@ -233,7 +233,7 @@ def packed_rows(path: Path) -> list[Row]:
         try:
             rows.append(read_object(line))
         except ValueError as error:
-            raise UserError(f"transcript {path}: line {number} is no row: {error}") from error
+            raise UserError(f"transcript {path}: line {number} is not a valid row: {error}") from error
     return rows
 
 
@@ -438,7 +438,7 @@ class Transcript:
             if self._link is not None:
                 self._link = follows(self._link, row, where)
             if row.get("kind") == "flown":
-                plan = parse(Flown, row, f"{where} is no round flown")
+                plan = parse(Flown, row, f"{where} is not a valid round")
                 self._flown[plan.seed, plan.match, plan.round] = plan
             elif row.get("kind") == "attempt":
                 attempt = Attempt.read(row, where)

@@ -140,7 +140,7 @@ def _node(node: NodeProto) -> Iterator[str]:
         if attribute.HasField("g") or attribute.graphs:
             yield f"operator {_word(node.op_type)}: holds a graph of its own, which is not allowed"
         elif attribute.type not in _VALUES or attribute.ref_attr_name or attribute.tensors:
-            yield f"operator {_word(node.op_type)}: its attribute {_word(attribute.name)} is no plain value"
+            yield f"operator {_word(node.op_type)}: attribute {_word(attribute.name)} is not a plain value"
 
 
 def _why_not(operator: str) -> str:
@@ -187,7 +187,7 @@ def _meaning(model: ModelProto) -> list[str]:
     try:
         onnx.checker.check_model(model, full_check=True)
     except Exception as error:  # the checker's, shape inference's and protobuf's kinds
-        return [f"is no valid ONNX: {first_line(error)}"]
+        return [f"is not valid ONNX: {first_line(error)}"]
     try:
         cost = multiply_adds(model)
     except UserError as error:

@@ -233,7 +233,7 @@ def test_a_file_of_ones_own_is_named_and_looked_at(tmp_path, monkeypatch):
         model_file(other)
     other.write_bytes(b"<html>")
     monkeypatch.setenv(GGUF, str(other))
-    with pytest.raises(UserError, match=r"other\.gguf: is no GGUF file"):
+    with pytest.raises(UserError, match=r"other\.gguf: is not a GGUF file"):
         model_file()
     other.write_bytes(DATA)
     assert model_file() == other

@@ -156,7 +156,7 @@ def test_a_damaged_line_is_named(recorded, name):
     del line[name]
     for damaged, problem in ((line, f"lacks {name}"), (changed_line, f"{name}: expected")):
         recorded.write_text("{}\n" + json.dumps(damaged) + "\n")
-        with pytest.raises(UserError, match=f"line 2 is no attempt: {problem}"):
+        with pytest.raises(UserError, match=f"line 2 is not a valid attempt: {problem}"):
             Transcript(recorded, "replay").find(ATTEMPT.where, BODY)
 
 
