@@ -186,7 +186,7 @@ def test_a_folder_job_fills_its_folder_if_its_worker_sees_it(tmp_path):
     [
         ({"n_jobs": 0}, "n_jobs: expected a whole number above 0, got 0"),
         ({"backend": "loki"}, "unknown 'loki'; did you mean 'loky'"),
-        ({"address": "host:1"}, "say --backend ray, too"),
+        ({"address": "host:1"}, "add --backend ray"),
     ],
 )
 def test_bad_options(options, message):

@@ -43,7 +43,7 @@ class EnvConfig:
         return other_side(self.side)
 
     def action_mode(self, actions: str | None) -> str:
-        """Return the action mode that the caller names, or else the id's; raises UserError if they differ."""
+        """Return the action mode of the caller, otherwise the id's; raises UserError if they differ."""
         if actions not in (None, self.actions) and self.actions != "continuous":
             raise UserError(f"actions: the id says {self.actions}, got {actions!r}; use {self.id} to choose")
         return actions or self.actions

@@ -28,8 +28,8 @@ from fpg_bench.common.imports import described
 _logger = logging.getLogger(__name__)
 
 BACKENDS = ("loky", "ray")
-LINE_EVERY_S = 30.0  # between two lines of progress, where there is no terminal
-TRIES = 3  # of jobs whose worker process is lost
+LINE_EVERY_S = 30.0  # between two lines of progress without a terminal
+TRIES = 3  # attempts at a job whose worker process is lost
 GRACE_S = 30.0  # for interrupted jobs to save their state
 _CONNECT_S = 5.0
 _LOOK_EVERY_S = 0.1  # for worker processes that are yet to be interrupted
@@ -41,7 +41,7 @@ def _never() -> bool:
 
 
 def _drop(result: object) -> None:
-    """Keep nothing: the job has written its own files."""
+    """Discard the result: the job has written its own files."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def run_jobs(
         backend: ``loky`` for processes of this machine, ``ray`` for a Ray cluster.
         address: of the cluster, ``host:port``. None: the environment's ``RAY_ADDRESS``; without that, Ray is
             started on this machine for the duration of the jobs.
-        level: at which a line for each job that ends is logged.
+        level: logging level of the line for each job that ends.
 
     Returns:
         The errors of failed jobs by name, in the order of the jobs; empty on success.
@@ -118,7 +118,7 @@ def run_jobs(
     if backend == "ray":
         need("ray", "ray")
     elif address is not None:
-        raise UserError("address: is a Ray cluster's; say --backend ray, too")
+        raise UserError("address: names a Ray cluster; add --backend ray")
     failed: dict[str, str] = {}
     jobs = list(jobs)
     waiting = {index: job for index, job in enumerate(jobs) if not job.done()}

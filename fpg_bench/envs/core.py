@@ -105,7 +105,7 @@ def compute_reward(reward: str, side: str, games: np.ndarray, scenario: Scenario
 
 
 class Core:
-    """Base class of the cores: N games, and what an environment hands to them and takes from them.
+    """Base class of the cores: N games, with the spaces, observations and rewards of an environment.
 
     All environments take their spaces, observations and rewards from their core, and give their actions to
     ``step(actions)``, which turns them into the ``(N, 9)`` floats of each side.
@@ -165,7 +165,7 @@ class SingleAgentGame(Core):
         policies: SHA-256 of the policies of the other side's agents, by name.
 
     Raises:
-        UserError: something unknown, out of range, of the wrong side, or impossible together.
+        UserError: an unknown option, a value or side that does not fit, or options that exclude each other.
     """
 
     def __init__(
@@ -239,7 +239,7 @@ class SingleAgentGame(Core):
         return Waterfall(self.scenario, HISTORY if history is None else history)
 
     def _bind(self) -> None:
-        """Keep the buffers of the caller's side at hand."""
+        """Bind the buffers of the caller's side."""
         batch = self.duel.batch
         self._numbers = batch.ally_observations if self.side == "ally" else batch.opponent_observations
         self.observations = self._numbers if self.waterfall is None else self._windows
@@ -252,7 +252,7 @@ class SingleAgentGame(Core):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._bind()  # the copy of an array that shows a buffer has memory of its own
+        self._bind()  # a copied view no longer shares its buffer
 
     def _others(self) -> list[Player]:
         """Return the other side's players; one player for a name that is listed several times."""
@@ -298,7 +298,7 @@ class SingleAgentGame(Core):
             UserError: actions are continuous.
         """
         if self.choices is None:
-            raise UserError("action_masks: actions are continuous here; say actions='discrete'")
+            raise UserError("action_masks: actions are continuous here; use actions='discrete'")
         return self.choices.mask
 
     def advice(self, game: int) -> str | None:
@@ -428,12 +428,12 @@ def _as_list(spec: PlayerSpec | Sequence[PlayerSpec] | None, default: str) -> li
 
 
 def _planner(spec: PlannerSpec | None, config: EnvConfig, scenario: Scenario) -> Planner | None:
-    """Return the planner that the caller names, or else the environment's own."""
+    """Return the planner that the caller names, otherwise the environment's default."""
     spec = config.planner if spec is None else spec
     planner = None if spec is None else as_planner(spec, scenario)
     if config.planner in LLM_CONTROLS and not getattr(planner, "asks_language_model", False):
         raise UserError(
-            f"planner: in {config.id} a language model plans, and {planner_name(planner)} asks none; "
+            f"planner: in {config.id} a language model plans, and {planner_name(planner)} does not use one; "
             "FPG/AllyVsPlanner-v0 takes any planner"
         )
     return planner
@@ -442,7 +442,7 @@ def _planner(spec: PlannerSpec | None, config: EnvConfig, scenario: Scenario) ->
 def _path(
     path: str | Sequence[str] | None, default: str, scenario: Scenario | str | None
 ) -> str | Sequence[str] | None:
-    """Return the path that the caller names, or else the environment's own, unless a scenario has one."""
+    """Return the path that the caller names, otherwise the environment's default or a scenario's."""
     if path is not None:
         if default == "waypoints" and "waypoints" not in (path if isinstance(path, list | tuple) else [path]):
             raise UserError("path: an opponent with a planner flies waypoints; choose a planner instead")

@@ -40,7 +40,7 @@ class FPGVecEnv(VecEnv):
     Args:
         core: the games, of which the caller plays one side (:class:`fpg_bench.envs.core.SingleAgentGame`) or
             both.
-        seed: begins the first matches, game i with seed + i; None: by chance.
+        seed: seed of the first matches, seed + i in game i; None: random.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
     """
@@ -168,7 +168,7 @@ def make_sb3(
     Args:
         env_id: ``FPG/AllyVsScripted-v0`` and the like.
         n_envs: number of games, N.
-        seed: game i begins with a match of seed + i; None: by chance.
+        seed: game i begins with a match of seed + i; None: random.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
         **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`: ``scenario``, ``opponent`` or

@@ -19,7 +19,7 @@ from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_
 from fpg_bench.planning.planner import planner_name
 from fpg_bench.players.player import SIDES
 
-PlannerSpec = str | Planner | Callable[..., Planner]  # a planner, its name, or what makes one
+PlannerSpec = str | Planner | Callable[..., Planner]  # a planner, its name, or a factory
 
 
 class CommonOptions(TypedDict, total=False):
@@ -223,7 +223,7 @@ def make_duel(
         threads, actions: see :class:`TwoPlayerBatch`.
 
     Raises:
-        UserError: something unknown, out of range, or impossible together.
+        UserError: an unknown option, a value out of range, or options that exclude each other.
     """
     if planner is not None and path is None:
         path = "waypoints"

@@ -48,7 +48,7 @@ def _require(holds: bool | np.bool_, message: str) -> None:
 
 @contextlib.contextmanager
 def _as_assertions() -> Iterator[None]:
-    """Turn what the package refuses during play into a failed check."""
+    """Turn a UserError raised during play into a failed check."""
     try:
         yield
     except UserError as error:
@@ -193,8 +193,8 @@ def _holds_torch(player: Player) -> bool:
 def check_planner(planner: Planner | str, scenario: Scenario | str | None = None) -> None:
     """Check that a planner keeps the contract of :class:`fpg_bench.planning.Planner`.
 
-    It must say its name and tier, and return finite waypoints ``(n, 3)`` inside the box. They must be equal
-    for equal generators, with and without a history, alone and in a batch. It must leave its arguments
+    It must have a name and a tier, and return finite waypoints ``(n, 3)`` inside the box. They must be
+    equal for equal generators, with and without a history, alone and in a batch. It must leave its arguments
     unchanged. The check asks for six plans.
 
     Args:

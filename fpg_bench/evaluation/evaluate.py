@@ -47,8 +47,8 @@ def evaluate(
 
     Args:
         players: names by the one grammar of players, ``all-scripted``, or anything with ``predict``; agents
-            that differ by their training seed alone become one entry. Of a mapping, each key is the name of
-            one entry: a player, or a list of agents.
+            that differ by their training seed alone become one entry. In a mapping, each key names an entry,
+            and its value is a player or a list of agents.
         suite: a suite's name or YAML file.
         out: the results folder; ``records.jsonl`` grows by one record per rival. None: nothing is kept.
         matches: per rival and training seed; None: the suite's own.
@@ -61,8 +61,8 @@ def evaluate(
         The summaries of all entries in the folder, best first, with ``table()`` and ``dataframe()``.
 
     Raises:
-        UserError: something unknown, of the wrong side, a folder that holds other files or another suite's
-            records, or one for players that have no name by which they could be known again.
+        UserError: an unknown player or suite, a player of the wrong side, a folder that holds other files or
+            another suite's records, or a folder for players without a name to recognize them by.
     """
     played = with_matches(load_suite(suite), matches)
     if played.side not in ("ally", "opponent"):
@@ -97,7 +97,7 @@ def play_into(
     """
     check_seeds(entries)
     if out.is_dir() and any(out.iterdir()) and not any((out / name).exists() for name in (RECORDS, ABOUT)):
-        raise UserError(f"results {out}: is not empty and no results folder; choose another")
+        raise UserError(f"results {out}: is not empty and not a results folder; choose another")
     file = RowFile(out / RECORDS)
     with file.locked():
         _claim(out, name, suite, entries)
@@ -113,7 +113,7 @@ def play_into(
 
 
 def _summaries(folder: Path, suite: Suite) -> list[Summary]:
-    """Return the summaries of a folder's records, with the training of agents where the folder has it."""
+    """Return the summaries of a folder's records, with the cost of agents' training where it is known."""
     summaries = summarise(records_of(RowFile(folder / RECORDS)), suite)
     trainings = _about(folder).training
     return [
@@ -132,7 +132,7 @@ def _training(by_seed: Mapping[str, Mapping[str, float]], summary: Summary) -> T
 
 
 def records_of(file: RowFile) -> list[Record]:
-    """Return the records of a file; raises UserError for a row that is none."""
+    """Return the records of a file; raises UserError for an invalid row."""
     return read_records(file.read(), f"records {file.path}")
 
 
@@ -140,7 +140,7 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
     """Return the summaries of a results folder, and its suite.
 
     Raises:
-        UserError: no results folder, or one of a suite that is not this version's.
+        UserError: not a results folder, or one of another version of its suite.
     """
     folder = Path(folder)
     about = _about(folder)
@@ -185,7 +185,7 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer
         if entry.made is not None and about.made.setdefault(entry.name, entry.made) != entry.made:
             raise UserError(
                 f"results {out}: hold {entry.name!r} with another budget, other hyper-parameters or other "
-                "opponents; say --name to call this one otherwise"
+                "opponents; give this one another name with --name"
             )
         if entry.training:
             about.training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training

@@ -42,7 +42,7 @@ class Round:
     """Round of a match: its row of the file, its steps, and the exchange with a language model.
 
     Attributes:
-        row: of the file.
+        row: its row of the file.
         recording: its steps.
         talk: the attempts of a language model at its plan; empty for other planners.
         problem: the reason that a language model gave no valid path for it; None if it did.
@@ -84,7 +84,7 @@ def run_match(
     Args:
         planner: planner of the opponent's path, by the grammar of :func:`fpg_bench.planning.as_planner`.
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
-        seed: of the match; a whole number in [0, 2^63).
+        seed: seed of the match, a whole number in [0, 2^63).
         out: file of the match, JSON lines that are only appended to; None: it is not kept.
         llm: options of the planner ``llm`` (see :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`),
             and ``server``, the profile of its endpoint.
@@ -127,8 +127,8 @@ def replay_match(path: str | Path, *, allow: Collection[str] = ()) -> tuple[Matc
         allow: the ``package.module:object`` that the file may name; code is never run on a file's word.
 
     Raises:
-        UserError: no file of a match, one that names code which is not allowed, or a round or an attempt
-            that is missing or was changed, by name.
+        UserError: not the file of a match, one that names code which is not allowed, or a round or an attempt
+            that is missing or was changed; the message names it.
     """
     file = MatchFile(Path(path))
     match, rows = file.read()
@@ -192,7 +192,7 @@ def _row(duel: TwoPlayerBatch, recording: Recording) -> Row:
 RUN, ROUND = "run", "round"
 _HEADER = {"planner": str, "ally": str, "opponent": str, "seed": int, "scenario": dict, "scenario_hash": str}
 _SHOWN = 80  # characters of a value in an error
-_UNTIMED = "seconds"  # of planning, which a replay does not repeat
+_UNTIMED = "seconds"  # key of the planning time, which a replay does not repeat
 
 
 @dataclass(frozen=True)
@@ -269,7 +269,7 @@ class MatchFile:
         """Return the match and all its rounds.
 
         Raises:
-            UserError: no file of a match, or one whose rounds are not all there, which is named.
+            UserError: not the file of a match, or a round is missing; the message names it.
         """
         if self.path.is_dir():
             raise UserError(f"match {self.path}: is a folder; name its match.jsonl")
@@ -403,10 +403,10 @@ def replaying(
         prompt: the prompt that was recorded.
         description: ``model``, ``prompt_hash`` and ``control``, with which every attempt must have been made.
         transcript: the file.
-        chain: the first hash of its chain of hashes; None: it has none.
+        chain: the first hash of its chain of hashes; None: no chain.
 
     Raises:
-        UserError: an attempt was made otherwise.
+        UserError: an attempt was made with another model, prompt or control.
     """
     recorded: dict[str, Any] = {"transcript": transcript, "mode": "replay", "chain": chain}
     planner = LLMPlanner(scenario, prompt=prompt, control=description["control"], **recorded)

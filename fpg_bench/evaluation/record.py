@@ -20,7 +20,7 @@ from fpg_bench.game.state import TALLY
 
 TALLIES = tuple(TALLY.names or ())
 _FALLBACK = "fallback"
-_BOUND = 10**15  # no sum comes near it
+_BOUND = 10**15  # larger than any real sum
 _MOST_STATUSES = 100
 
 
@@ -45,9 +45,9 @@ class Plans:
 
     Attributes:
         statuses: number of plans by status.
-        tokens: of all plans together; None if no language model is asked.
-        seconds: of all plans together, on the machine that played; 0 if they don't count.
-        useless: number of valid plans by sign of being of no use; None if nobody has looked.
+        tokens: total over all plans; None without a language model.
+        seconds: total over all plans, on the machine that played; 0 if they don't count.
+        useless: number of valid but useless plans by sign; None if it was not checked.
     """
 
     __pydantic_config__ = _CONFIG
@@ -59,14 +59,14 @@ class Plans:
 
     @property
     def valid(self) -> float | None:
-        """Share of plans that were a language model's own and no fallback; None if none is asked."""
+        """Share of plans that are a language model's own, no fallback; None without a model."""
         count = sum(self.statuses.values())
         fallbacks = sum(n for status, n in self.statuses.items() if status.startswith(_FALLBACK))
         return None if not count or (self.tokens is None and not fallbacks) else 1 - fallbacks / count
 
     @property
     def valid_but_useless(self) -> float | None:
-        """Share of plans that were valid and of no use; None if nobody has looked."""
+        """Share of plans that were valid and of no use; None if it was not checked."""
         return None if self.useless is None else sum(self.useless.values()) / sum(self.statuses.values())
 
 
@@ -78,7 +78,7 @@ class Record:
         suite, suite_hash: the suite's name, and the first 16 digits of its hash.
         entry: the entry's name.
         training_seed: None for a script or a planner.
-        fingerprint: the first 16 digits of what tells two players of one name apart.
+        fingerprint: the first 16 digits of the hash that tells players of one name apart.
         rival: the rival's name.
         returns: of each round, in the order of seed and round.
         tally: sums of ``state.TALLY`` over all rounds; the longest outage is the greatest.
@@ -105,7 +105,7 @@ class Record:
     plans: Plans | None = None
 
     def row(self) -> Row:
-        """Return the record as a row of JSON; the numbers of its rounds, which are most of it, are shared."""
+        """Return the record as a row of JSON; the tuples of its rounds' numbers are shared, not copied."""
         row: Row = {spec.name: getattr(self, spec.name) for spec in dataclasses.fields(self)}
         row["tally"] = dict(self.tally)
         if self.plans is None:
@@ -152,7 +152,7 @@ class Pooled:
 
 
 def pool(records: Sequence[Record]) -> Pooled:
-    """Pool records, at least one: sums of sums, and the greatest of the greatest."""
+    """Pool one or more records: add their sums, and take the maximum of the longest outage."""
     ordered = sorted(records, key=lambda record: (record.suite, record.rival, str(record.training_seed)))
     tallies = {name: [record.tally[name] for record in ordered] for name in TALLIES}
     tally = {name: max(values) if name == GREATEST else sum(values) for name, values in tallies.items()}
@@ -218,6 +218,6 @@ def read_records(rows: Iterable[Row], where: str) -> list[Record]:
         matchup = record.suite_hash, record.entry, record.training_seed, record.fingerprint, record.rival
         if (first := known.setdefault(matchup, number)) != number:
             raise UserError(
-                f"{where}: record {number} is of the same matchup as record {first}; take one away"
+                f"{where}: record {number} is of the same matchup as record {first}; remove one of them"
             )
     return records

@@ -79,7 +79,7 @@ class SeasonKey:
 
     Attributes:
         number: the season's number.
-        seed: its seed, which nobody knew before it was closed.
+        seed: its seed, unknown to everybody before it was closed.
         entries: the hashes of each entry's policies when it was closed, by ``track/name``. The seed follows
             from them, so another entry would have changed it.
         scenario: the preset that it is played in; each has a closing of its own.
@@ -124,7 +124,7 @@ def current_seasons() -> dict[str, SeasonKey]:
 
 
 def current_season() -> SeasonKey | None:
-    """Return the newest closed season of ``standard``; None before the first. Raises as the above."""
+    """Return the newest closed season of ``standard``; None before the first. Raises as above."""
     return current_seasons().get("standard")
 
 
@@ -132,7 +132,7 @@ def season_key(number: int) -> SeasonKey:
     """Return a closed season by its number.
 
     Raises:
-        UserError: there is none; also as :func:`current_season`.
+        UserError: no such season; also as :func:`current_season`.
     """
     return _key(f"season-{number}")
 

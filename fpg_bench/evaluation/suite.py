@@ -28,7 +28,7 @@ from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.registry import as_player
 
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
-_SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # or sums could not be pooled
+_SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # so that sums can be pooled
 _SHIPPED = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*", re.ASCII)
 Rewards = TypeVar("Rewards", float, np.ndarray)
 
@@ -68,7 +68,7 @@ class Rival:
         players: the other side's players, one drawn per round; in a suite of planners the allies.
         scenario: what is played, path included.
         planner: planner of the opponent's path between rounds, if any.
-        group: the group of rivals of its kind, of which results are shown by themselves, if any.
+        group: the group of similar rivals whose results are also shown separately, if any.
         identities: per player the hash of an agent's policy, or a script's name.
     """
 
@@ -131,7 +131,7 @@ class Suite:
 
     @property
     def counted_rounds(self) -> slice:
-        """The rounds of a match that the score is made of."""
+        """The rounds of a match that count for the score."""
         return slice(self.rounds_per_match - (self.last_rounds or self.rounds_per_match), None)
 
     @functools.cached_property
@@ -253,7 +253,7 @@ class _SuiteFile(Strict):
     season: str = SEASON
 
     def check_shipped(self) -> None:
-        """Refuse names of code of one's own (``a:b``), and paths that lead out of the package."""
+        """Refuse names of user code (``a:b``), and paths that lead out of the package."""
         names = [self.opponent]
         for rival in self.rivals:
             for players in (rival.ally, rival.opponent, rival.planner):
@@ -295,14 +295,14 @@ class _SuiteFile(Strict):
         if getattr(file, wrong) is not None:
             raise UserError(f"{where}: {wrong}: the suite measures it; name the {other} alone")
         if file.path is not None and file.planner is not None:
-            raise UserError(f"{where}: say path or planner, not both")
+            raise UserError(f"{where}: give path or planner, not both")
         players = (players,) if isinstance(players, str) else players
         paths = (file.path,) if isinstance(file.path, str) else file.path or ()
         changes = file.changes or {}
         check_keys(changes, Scenario.__dataclass_fields__, f"{where}: changes")
         if same := [key for key in _SAME_FOR_ALL if key in changes]:
             raise UserError(
-                f"{where}: changes: {same[0]} is the same for all rivals of a suite; say it in the scenario"
+                f"{where}: changes: {same[0]} is the same for all rivals of a suite; set it in the scenario"
             )
         is_planned = file.planner is not None or self.side == PLANNER
         played = as_scenario(scenario, opponent_path="waypoints" if is_planned else file.path)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _INTERVAL = "95 % interval"
 _COSTS = "Steps and minutes: of training, per seed. "
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
-# Okabe and Ito's colours, told apart by the colour-blind too; each round of them has its marker.
+# Okabe and Ito's colours, distinguishable for the colour-blind; each cycle through them has its own marker.
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c8c8c")
 _MARKERS = "os^"
 
@@ -156,7 +156,7 @@ def _ends(name: str, interval: Interval) -> dict[str, float]:
 def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
     """Draw the scores with their intervals, best on top, and a small mark for each rival.
 
-    For planners the score round by round stands beside it.
+    For planners, the score by round is drawn beside it.
     """
     planned = suite.side == PLANNER
     figure = blank_figure(11 if planned else 8, max(3.0, 1.2 + 0.45 * len(summaries)), dpi=120)
@@ -256,7 +256,7 @@ class Column:
 
 
 def columns(suite: Suite, placed: Mapping[str, Standing]) -> list[Column]:
-    """Return all columns of a suite's table, whose entries stand so."""
+    """Return all columns of a suite's table, given the standings of its entries."""
     measures = [
         Column(heading, _measure(name, factor), spare)
         for spare, (heading, name, factor) in enumerate(_MEASURES, _FIRST_MEASURE)

@@ -59,10 +59,10 @@ def watch(
 
     Args:
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
-        seed: of the match; a whole number in [0, 2^63).
-        rounds: number of rounds, one after the other; after a match's last one its seed's next match.
+        seed: seed of the match, a whole number in [0, 2^63).
+        rounds: number of consecutive rounds; a match's last round is followed by the next match of its seed.
         out: the file to write, or None for text.
-        every: of the lines or a film's frames, show each n-th and the last; a replay keeps all steps.
+        every: show every n-th line or frame, and the last; a replay keeps all steps.
         overwrite: allow an existing file to be replaced.
         **game: ``scenario``, ``path``, ``planner``, ``knowledge``, ``jamming_types``: those of
             :func:`fpg_bench.envs.two_player.make_duel`.
@@ -71,7 +71,7 @@ def watch(
         The measures of each round, by the names of :func:`fpg_bench.game.metrics.measures`.
 
     Raises:
-        UserError: an unknown player, option or suffix, a number out of range, a file that is there
+        UserError: an unknown player, option or suffix, a number out of range, a file that exists
             already or cannot be written, or an extra that is not installed. Nothing has been played then.
         OSError: the file cannot be written.
     """
@@ -101,7 +101,7 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
         raise UserError(f"out: {path} is a folder")
     if path.exists() and not overwrite:
         raise UserError(
-            f"out: {path} is there already; choose another name, or say --overwrite (overwrite=True)"
+            f"out: {path} exists already; choose another name, or use --overwrite (overwrite=True)"
         )
     if suffix != ".html":
         need("video", "matplotlib", "PIL")

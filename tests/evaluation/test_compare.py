@@ -223,7 +223,7 @@ def test_a_folder_of_other_files_is_left_alone(folder, asks, planner):
     (folder / "out" / "notes.txt").write_text("mine")
     with FaultServer([ok(PATH)]) as server:
         asks(server)
-        with pytest.raises(UserError, match="out: is not empty and no results folder; choose another"):
+        with pytest.raises(UserError, match="out: is not empty and not a results folder; choose another"):
             compare([planner], "mine.yml", "out")
     assert [path.name for path in (folder / "out").iterdir()] == ["notes.txt"]
 

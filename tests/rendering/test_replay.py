@@ -102,7 +102,7 @@ def test_watching_writes_files(tmp_path, capsys, suffix, begins):
 def test_watching_spares_a_file_that_is_there(tmp_path):
     out = tmp_path / "game.html"
     out.write_text("mine")
-    with pytest.raises(UserError, match="there already"):
+    with pytest.raises(UserError, match="exists already"):
         watch(scenario=SHORT, out=out)
     assert out.read_text() == "mine"
     watch(scenario=SHORT, out=out, overwrite=True)

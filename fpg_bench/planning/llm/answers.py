@@ -210,7 +210,7 @@ def _problem(point: Point, limits: Limits) -> str | None:
 
 
 def uselessness(waypoints: Array, request: Request, example: Array, past: Iterable[Array]) -> str:
-    """Return the first sign that a valid path is of no use: a model may keep to the form and say nothing.
+    """Return the first sign that a valid path is useless: a model may keep to the form without planning.
 
     Args:
         waypoints: ``(n, 3)`` in m, the path.

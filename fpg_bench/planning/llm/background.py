@@ -18,7 +18,7 @@ from fpg_bench.planning.planner import BatchPlanner, Plan, Request, plan_all
 
 
 class BackgroundPlanner(BatchPlanner):
-    """Runs a language model's planner in a thread of its own, while the game goes on.
+    """Runs a language model's planner in its own thread, while the game goes on.
 
     At the start of a round, a game flies the plan that was finished for its match since the last round; if
     there is none, its present path again, and the circle before its match has had any plan (status

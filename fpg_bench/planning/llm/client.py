@@ -72,9 +72,9 @@ class Reply:
         error: None, or one of ``ERRORS``: the deadline passed; no connection, or an error of the server;
             the model or a filter refused to answer; a reply that is not a chat completion.
         detail: one line about the error, and about fields that were left out.
-        raw: the body, as JSON; text, cut, where it is none; None where none came.
+        raw: the body as JSON, or as truncated text if it is not JSON; None without a body.
         model: the model that answered, as the server reports it.
-        tokens_in, tokens_out: as the server counts them.
+        tokens_in, tokens_out: tokens of the request and the answer, as the server counts them.
         seconds: from the question to the answer.
         sent: the body of the request, as it was last sent.
         dropped: the fields that were left out of it because the server refuses them.
@@ -102,7 +102,7 @@ class Client:
 
     Args:
         endpoint: the server and the model.
-        deadline_s: for a question with all its retries; None: the endpoint's.
+        deadline_s: time for a question with all its retries; None: the endpoint's.
 
     Attributes:
         dropped: the fields that this server refused; they are not sent again.
@@ -156,10 +156,10 @@ class Client:
             late = f"no answer within {self.deadline_s:g} s{last}; --deadline allows more"
             reply = Reply(error="timeout", detail=late)
         dropped = tuple(sorted(question.dropped))
-        left_out = f"sent without {', '.join(dropped)}" if dropped else ""
+        omitted = f"sent without {', '.join(dropped)}" if dropped else ""
         return replace(
             reply,
-            detail="; ".join(filter(None, (reply.detail, left_out))),
+            detail="; ".join(filter(None, (reply.detail, omitted))),
             seconds=time.perf_counter() - start,
             sent=question.sent,
             dropped=dropped,

@@ -53,20 +53,20 @@ class LLMPlanner(BatchPlanner):
 
     Args:
         scenario: what is played.
-        endpoint: the server and the model; None: the environment's. A replay needs none.
+        endpoint: the server and the model; None: from the environment. A replay needs none.
         prompt: a prompt profile, its name or a YAML file of one; None: the server's, in a replay the
             transcript's.
         control: ``none``, or what is withheld from the model: ``shuffled-rewards``, ``no-history``.
-        transcript: the file of requests and answers. Each match in it needs a seed of its own.
+        transcript: the file of requests and answers. Each match in it needs its own seed.
         mode: ``live`` (no transcript), ``record`` (attempts in the transcript are used, all others are made
             and added) or ``replay`` (from the transcript alone, without a server); None: ``record`` where
             there is a transcript.
         calls, tokens, seconds: caps on the complete run (see :class:`fpg_bench.planning.llm.budget.Budget`).
-        deadline_s: for each call; None: the endpoint's.
+        deadline_s: time for each call; None: the endpoint's.
         concurrency: number of games asked for at once. Calls under way may exceed the caps.
-        chain: the start of the transcript's chain of hashes; None: it has none.
-        temperature: of sampling; None: the server profile's.
-        sampling_seed: determines the seeds that the server is sent.
+        chain: the start of the transcript's chain of hashes; None: no chain.
+        temperature: sampling temperature; None: that of the server's profile.
+        sampling_seed: determines the seeds that are sent to the server.
 
     Raises:
         UserError: no endpoint, an unknown prompt, control or mode, a cap or deadline that is not a positive

@@ -1,4 +1,4 @@
-"""A small language model on this machine: its file, and an OpenAI-compatible server in a process of its own.
+"""A small language model on this machine: its file, and an OpenAI-compatible server in its own process.
 
 The process serves on loopback, and ends with its standard input, so that it ends with whoever started it::
 

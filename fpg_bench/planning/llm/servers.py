@@ -192,7 +192,7 @@ def checked_url(value: str, where: str = "") -> str:
     """Return a base URL without a slash at its end, and without the path that the client adds itself.
 
     Raises:
-        UserError: it is none. The message never holds the value: it may contain a key.
+        UserError: it is not valid. The message never holds the value: it may contain a key.
     """
     try:
         url = urlsplit(value.strip())

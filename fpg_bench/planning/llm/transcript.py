@@ -211,7 +211,7 @@ def _digest(content: object) -> str:
 
 
 def packed_rows(path: Path) -> list[Row]:
-    """Return all rows of somebody else's transcript; at most ``MOST_BYTES`` of it are held in memory.
+    """Return all rows of a transcript from outside; at most ``MOST_BYTES`` of it are held in memory.
 
     Args:
         path: the file, gzip-compressed where its name ends in ``.gz``.
@@ -252,10 +252,10 @@ class Transcript:
         path: the file; None in mode ``live``, and only there. One that is packed (``.gz``) can be replayed.
         mode: ``live``; ``record``: attempts in the file are used, all others are made and appended;
             ``replay``: all must be in the file.
-        chain: the start of its chain of hashes; None: it has none.
+        chain: the start of its chain of hashes; None: no chain.
 
     Raises:
-        UserError: an unknown mode, a path where none belongs or none where one does; on first use: no such
+        UserError: an unknown mode, a path in mode ``live`` or none in another; on first use: no such
             file to replay, another process writes it, or a line is broken.
     """
 
@@ -297,7 +297,7 @@ class Transcript:
         return list(self._read().values())
 
     def first_prompt(self) -> str:
-        """Return the prompt profile of the first attempt; ``standard`` where it is none of the package's."""
+        """Return the prompt profile of the first attempt; ``standard`` if it is not one of the package's."""
         name = next((attempt.prompt for attempt in self.attempts()), None)
         return name if name in PROMPTS else "standard"
 
@@ -329,7 +329,7 @@ class Transcript:
                 agree: text outside numbers exactly, numbers within 0.02.
 
         Raises:
-            UserError: in a replay there is none; or it is the answer to another request.
+            UserError: a replay lacks it, or it is the answer to another request.
         """
         attempt = None if self.path is None else self._read().get(where)
         if attempt is None:
@@ -381,7 +381,7 @@ class Transcript:
         """Return the plan that a request's round flew; None: there is none yet.
 
         Raises:
-            UserError: there is none in a replay.
+            UserError: a replay lacks it.
         """
         with self._lock:
             self._read()
