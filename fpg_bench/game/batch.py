@@ -1,4 +1,4 @@
-"""A batch of N games, stepped together: the only entrance to the rules."""
+"""A batch of N games, stepped together: the only interface to the rules."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ class ActionError(UserError):
 class GameBatch:
     """N games of one scenario.
 
-    The attributes are buffers that every call reuses; copy what is to be kept.
+    The attributes are buffers that every call reuses; copy what you keep.
 
     Attributes:
         games: ``(N,)`` records of dtype ``state.GAME``: the full state.
-        tallies: ``(N,)`` records of dtype ``state.TALLY``: what the present round adds up to.
+        tallies: ``(N,)`` records of dtype ``state.TALLY``: the sums of the present round.
         histograms: ``(N, 2, points)`` int32, steps per frequency point: the ally's centre, the jammer's.
         segments: ``(N, waypoints, 4)`` float64: per part of the round, the opponent's position in m in
-            its middle and its mean reward; what a path planner may learn from.
+            its middle and its mean reward; the history that a path planner may learn from.
         waypoints: ``(N, waypoints, 3)`` float64 in m, flown where the path is ``waypoints``.
         ally_observations, opponent_observations: ``(N, 15)`` float32 in [-1, 1].
-        flown_m: ``(N, T + 1, 3)`` float64, where each ally is after each second of its round; None unless
+        flown_m: ``(N, T + 1, 3)`` float64, each ally's position after each second of its round; None unless
             :meth:`keep_flown` was called.
 
     Args:
-        scenario: what is played.
-        games: how many games, N.
-        threads: how many threads step a large batch; results do not depend on it. Default: two where
-            the machine has them.
+        scenario: the rules of the games.
+        games: number of games, N.
+        threads: number of threads that step a large batch; results do not depend on it. None: two if the
+            machine has them.
     """
 
     def __init__(self, scenario: Scenario, games: int = 1, threads: int | None = None) -> None:
@@ -100,8 +100,8 @@ class GameBatch:
 
         Args:
             mask: ``(N,)`` bool, the games to begin; None: all.
-            seeds: None, one whole number s in [0, 2^63) (game i: s + i), or ``(N,)`` of them; those of
-                masked games are read.
+            seeds: None, one whole number s in [0, 2^63) (game i: s + i), or ``(N,)`` of them, of which
+                those of masked games are used.
             horizons: ``(N,)`` whole numbers: the step at which this round is cut; None: the scenario's.
             new_match: without ``seeds``: leave the present match and begin the seed's next one.
 
@@ -156,7 +156,7 @@ class GameBatch:
 
         Raises:
             ActionError: a wrong shape or dtype, or NaN or infinity; nothing has been played then.
-            UserError: no round was ever begun.
+            UserError: called before the first reset.
         """
         if not self._begun:
             raise UserError("a game batch is reset before its first step")
@@ -260,7 +260,7 @@ def check_seeds(seeds: Seeds, count: int) -> np.ndarray:
     """Return ``(count,)`` seeds as uint64: from one integer s (s, s + 1, ...), or one per game.
 
     Raises:
-        UserError: not whole, out of [0, 2^63), or another number of them.
+        UserError: a seed that is not a whole number in [0, 2^63), or another number of seeds.
     """
     if isinstance(seeds, Sequence | np.ndarray):
         each = list(seeds)

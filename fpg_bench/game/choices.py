@@ -21,7 +21,7 @@ from fpg_bench.game.state import ACTION_SIZE
 OFFSETS = (-2, -1, 0, 1, 2)  # of the jamming from the known frequency, in frequency points
 PURSUIT_M = 10.0  # closer than this, an opponent that flies at the ally slows down
 
-# The floats of an action by their place; docs/reference/rules.md has them all.
+# Indices into an action; docs/reference/rules.md describes all of them.
 _HOP, _SPREAD, _SPEED, _PREFERENCE, _KNOWLEDGE = range(5)
 _TUNING, _IN_BAND, _VELOCITY = 4, 5, 6
 
@@ -31,8 +31,8 @@ class ChoiceList:
     """A list of choices.
 
     Attributes:
-        name: what is chosen.
-        names: what each of the n choices does.
+        name: name of the list.
+        names: descriptions of the n choices.
         rows: ``(n, 9)`` float32, the floats of each; those that the list does not choose are 0.
         homing: ``(n,)`` float32, added to the velocity: 1 flies at the ally, -1 away from it.
         allowed: ``(n,)`` bool, false where the scenario forbids the choice.
@@ -49,7 +49,7 @@ class ChoiceList:
 
 
 class Choices:
-    """The choices of one side in an action mode, and what they do.
+    """The choices of one side in an action mode, and the actions that they stand for.
 
     In mode ``discrete`` an action is one whole number, the index of a choice. In mode ``multi-discrete`` it
     is one whole number for each of several lists, whose rows add up.
@@ -57,8 +57,8 @@ class Choices:
     Args:
         side: ``ally`` or ``opponent``.
         mode: ``discrete`` or ``multi-discrete``.
-        scenario: what is played; it says how many frequency points there are, what is forbidden, and
-            whether an opponent flies itself.
+        scenario: the rules; they fix the number of frequency points, the forbidden choices, and whether an
+            opponent flies itself.
 
     Attributes:
         lists: one list, or several.

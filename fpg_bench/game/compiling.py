@@ -68,8 +68,8 @@ def _remove_unused(root: Path) -> None:
 class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: ignore[misc]
     """Names cached functions by their package folder, wherever the package is installed.
 
-    The folder's digest says what is in it already. So a second environment, or a second copy of the same
-    sources, compiles nothing. Numba 0.61 has no such option, and compiles anew in each place.
+    The digest in the folder's name identifies its content. So a second environment, or a second copy of the
+    same sources, compiles nothing. Numba 0.61 has no such option, and compiles anew in each place.
     """
 
     @classmethod
@@ -88,8 +88,8 @@ def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
     (``_nrt``): the game allocates nothing, and counting took more time than some of its equations.
 
     Args:
-        function: to be compiled.
-        allocates: it makes arrays, or calls a function that does.
+        function: the function.
+        allocates: true if it makes arrays, or calls a function that does.
     """
     folder = cache_folder()
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
@@ -111,7 +111,7 @@ def _cached_in(folder: Path | None) -> Iterator[None]:
 
 
 def _amount(folder: Path | None) -> str:
-    """Return how many functions are to be compiled and a rough time (9 s on one core for all)."""
+    """Describe what is to be compiled, with a rough time (9 s on one core for everything)."""
     if folder is not None and any(folder.rglob("*.nbi")):
         return "what is new to the game, a few seconds"
     return "the game, about ten seconds on a free core"

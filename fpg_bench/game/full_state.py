@@ -8,7 +8,7 @@ from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import PATHS
 from fpg_bench.game.state import OBSERVATION_SIZE
 
-# Where the full state holds what; both observations come first.
+# Indices into the full state; both observations come first.
 ALLY, OPPONENT = 0, OBSERVATION_SIZE
 ELAPSED = 2 * OBSERVATION_SIZE
 OUTBOUND = ELAPSED + 1

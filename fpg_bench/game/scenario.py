@@ -52,7 +52,7 @@ def _checked_number(name: str, value: object, low: float, high: float, is_whole:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         hint = " (YAML reads 1e2 as a word: write 100.0 or 1.0e+2)" if isinstance(value, str) else ""
         raise ScenarioError(f"{name}: expected a number, got {value!r}{hint}")
-    number: Any = value  # mypy knows no order of numbers.Real
+    number: Any = value  # mypy does not order numbers.Real
     if not low <= number <= high:  # NaN too
         raise ScenarioError(f"{name}: {value!r} is outside [{low:g}, {high:g}]")
     if is_whole and number % 1:
@@ -124,7 +124,7 @@ _OTHER_CHECKS = {
 
 
 def check_mix(scenario: Scenario) -> None:
-    """Refuse combinations of fields that are impossible together; the message names both."""
+    """Refuse combinations of fields that exclude each other; the message names both."""
     s = scenario
     if s.band_low_mhz >= s.band_high_mhz:
         raise ScenarioError(f"band_low_mhz {s.band_low_mhz} must lie below band_high_mhz {s.band_high_mhz}")
@@ -162,7 +162,7 @@ def check_mix(scenario: Scenario) -> None:
 
 
 def _check_models(scenario: Scenario) -> None:
-    """Refuse fields of a radio model or of a way of detection that is not played; name each of them."""
+    """Refuse fields of a radio model or a detection mode that is not in use; name each of them."""
     refused: dict[tuple[str, str], list[str]] = {}
     for spec in fields(scenario):
         needs, value = spec.metadata.get("needs"), getattr(scenario, spec.name)
@@ -492,10 +492,10 @@ def preset(name: str) -> Scenario:
 
 
 def as_scenario(scenario: Scenario | str | Path | None, **changes: Any) -> Scenario:
-    """Return a scenario from what users write: an object, a preset, a YAML file, or None (standard).
+    """Return a scenario from an object, a preset's name, a YAML file, or None (``standard``).
 
     Args:
-        scenario: what is played.
+        scenario: the base.
         **changes: fields to replace; those that are None are left as they are.
 
     Raises:

@@ -19,7 +19,7 @@ SPREAD_PIECES = 4  # pieces of D(t), Eq. 4
 
 GAME = np.dtype(
     [
-        # Where the chance comes from
+        # Source of randomness
         ("seed", "u8"),
         ("match", "i8"),
         ("round", "i8"),
@@ -66,14 +66,14 @@ GAME = np.dtype(
         ("ally_reward", "f8"),
         ("opponent_reward", "f8"),
         # For the tally
-        ("outage_run", "i8"),  # length of the outage that is going on
+        ("outage_run", "i8"),  # length of the present outage
         ("watching", "b1"),  # a check heard; no outage has begun since, and no check followed
         ("recovering", "i8"),  # steps since the outage after a heard check began; 0: none
     ],
     align=True,
 )
 
-# What a round adds up to. Sums add over rounds; longest_outage takes the greatest.
+# Totals of a round. They add up over rounds; of longest_outage the maximum is taken.
 TALLY = np.dtype(
     [
         ("steps", "i8"),
@@ -144,7 +144,7 @@ RULES = np.dtype(
         ("chords", "i8"),
         ("reselect", "b1"),
         ("always_hops", "b1"),
-        ("paths", "i8"),  # how many a round draws from
+        ("paths", "i8"),  # number of paths that a round draws from
         ("path", "i8", (MOST_PATHS,)),  # their indices
         ("opponent_speed", "f8"),
         ("tuning_span", "f8"),
@@ -172,8 +172,8 @@ RULES = np.dtype(
     align=True,
 )
 
-# What the radio model ``link`` reads beside the rules: powers in mW, widths in MHz. Its kernels get None in
-# other models, and Numba leaves out what they would do.
+# Constants of the radio model ``link``: powers in mW, widths in MHz. In other models its kernels get None,
+# and Numba leaves out their code.
 RADIO = np.dtype(
     [
         ("path_gain", "f8"),  # times 1 / (m MHz)^2

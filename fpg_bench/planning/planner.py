@@ -65,7 +65,7 @@ class Plan:
         status: ``ok``, or what went wrong on the way (see the LLM planner).
         tokens: tokens that a language model read and wrote for it; None for other planners.
         seconds: planning time; None: not measured.
-        useless: the sign by which a language model's valid path is of no use (see
+        useless: the sign that a language model's valid path is useless (see
             :func:`fpg_bench.planning.llm.answers.uselessness`); empty: no such sign; None: not checked.
         problem: the reason that a language model gave no valid path and another one is flown; None if it did.
     """
@@ -87,10 +87,10 @@ class Request:
         history: ``(rounds, n, 4)``: for each complete round of the match so far and each n-th part of it,
             the opponent's position in m in the middle of that part, and its mean reward over it.
         current_position: ``(3,)`` in m, the opponent's position at the start of the round.
-        limits: of the plan.
+        limits: limits of the plan.
         rng: the game's own random generator for this plan.
         game: the game's index in its batch.
-        seed, match, round: of the game.
+        seed, match, round: those of the game.
         ally_path: ``(T + 1, 3)`` in m, the ally's position after each second if it flies at full speed;
             for planners of the tier ``ally`` alone, None for all others.
         ally_flown: the same of the match's previous round, as the ally flew it; None in a match's first.

@@ -118,7 +118,7 @@ class OnnxPlayer(SeededPolicy):
 def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer | SandboxedAgent:
     """Load a trained agent as a player, without torch or Stable-Baselines3.
 
-    What others have trained plays in a sandbox: an agent on the Hugging Face Hub, one that was pulled from
+    Agents of others play in a sandbox: an agent on the Hugging Face Hub, one that was pulled from
     there, and one of a leaderboard submission, whose folder lies beside ``submission.yaml``.
 
     Args:
@@ -126,8 +126,8 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
         side: the side that it is to play; None: whichever it was trained for.
 
     Raises:
-        UserError: no such agent, a file missing, truncated or changed, another format, id, size or side; of
-            the Hub also what :func:`fpg_bench.players.hub.download` raises.
+        UserError: no such agent, a file missing, truncated or changed, another format, id, size or side; for
+            the Hub also as :func:`fpg_bench.players.hub.download`.
     """
     folder = agent_folder(name)
     where = f"agent {name if is_on_hub(name) else folder}"
@@ -209,7 +209,7 @@ def agents_named(name: str, side: str) -> list[str]:
     Args:
         name: a shipped group (``ally-scripted/sac``), a folder with ``seed_0``, ``seed_1`` and so on, a run's
             folder, or any other player, which is returned as it is.
-        side: the side that is meant where a run trained both.
+        side: the side to choose where a run trained both.
 
     Raises:
         UserError: a training seed has no agent yet.
@@ -272,10 +272,10 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
     """Write an agent folder: ``policy.onnx`` and ``agent.json``.
 
     Args:
-        folder: where to.
+        folder: the folder to write.
         model: the policy as ONNX, its bytes or its file, with the inputs and outputs of
-            :class:`fpg_bench.players.agent.OnnxPlayer`. What an exporter notes of this machine is left out.
-        **about: what ``agent.json`` says: ``algorithm``, ``id`` (the environment id), ``training_seed`` and
+            :class:`fpg_bench.players.agent.OnnxPlayer`. Notes of the exporter on this machine are removed.
+        **about: content of ``agent.json``: ``algorithm``, ``id`` (the environment id), ``training_seed`` and
             ``training_steps`` at least; ``scenario`` (its hash) where it was not ``standard``; of
             ``FPG/duel_v0`` also ``side``. An id of discrete actions is written as the plain id and
             ``actions``.

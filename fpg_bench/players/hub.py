@@ -63,15 +63,15 @@ def is_on_hub(name: object) -> bool:
 
 
 def hub_name(repository: str, revision: str | None = None) -> str:
-    """Return the player's name of ``owner/name`` at a revision, or of what is such a name already.
+    """Return the player's name of ``owner/name`` at a revision; such a name is accepted, too.
 
     Raises:
-        UserError: no such form, or two revisions.
+        UserError: not of this form, or two revisions.
     """
     name = repository if is_on_hub(repository) else HUB + repository
     if revision is not None:
         if "@" in name:
-            raise UserError(f"{name}: names a revision, and so does --revision; say one of them")
+            raise UserError(f"{name}: names a revision, and so does --revision; give only one")
         name += f"@{revision}"
     split_name(name)
     return name
@@ -159,7 +159,7 @@ def download(name: str) -> Snapshot:
 
 
 def _check_files(name: str, sizes: Mapping[str, int | None]) -> None:
-    """Check that an agent is among the files, and say which files are left where they are."""
+    """Check that an agent is among the files, and log which files are ignored."""
     for file, most in AGENT_FILES.items():
         if file not in sizes:
             raise UserError(f"{name}: holds no agent: {file} is missing")
@@ -173,7 +173,7 @@ def _check_files(name: str, sizes: Mapping[str, int | None]) -> None:
 
 @contextlib.contextmanager
 def hub_errors(where: str) -> Iterator[None]:
-    """Turn what the client library raises into one line; it draws no bars and gives no warnings meanwhile.
+    """Turn the client library's exceptions into one line; silence its progress bars and warnings.
 
     Args:
         where: the repository; begins the message.

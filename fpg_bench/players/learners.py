@@ -173,7 +173,7 @@ class Learner(SeededPolicy):
 
     Args:
         name: one of ``fpg_bench.common.ids.LEARNERS``.
-        scenario: what is played; gives the scales of observations, and the costs.
+        scenario: the rules, with the scales of observations and the costs.
     """
 
     def __init__(self, name: str, scenario: Scenario) -> None:

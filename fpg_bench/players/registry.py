@@ -42,7 +42,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
             scenario if it takes an argument), or any object with ``predict``. Whole numbers that a model
             of discrete actions predicts are taken as choices.
         side: ``ally`` or ``opponent``.
-        scenario: what is played.
+        scenario: the rules of the game.
 
     Raises:
         UserError: no such player, one that cannot be made, not one of this side, or a model of other choices.
@@ -119,8 +119,8 @@ class ModelPlayer(Batched):
     Args:
         model: anything with ``predict``; its answers are floats ``(n, 9)`` or, with choices, whole numbers,
             ``(n,)`` or ``(n, lists)``.
-        choices: what it chooses from; None: its actions are continuous.
-        waterfall: what it sees; None: the 15 numbers.
+        choices: the choices that it picks from; None: continuous actions.
+        waterfall: the waterfall that it sees; None: the 15 numbers.
     """
 
     def __init__(self, model: Player, choices: Choices | None, waterfall: Waterfall | None) -> None:
@@ -146,7 +146,7 @@ class ModelPlayer(Batched):
 
 
 def _adapted(player: Player, side: str, scenario: Scenario) -> Player:
-    """Return a player of the 15 numbers and nine floats: the player itself, unless its spaces are others."""
+    """Return a player of the 15 numbers and nine floats: the player, or a wrapper of it."""
     choices = _choices(player, side, scenario)
     waterfall = _waterfall(player, side, scenario)
     return player if choices is None and waterfall is None else ModelPlayer(player, choices, waterfall)

@@ -31,9 +31,9 @@ from fpg_bench.players.seeded import Batched, SeededPolicy
 IDLE, RANDOM_ALLY, REACTIVE, EXPERT, EXPERT_SPREAD, ALWAYS_HOP = range(len(ALLIES))
 TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE, WATCHFUL = range(len(OPPONENTS))
 
-SPREAD_S = 8.0  # how long expert-spread spreads after a hop
+SPREAD_S = 8.0  # time that expert-spread spreads after a hop
 
-# Columns of the numbers of the scenario that a script is handed.
+# Indices into the numbers of `scenario_scales`.
 SNR_SCALE, THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX, _THREAT, _BROADBAND, _COMB, TUNING_SPAN, SPACING = (
     0, 1, 2, 3, 4, 7, 8, 9, 10, 11,
 )  # fmt: skip

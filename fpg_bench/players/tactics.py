@@ -1,4 +1,4 @@
-"""Scripts whose constants can be changed, so that a search can look for the worst of a family.
+"""Scripts with adjustable constants, so that a search can find the worst rival of a family.
 
 Most of them remember earlier steps of the round.
 """
@@ -88,7 +88,7 @@ def constants(name: str, scenario: Scenario) -> dict[str, Constant]:
 
 
 def draw_variants(side: str, count: int, scenario: Scenario, seed: int = 0) -> list[str]:
-    """Return the names of so many scripts of a side with constants drawn at random, each script in turn."""
+    """Return the names of ``count`` scripts of a side with random constants, each script in turn."""
     rng, names = np.random.default_rng(seed), TACTICS[side]
     variants = []
     for name in (names[i % len(names)] for i in range(count)):
@@ -177,12 +177,12 @@ def play_opponent(
 
 
 class Tactic(SeededPolicy):
-    """A script whose constants can be changed, compiled over a batch.
+    """A script with adjustable constants, compiled over a batch.
 
     Args:
         side: ``ally`` or ``opponent``.
         name: one of ``fpg_bench.common.ids.TACTICS[side]``.
-        scenario: what is played; gives the scales in which observations are read.
+        scenario: the rules, with the scales of observations.
         changes: constants in place of the default ones of :func:`constants`.
 
     Raises:
