@@ -14,7 +14,7 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.output import print_messages
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.training.league import load_recipes, ship_champion, train_champion
+from fpg_bench.training.league import load_champions, ship_champion, train_champion
 
 SEEDS = (0, 1, 2)
 
@@ -30,17 +30,17 @@ def main() -> None:
     parser.add_argument("--progress", action="store_true", help="show the progress of each training")
     options = parser.parse_args()
     print_messages()
-    recipes = load_recipes(options.file or baselines_folder() / "champions.yml")
-    if options.only is not None and options.only not in recipes:
-        raise UserError(f"only: no champion {options.only!r}{nearest(options.only, recipes)}")
+    configs = load_champions(options.file or baselines_folder() / "champions.yml")
+    if options.only is not None and options.only not in configs:
+        raise UserError(f"only: no champion {options.only!r}{nearest(options.only, configs)}")
     agents = options.agents or baselines_folder() / "agents"
-    for name in [options.only] if options.only else list(recipes):
-        recipe = recipes[name]
+    for name in [options.only] if options.only else list(configs):
+        config = configs[name]
         for seed in SEEDS if options.seed is None else (options.seed,):
-            agent = train_champion(recipe, seed, options.runs, progress=options.progress)
-            folder = agents / name / recipe.algorithm / f"seed_{seed}"
+            agent = train_champion(config, seed, options.runs, progress=options.progress)
+            folder = agents / name / config.algorithm / f"seed_{seed}"
             command = f"python scripts/train_champions.py --only {name} --seed {seed}"
-            ship_champion(agent, folder, recipe, seed, command)
+            ship_champion(agent, folder, config, seed, command)
             print(f"shipped: {folder}", flush=True)
 
 

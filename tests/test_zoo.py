@@ -16,7 +16,7 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import load_agent
-from fpg_bench.training.league import load_recipes
+from fpg_bench.training.league import load_champions
 from tests.programs import python
 from tests.training.making import add_missing_records, make_agent, make_zoo, page
 
@@ -91,7 +91,7 @@ def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
     folder = SHIPPED.folder / "agents"
     folders = {str(path.parent.relative_to(folder)) for path in folder.glob("*/*/*/agent.json")}
     champions = {
-        name for name in folders if name.split("/")[0] in load_recipes(SHIPPED.folder / "champions.yml")
+        name for name in folders if name.split("/")[0] in load_champions(SHIPPED.folder / "champions.yml")
     }
     assert folders == set(shipped_agents()) | champions
     size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

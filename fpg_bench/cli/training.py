@@ -58,8 +58,8 @@ if TYPE_CHECKING:
     from fpg_bench.training.config import RunConfig
     from fpg_bench.training.run_folder import RunFolder
 
-ZOO = "zoo"  # in place of rivals
-ZIP = "Zip of Stable-Baselines3"
+ZOO = "zoo"  # value of --against
+ZIP = "Stable-Baselines3 zip"
 
 
 RunOption = Annotated[Path, typer.Option(help="Folder of the run.", rich_help_panel=OUTPUT)]
@@ -67,7 +67,8 @@ ResumeOption = Annotated[
     bool, typer.Option("--resume", help="Continue an unfinished run.", rich_help_panel=OUTPUT)
 ]
 RestartOption = Annotated[
-    bool, typer.Option("--restart", help="Start an unfinished run anew.", rich_help_panel=OUTPUT)
+    bool,
+    typer.Option("--restart", help="Discard an unfinished run and start over.", rich_help_panel=OUTPUT),
 ]
 SeedOption = Annotated[
     int | None, typer.Option(min=0, help="Training seed. Default: 0.", rich_help_panel=TRAINING)
@@ -75,14 +76,14 @@ SeedOption = Annotated[
 SeedsOption = Annotated[
     str | None,
     typer.Option(
-        help="Training seeds of several runs as a list, 0-4 or 0,2,5, each in OUT/seed_k.",
+        help="Training seeds of several runs, 0-4 or 0,2,5; the folder of each run is OUT/seed_<k>.",
         rich_help_panel=TRAINING,
     ),
 ]
 ScoringSuiteOption = Annotated[
     str | None,
     typer.Option(
-        help="Suite that the policy is evaluated on during training. Default: the id's.",
+        help="Suite for evaluations during training. Default: that of the environment.",
         autocompletion=complete_suite,
         rich_help_panel=EVALUATION,
     ),
@@ -114,7 +115,7 @@ def train(
     resume: ResumeOption = False,
     restart: RestartOption = False,
     steps: Annotated[
-        int | None, steps_option("Training budget, 2e6 for instance. Default: the hyper-parameter file's.")
+        int | None, steps_option("Training budget, such as 2e6. Default: that of the hyper-parameter file.")
     ] = None,
     hyperparams: HyperparamsOption = None,
     seed: SeedOption = None,
@@ -122,14 +123,14 @@ def train(
     start: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of a finished run, whose weights training starts from; for ppo also one of bc.",
+            help="Folder of a finished run with the initial weights; ppo can also start from a run of bc.",
             rich_help_panel=TRAINING,
         ),
     ] = None,
     reward: Annotated[
         str | None,
         typer.Option(
-            help="own (default), zero_sum, jamming, overlap or ally_cost.", rich_help_panel=TRAINING
+            help="Reward: own (default), zero_sum, jamming, overlap or ally_cost.", rich_help_panel=TRAINING
         ),
     ] = None,
     suite: ScoringSuiteOption = None,
@@ -137,7 +138,8 @@ def train(
     against: Annotated[
         str | None,
         typer.Option(
-            help="As --opponent or --ally, whichever is the other side; zoo: those of the shipped agents.",
+            help="The other side's player, in place of --opponent or --ally; zoo: the players and paths that "
+            "the shipped agents of this id were trained against.",
             rich_help_panel=GAME,
         ),
     ] = None,
@@ -157,7 +159,7 @@ def train(
     transcript: Annotated[
         Path | None,
         typer.Option(
-            help="Replay the plans of another run's transcript; no server is asked.", rich_help_panel=LLM
+            help="Replay the plans of another run's transcript, without a server.", rich_help_panel=LLM
         ),
     ] = None,
     prompt: PromptOption = None,
@@ -206,7 +208,7 @@ def train(
         llm=llm,
     )
     if seeds is None and (backend, address) != ("loky", None):
-        raise UserError("backend, address: are for a list of runs; name its --seeds")
+        raise UserError("backend, address: need several runs; list their --seeds")
     _train(config, out, seed, seeds, n_evals, resume, restart, n_jobs, backend, address)
 
 
@@ -214,7 +216,7 @@ def offline(
     algorithm: Annotated[
         str,
         typer.Argument(
-            help="bc, td3-bc, cql, iql or discrete-cql; bc-stack8 and so on see the last eight observations.",
+            help="bc, td3-bc, cql, iql or discrete-cql; bc-stack8 etc. see the last eight observations.",
             autocompletion=complete_offline,
         ),
     ],
@@ -230,7 +232,7 @@ def offline(
     resume: ResumeOption = False,
     restart: RestartOption = False,
     steps: Annotated[
-        int | None, steps_option("Number of gradient steps. Default: the hyper-parameter file's.")
+        int | None, steps_option("Number of gradient steps. Default: that of the hyper-parameter file.")
     ] = None,
     hyperparams: HyperparamsOption = None,
     seed: SeedOption = None,
@@ -239,7 +241,7 @@ def offline(
     n_evals: EvaluationsOption = 5,
     n_jobs: JobsOption = 2,
 ) -> None:
-    """Train an offline algorithm on a data set, without a step in the game, and export the agent.
+    """Train an offline algorithm on a data set without interacting with the environment; export the agent.
 
     Example: fpg-bench offline td3-bc datasets/fpg/ally-mixed-v0 --out runs/td3_bc_0
     """
@@ -266,15 +268,15 @@ def _train(
     backend: str = "loky",
     address: str | None = None,
 ) -> None:
-    """Train a run, or one for each of several seeds, and say what came of it."""
+    """Train one run, or one for each of several seeds, and print the scores and files."""
     from fpg_bench.training.run_folder import RunFolder
     from fpg_bench.training.train import parse_seeds, train_seeds
     from fpg_bench.training.train import train as train_run
 
     if seed is not None and seeds is not None:
-        raise UserError("seed, seeds: say one of them")
+        raise UserError("seed, seeds: give only one of them")
     if resume and seeds is None and not (out / "run.json").exists():
-        raise UserError(f"resume: {out} holds no run; leave --resume out to begin one there")
+        raise UserError(f"resume: {out} holds no run; omit --resume to start one there")
     if seeds is not None:
         listed_seeds = parse_seeds(seeds)
         train_seeds(
@@ -298,10 +300,10 @@ def _train(
     except KeyboardInterrupt as stop:
         kept = "the last checkpoint is kept" if folder.has_checkpoint() else "no step is saved yet"
         saved = str(stop) or kept
-        typer.echo(f"{saved}; go on by the same command with --resume", err=True)
+        typer.echo(f"{saved}; add --resume to the same command to continue", err=True)
         raise
     if already:
-        typer.echo("this run was finished before; nothing was trained")
+        typer.echo("this run was already finished; nothing was trained")
     print_scores(folder)
     if folder.curve.exists():
         typer.echo(f"learning curve: {folder.curve}")
@@ -309,7 +311,7 @@ def _train(
 
 
 def print_scores(run: RunFolder, head: str = "") -> None:
-    """Print what the policy of each side scored at the end of a run; nothing where it was never scored."""
+    """Print the last score of each side's policy in a run; print nothing if it was never evaluated."""
     for side, score in run.last_scores().items():
         shown = "none" if score is None else f"{score:.1f}"
         typer.echo(f"{head}{side}'s score at the end of training (few rounds, tuning seeds): {shown}")
@@ -321,12 +323,12 @@ def selfplay(
     generations: Annotated[
         int, typer.Option(min=1, help="Number of generations of each side.", rich_help_panel=TRAINING)
     ] = 10,
-    steps: Annotated[int, steps_option("Training budget of a generation of a side.")] = 500_000,
+    steps: Annotated[int, steps_option("Training budget of one generation of one side.")] = 500_000,
     pool: Annotated[
         int,
         typer.Option(
             min=1,
-            help="Maximum past generations of the other side to train against.",
+            help="Maximum number of past generations of the other side to train against.",
             rich_help_panel=TRAINING,
         ),
     ] = 5,
@@ -334,7 +336,7 @@ def selfplay(
         int,
         typer.Option(
             min=0,
-            help="Seed of the draws from past generations and of the matches.",
+            help="Seed of the trainings and of the draws from past generations.",
             rich_help_panel=TRAINING,
         ),
     ] = 0,
@@ -350,7 +352,7 @@ def selfplay(
     knowledge: KnowledgeOption = None,
     jamming_types: JammingTypesOption = None,
 ) -> None:
-    """Train both sides in turns against past generations of each other; run it again to resume.
+    """Train both sides alternately against past generations of each other; run it again to resume.
 
     Example: fpg-bench selfplay ppo --generations 10 --out runs/selfplay
     """
@@ -385,7 +387,9 @@ def best_response(
     out: Annotated[Path, typer.Option(help="Folder of the best responses and best_responses.json.")],
     side: Annotated[
         str | None,
-        typer.Option(help="The player's side: ally or opponent. Default: the agent's.", rich_help_panel=GAME),
+        typer.Option(
+            help="The player's side: ally or opponent. Default: that of the agent.", rich_help_panel=GAME
+        ),
     ] = None,
     scenario: ScenarioOption = None,
     path: PathOption = None,
@@ -419,21 +423,24 @@ def best_response(
     reward: Annotated[
         str,
         typer.Option(
-            help="zero_sum: lower the player's return; own: raise the response's.", rich_help_panel=TRAINING
+            help="zero_sum: lower the player's return; own: raise the response's return.",
+            rich_help_panel=TRAINING,
         ),
     ] = "zero_sum",
     actions: ActionsOption = None,
     search: Annotated[
         int,
         typer.Option(
-            min=0, help="Number of scripts with random constants to try, too.", rich_help_panel=TRAINING
+            min=0,
+            help="Number of scripts with random constants to evaluate in addition to the scripts.",
+            rich_help_panel=TRAINING,
         ),
     ] = 0,
     full: Annotated[
         bool,
         typer.Option(
-            help="The full recipe instead: SAC, PPO with frames in both action modes and from the strongest, "
-            "two seeds each, and a search; about an hour.",
+            help="Run the full search instead: SAC, PPO with stacked frames (continuous, discrete, and from "
+            "the strongest), two seeds each, and 100 scripts with random constants; about an hour.",
             rich_help_panel=TRAINING,
         ),
     ] = False,
@@ -443,10 +450,10 @@ def best_response(
     Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
     """
     check_writable(out)
-    from fpg_bench.training.league import FULL_RECIPE, response_label
+    from fpg_bench.training.league import FULL_SEARCH, response_label
     from fpg_bench.training.league import best_responses as respond
 
-    recipe: dict[str, Any] = {
+    search_options: dict[str, Any] = {
         "steps": [whole_number(word) for word in steps.split(",")],
         "n_seeds": n_seeds,
         "algorithm": algorithm.split(","),
@@ -455,7 +462,7 @@ def best_response(
         "actions": actions,
         "search": search,
     }
-    for one in [{"n_seeds": 2, **each} for each in FULL_RECIPE] if full else [recipe]:
+    for one in [{"n_seeds": 2, **each} for each in FULL_SEARCH] if full else [search_options]:
         row = respond(agent, out, side=side, scenario=scenario, path=listed(path), reward=reward, **one)
     for response in row["responses"]:
         print_line(
@@ -468,7 +475,7 @@ def best_response(
     print_line(f"{agent}: lowest {row['lowest']['return']:.2f} per step, against {row['lowest']['against']}")
     if row["lowest"]["against"] == strongest:
         print_line(
-            f"{strongest} takes more than these responses: they are not best responses yet; raise --steps"
+            f"{strongest} is stronger than these responses: they are not best responses yet; raise --steps"
         )
 
 
@@ -479,7 +486,7 @@ def _percent(met: Row) -> str:
 def export(
     source: Annotated[
         Path,
-        typer.Argument(help="Folder of a run or of seed_0, seed_1, ..., or a zip written by SB3's save."),
+        typer.Argument(help="Folder of a run or of seed_0, seed_1, ..., or a zip written by save() of SB3."),
     ],
     out: Annotated[
         Path,
@@ -509,9 +516,9 @@ def export(
         ),
     ] = False,
 ) -> None:
-    """Export a trained model as an agent's folder, and compare it with the model's predict.
+    """Export a trained model as an agent folder, and compare the agent with the model's predict().
 
-    A folder with the runs of several training seeds (train --seeds) is exported as one agent for each seed.
+    A folder with the runs of several training seeds (train --seeds) is exported as one agent per seed.
 
     Example: fpg-bench export runs/ppo_0 --out leaderboard/submissions/ally/my-agent/seed_0
     """
@@ -521,7 +528,7 @@ def export(
     seeds = seed_folders(source)
     targets = [out / seed.name for seed in seeds] or [out]
     if taken := next((target for target in targets if (target / "agent.json").exists()), None):
-        raise UserError(f"export: {taken} holds an agent; choose another folder, or remove it")
+        raise UserError(f"export: {taken} already holds an agent; remove it or choose another folder")
     if source.is_dir():
         agents = [_agent_of(run, side) for run in seeds or [source]]  # all of them, before any is written
         for (agent, difference), target in zip(agents, targets, strict=True):
@@ -534,11 +541,11 @@ def export(
 
 def _print_exported(agent: Path, difference: float | None) -> None:
     shown = "unknown" if difference is None else f"{difference:.2g}"
-    typer.echo(f"agent: {agent}\nlargest difference to predict: {shown}")
+    typer.echo(f"agent: {agent}\nlargest difference from predict(): {shown}")
 
 
 def _agent_of(run: Path, side: str | None) -> tuple[Path, float | None]:
-    """Return the agent's folder of a run, and its difference to the model, measured when it was exported."""
+    """Return the folder of a run's agent, and the difference from the model, measured at the export."""
     from fpg_bench.players.agent import load_agent
 
     agent = run / "agent" if (run / "agent").is_dir() else run
@@ -546,7 +553,7 @@ def _agent_of(run: Path, side: str | None) -> tuple[Path, float | None]:
         agent = agent / side
     if not (agent / "agent.json").is_file():
         both = (agent / "ally").is_dir()
-        hint = "; say --side ally or --side opponent" if both else "; is the run finished?"
+        hint = "; add --side ally or --side opponent" if both else "; is the run finished?"
         raise UserError(f"export: {run} holds no agent{hint}")
     return agent, load_agent(agent, side).about.get("largest_difference")
 
@@ -558,15 +565,15 @@ def _from_zip(
     from fpg_bench.training.sb3_zip import INSTEAD, load_zip
 
     if not path.is_file():
-        raise UserError(f"export: {path} is neither a run's folder nor a zip: there is no such file")
+        raise UserError(f"export: {path} does not exist; expected the folder of a run, or a zip")
     if not zipfile.is_zipfile(path):
-        raise UserError(f"export: {path} is no zip that SB3's save has written; a run's is called model.zip")
+        raise UserError(f"export: {path} is not a zip written by save() of SB3; that of a run is model.zip")
     if algorithm is None:
-        raise UserError("export: a zip does not say its algorithm; say --algo ppo, a2c, sac or td3")
+        raise UserError("export: a zip does not name its algorithm; add --algo ppo, a2c, sac or td3")
     if not not_normalized:
         raise UserError(
-            "export: a zip does not say whether VecNormalize was used, and its statistics are a pickle, "
-            f"which is not opened; say --not-normalized if it was not, else {INSTEAD}"
+            "export: a zip does not show whether VecNormalize was used, and its statistics are a pickle, "
+            f"which is never opened; add --not-normalized if it was not used, else {INSTEAD}"
         )
     training_seed = _seed(out, seed)
     return export_agent(
@@ -577,5 +584,5 @@ def _from_zip(
 def _seed(out: Path, seed: int | None) -> int:
     named = re.fullmatch(r"seed_(\d+)", out.name)
     if seed is None and named is None:
-        raise UserError("export: say --seed, the training seed, or call the folder seed_<k>")
+        raise UserError("export: add --seed, the training seed, or name the folder seed_<k>")
     return int(named[1]) if seed is None and named else int(seed or 0)

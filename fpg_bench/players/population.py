@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.players.agent import OnnxPlayer, load_agent, suites_folder
@@ -23,9 +24,14 @@ class SuiteMember(OnnxPlayer):
     @property
     def flies(self) -> str:
         """``learned`` if the opponent flew itself in its training, otherwise ``pursuit``."""
-        scenario = self.about.get("scenario_fields")
-        path = scenario.get("opponent_path") if isinstance(scenario, dict) else None
-        return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
+        return flight_of(self.about)
+
+
+def flight_of(about: Mapping[str, Any]) -> str:
+    """Return ``learned`` if ``agent.json`` has it among the paths of the training, otherwise ``pursuit``."""
+    scenario = about.get("scenario_fields")
+    path = scenario.get("opponent_path") if isinstance(scenario, dict) else None
+    return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
 
 
 def member_from_folder(folder: str | os.PathLike[str], side: str | None = None) -> SuiteMember:

@@ -34,7 +34,7 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.player import SIDES, Player
-from fpg_bench.players.population import expand_suites, member_folder
+from fpg_bench.players.population import expand_suites, flight_of, member_folder
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.players.tactics import draw_variants
 from fpg_bench.training.config import GameOptions, RunConfig
@@ -90,7 +90,7 @@ def evaluate_against(
 
 
 def _result_row(summary: Summary) -> Row:
-    """Return ``score`` and ``return`` (per step, means), ``returns`` against each, and ``measures``."""
+    """Return the means ``score`` and ``return`` per step, ``returns`` against each, and ``measures``."""
     return {
         "score": round(summary.score.value, 2),
         "return": round(summary.reward.value, 4),
@@ -99,8 +99,8 @@ def _result_row(summary: Summary) -> Row:
     }
 
 
-def _check_same(file: Path, kind: str, about: Row) -> Row:
-    """Return the content of a file; raise UserError where it was made with other settings."""
+def _check_same(file: Path, kind: str, about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
     content = read_json(file, kind)
     if different := [key for key in about if content.get(key) != about[key]]:
         raise UserError(f"{file}: holds {kind} with another {different[0]}; choose another folder")
@@ -109,9 +109,10 @@ def _check_same(file: Path, kind: str, about: Row) -> Row:
 
 # Best responses
 
-# Calls of best_responses whose lowest return is called the lowest known. Each finds what others miss: SAC
-# with few steps, PPO with memory and with lists of choices, a pupil of the strongest, and unlearnt scripts.
-FULL_RECIPE: tuple[dict[str, Any], ...] = (
+# Arguments of the calls of best_responses in a full search. No kind of response finds the lowest return of
+# every player, so the search combines SAC with few steps and random scripts, PPO with stacked frames and with
+# discrete actions, and PPO that first imitates the strongest response of these.
+FULL_SEARCH: tuple[dict[str, Any], ...] = (
     {"algorithm": "sac", "steps": 200_000, "search": 100},
     {"algorithm": "ppo-stack8", "steps": 3_000_000},
     {"algorithm": "ppo-stack8", "steps": 3_000_000, "actions": "discrete"},
@@ -135,12 +136,12 @@ def best_responses(
     actions: str | None = None,
     search: int = 0,
     progress: bool = True,
-) -> Row:
+) -> dict[str, Any]:
     """Train best responses to a fixed player, and evaluate the player against them.
 
     The opponent's path is that of the player's training: ``learned`` where it was among its paths, else
-    ``pursuit``. A stopped call is resumed: finished responses are not trained again, and responses of more
-    algorithms, budgets or seeds are added to them.
+    ``pursuit``. A stopped call is resumed: finished responses are not trained again, and further algorithms,
+    budgets and seeds add responses to them. A response that imitates keeps the teacher that it began with.
 
     Args:
         agent: the player: a shipped agent, a folder, a script, or ``package.module:object``.
@@ -150,8 +151,8 @@ def best_responses(
             :class:`fpg_bench.training.config.RunConfig`.
         steps: training budget of each response, or several.
         n_seeds: number of responses of each kind, with training seeds 0, 1, 2, ...
-        start: ``nothing``; or ``strongest``, to imitate first whoever left the player the least return so
-            far, a script or a response that started from nothing; or both, one after the other.
+        start: ``nothing``; or ``strongest``, to imitate first whichever script or response from ``nothing``
+            has the lowest return of the player so far; or both, one after the other.
         hyperparams: hyper-parameters of a single algorithm.
         reward: reward of the responses: ``zero_sum``, to lower the player's return, or any other of
             :class:`fpg_bench.envs.core.SingleAgentGame`.
@@ -159,20 +160,20 @@ def best_responses(
         scenario: the scenario; None takes that of the agent's training.
         path: flight path of the opponent; None chooses it as described above.
         actions: action mode of the responses; None for continuous.
-        search: number of scripts with constants drawn at random that are tried beside the scripts.
+        search: number of scripts with random constants to evaluate in addition to the scripts.
         progress: show the progress of each training.
 
     Returns:
         The content of ``best_responses.json``: the player, the game, ``responses`` (how each was made, the
-        player's ``return`` per step and ``score`` against it, the response's own return per step ``earned``,
-        the ``measures``; ``n_resumes`` where its training was resumed, so that its policy is not that of an
-        uninterrupted one), the same for the other side's ``scripts``, and ``lowest``, the lowest return and
-        against whom. It is an upper bound of the player's worst return: another response may find a lower
-        one.
+        player's ``return`` per step and ``score`` against it, ``earned``, the response's own return per step,
+        and the ``measures``; also ``n_resumes`` if its training was resumed, as its policy then differs from
+        that of an uninterrupted training), the same for the other side's ``scripts``, and ``lowest``, the
+        lowest return and against whom. It is an upper bound of the player's worst return: another response
+        may find a lower one.
 
     Raises:
-        UserError: no such player, one whose training scenario is not available any more, or a folder with
-            other files, or best responses to another player.
+        UserError: no such player, a player whose training scenario no longer exists, or a folder with other
+            files or with best responses to another player.
         KeyboardInterrupt: stopped by the user.
     """
     algorithms, budgets, starts = _as_list(algorithm), _as_list(steps), _as_list(start)
@@ -181,7 +182,7 @@ def best_responses(
     for name, value in (("n_seeds", n_seeds), *(("steps", budget) for budget in budgets)):
         whole(value, name)
     if hyperparams is not None and len(algorithms) > 1:
-        raise UserError("hyperparams: are those of one algorithm; name one")
+        raise UserError("hyperparams: belong to one algorithm, but several are named; name one")
     whole(search, "search", least=0)
     target = _find_target(agent, side, scenario, path)
     env_id, file = policy_env(other_side(target.side)).id, Path(out) / RESULT
@@ -196,37 +197,39 @@ def best_responses(
     check_own_folder(file.parent, RESULT, "best responses")
     other = other_side(target.side)
     names = [*SCRIPTED[other], *draw_variants(other, search, target.scenario)]
-    result: Row = {"agent": agent, **about, "scripts": {}, "responses": []}
+    result: dict[str, Any] = {"agent": agent, **about, "scripts": {}, "responses": []}
     if file.exists():
         result = _check_same(file, "best responses", about)
     if missing := [name for name in names if name not in result["scripts"]]:
         result["scripts"] |= {name: target.evaluate(name) for name in missing}
-        write_json(file, result | {"lowest": _lowest(result)})  # the folder is taken before any training
+        write_json(
+            file, result | {"lowest": _lowest_return(result)}
+        )  # the folder is taken before any training
     for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
-        values = load_hyperparameters(
-            name, env_id, hyperparams, path=target.game.path, actions=actions or "continuous"
-        ).entry()
-        if kind == "strongest":
-            values |= {"imitate": {"teacher": _strongest(result, Path(out))}}
-        recipe: Row = {
+        config: Row = {
             "algorithm": name,
             "steps": budget,
             "start": kind,
             "training_seed": seed,
             "reward": reward,
             **({} if actions in (None, "continuous") else {"actions": actions}),
-            "hyperparameters": json.loads(json.dumps(values, default=str)),  # as they are read again
         }
-        same = [r for r in result["responses"] if r.get("actions") == recipe.get("actions")]
-        if not any(recipe.items() <= response.items() for response in same):
+        run_folder = RunFolder(Path(out) / response_folder(config))
+        values = load_hyperparameters(
+            name, env_id, hyperparams, path=target.game.path, actions=actions or "continuous"
+        ).entry()
+        if kind == "strongest":
+            values |= {"imitate": {"teacher": _teacher(run_folder) or _strongest_player(result, Path(out))}}
+        config["hyperparameters"] = json.loads(json.dumps(values, default=str))  # as they are read from JSON
+        same = [r for r in result["responses"] if r.get("actions") == config.get("actions")]
+        if not any(config.items() <= response.items() for response in same):
             game = dataclasses.replace(target.game, reward=reward, actions=actions)
             run = RunConfig(name, env_id, seed, budget, values, game, against=agent)
-            folder = Path(out) / response_folder(recipe)
-            response = train(run, folder, evaluations=0, progress=progress, resume=True)
-            parts = RunFolder(folder).read().get("part", 0)
-            resumed = {"n_resumes": parts} if parts else {}
-            result["responses"].append(recipe | resumed | target.evaluate(str(response)))
-        result["lowest"] = _lowest(result)
+            response = train(run, run_folder.path, evaluations=0, progress=progress, resume=True)
+            n_resumes = run_folder.read().get("part", 0)
+            resumed = {"n_resumes": n_resumes} if n_resumes else {}
+            result["responses"].append(config | resumed | target.evaluate(str(response)))
+        result["lowest"] = _lowest_return(result)
         write_json(file, result)
     return result
 
@@ -250,8 +253,17 @@ def _as_list(value: T | Sequence[T]) -> list[T]:
     return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
 
 
-def _strongest(result: Row, out: Path) -> str:
-    """Return the script or response from nothing that left the player the least return."""
+def _teacher(run: RunFolder) -> str | None:
+    """Return the teacher that a response's run has begun with; None if the run has not begun."""
+    if not run.description.exists():
+        return None
+    imitation = run.read().get("hyperparameters", {}).get("imitate") or {}
+    teacher: str | None = imitation.get("teacher")
+    return teacher
+
+
+def _strongest_player(result: Mapping[str, Any], out: Path) -> str:
+    """Return the script, or the agent of a response from nothing, with the player's lowest return."""
     returns = {name: row["return"] for name, row in result["scripts"].items()}
     for response in result["responses"]:
         if response["start"] == "nothing":
@@ -259,7 +271,7 @@ def _strongest(result: Row, out: Path) -> str:
     return str(min(returns, key=lambda name: returns[name]))
 
 
-def _lowest(result: Row) -> Row:
+def _lowest_return(result: Mapping[str, Any]) -> dict[str, Any]:
     """Return the player's lowest return per step, and against whom that was."""
     returns = {name: row["return"] for name, row in result["scripts"].items()}
     returns |= {response_label(response): response["return"] for response in result["responses"]}
@@ -269,7 +281,7 @@ def _lowest(result: Row) -> Row:
 
 @dataclass(frozen=True)
 class _Target:
-    """A fixed player that responses are trained against, and the game that it plays."""
+    """A fixed player that responses are trained against, and the game that is played."""
 
     agent: str
     side: str
@@ -278,7 +290,7 @@ class _Target:
     scenario: Scenario
 
     def evaluate(self, other: str) -> Row:
-        """Return the player's results against another player, with that player's return ``earned``."""
+        """Return the player's results against another player, and the other's return per step, ``earned``."""
         summary = evaluate_against(self.agent, {other: other}, self.side, self.scenario, MATCHES)
         row = _result_row(summary)
         del row["returns"]
@@ -289,12 +301,12 @@ class _Target:
 def _find_target(
     agent: str, side: str | None, scenario: str | Path | None, path: str | Sequence[str] | None
 ) -> _Target:
-    """Load the player; the game is that of the agent's training unless the caller sets it."""
+    """Load a player; the game is that of its training, except for what the caller sets."""
     side = _side_of(agent) if side is None else side
     if side not in SIDES:
         raise UserError(f"side: expected ally or opponent, got {side!r}")
     player = as_player(agent, side, STANDARD)
-    about = getattr(player, "about", {}) if scenario is None else {}  # of an agent
+    about = getattr(player, "about", {}) if scenario is None else {}  # empty for a script
     own = mapping(about.get("options") or {}, f"agent {agent}: agent.json: options")
     options: dict[str, Any] = {
         key: own[key] for key in ("scenario", "knowledge", "jamming_types") if key in own
@@ -302,22 +314,19 @@ def _find_target(
     if scenario is not None:
         options["scenario"] = str(scenario)
     fields = about.get("scenario_fields") or {}
-    trained_path = fields.get("opponent_path", STANDARD.opponent_path)
-    game = GameOptions(
-        path=path or ("learned" if "learned" in trained_path else STANDARD.opponent_path), **options
-    )
+    game = GameOptions(path=path or flight_of(about), **options)
     played = game_scenario(game)
     if about:
         same = {key: fields.get(key, getattr(STANDARD, key)) for key in ("opponent_path", "rounds_per_match")}
         if dataclasses.replace(played, **same).hash != about["scenario"]:
             raise UserError(
-                f"agent {agent}: was trained in a scenario that does not exist any more; name the scenario"
+                f"agent {agent}: was trained in a scenario that no longer exists; name the scenario"
             )
     return _Target(agent, side, policy_hash(player) or code_fingerprint(agent), game, played)
 
 
 def game_scenario(game: GameOptions) -> Scenario:
-    """Return the scenario of some game options."""
+    """Return the scenario that game options describe."""
     return as_scenario(
         game.scenario, opponent_path=game.path, knowledge=game.knowledge, jamming_types=game.jamming_types
     )
@@ -331,9 +340,9 @@ def _side_of(agent: str) -> str:
         sides = [str(about.get("side") or sides_of(about["id"])[0])]
     if len(sides) != 1:
         if sides:
-            raise UserError(f"player {agent!r} plays both sides; say side ally or opponent")
+            raise UserError(f"player {agent!r} plays both sides; set side to ally or opponent")
         hint = nearest(agent, [name for side in SIDES for name in SCRIPTED[side]])
-        raise UserError(f"player {agent!r}: no agent and no script{hint}")
+        raise UserError(f"player {agent!r}: no such agent or script{hint}")
     return sides[0]
 
 
@@ -356,24 +365,26 @@ def selfplay(
     evaluations: int = 1,
     progress: bool = True,
 ) -> dict[str, Path]:
-    """Train both sides in turns, each generation against past generations of the other side.
+    """Train both sides alternately, each generation against past generations of the other side.
 
-    Generation 0 of a side plays all scripts of the other side. Each later one starts from the weights of the
-    one before. Every generation is a run of its own. A stopped call is resumed: finished generations are not
-    trained again, and more are added to them.
+    Generation 0 of a side plays all scripts of the other side. Each later generation starts from the weights
+    of the one before. Every generation is a separate run. A stopped call is resumed: finished generations are
+    not trained again, and a larger number adds generations to them.
 
     Args:
         algorithm: algorithm of both sides; see :class:`fpg_bench.training.config.RunConfig`.
-        out: a folder for ``generations/<side>_<g>``, a run's folder each; ``selfplay.jsonl``, a row each;
+        out: a folder for ``generations/<side>_<g>``, the runs; ``selfplay.jsonl``, one row per generation;
             ``ally`` and ``opponent``, the agents of the last generation.
         generations: number of generations of each side.
-        steps: training budget of a generation of a side.
-        pool: number of past generations of the other side that are drawn for a generation, at most.
-        seed: decides the draws and the matches.
-        hyperparams: a YAML file, or the entry of both sides' ids; None takes the shipped file.
+        steps: training budget of one generation of one side.
+        pool: maximum number of past generations of the other side that are drawn for a generation.
+        seed: decides the draws and the training seeds, ``1000 * seed + g`` for generation g; it is also the
+            ``training_seed`` of the exported agents.
+        hyperparams: a YAML file, or an entry for the ids of both sides; None takes the shipped file.
         scenario, path, knowledge, jamming_types: the game, as in
             :class:`fpg_bench.training.config.GameOptions`.
-        evaluations: evaluations of each generation on its suite, besides the one at its start; 0 for none.
+        evaluations: number of evaluations of each generation on its suite, besides the one at its start; 0
+            for none.
         progress: show the progress of each training.
 
     Returns:
@@ -404,12 +415,12 @@ def selfplay(
                 file.append([row])
                 _logger.info(_row_text(row))
         last = {row["side"]: row["generation"] for row in file.read()}
-        return {side: league.ship(side, last[side] + 1) for side in SIDES}
+        return {side: league.export_agent(side, last[side] + 1) for side in SIDES}
 
 
 @dataclass(frozen=True)
 class _SelfPlay:
-    """A self-play league in a folder; the attributes are the arguments of :func:`selfplay`."""
+    """A self-play league in a folder; its attributes are arguments of :func:`selfplay`."""
 
     algorithm: str
     folder: Path
@@ -419,8 +430,8 @@ class _SelfPlay:
     hyperparams: Hyperparams
     game: GameOptions
 
-    def describe(self) -> Row:
-        """Return what distinguishes it from another self-play, as it is read from JSON."""
+    def describe(self) -> dict[str, Any]:
+        """Return the settings that distinguish it from another self-play, as they are read from JSON."""
         parameters = {
             side: load_hyperparameters(
                 self.algorithm, policy_env(side).id, self.hyperparams, path=self.game.path
@@ -435,7 +446,7 @@ class _SelfPlay:
             "seed": self.seed,
             "hyperparameters": {side: each.entry() for side, each in parameters.items()},
         }
-        content: Row = json.loads(json.dumps(about))
+        content: dict[str, Any] = json.loads(json.dumps(about))
         return content
 
     def run(self, side: str, generation: int) -> RunFolder:
@@ -479,10 +490,10 @@ class _SelfPlay:
         summary = evaluate_against(str(run.agent), others, side, scenario, MATCHES, tuning_seeds)
         return head | _result_row(summary)
 
-    def ship(self, side: str, generations: int) -> Path:
-        """Copy the last generation's agent, and describe in ``agent.json`` how all of it was made."""
+    def export_agent(self, side: str, generations: int) -> Path:
+        """Copy the agent of the last generation; its ``agent.json`` describes the whole self-play."""
         last = self.run(side, generations - 1).agent
-        parts = [self.run(side, generation).read() for generation in range(generations)]
+        runs = [self.run(side, generation).read() for generation in range(generations)]
         about = read_json(last / "agent.json", "agent")
         settings = {"generations": generations, "steps": self.steps, "pool": self.pool, "seed": self.seed}
         options = self.game.to_dict()
@@ -491,18 +502,19 @@ class _SelfPlay:
             "options": {name: about["options"][name] for name in options},
             "training_seed": self.seed,
             "training_steps": generations * self.steps,
-            **{key: round(sum(part[key] for part in parts), 1) for key in ("steps_done", "seconds")},
+            **{key: round(sum(run[key] for run in runs), 1) for key in ("steps_done", "seconds")},
         }
         return _write_agent(self.folder / side, last, about)
 
 
 def draw_past(side: str, generation: int, pool: int, seed: int) -> list[int]:
-    """Draw the past generations of the other side that a generation is trained against, uniformly."""
+    """Draw uniformly the past generations of the other side that a generation is trained against."""
     rng = np.random.default_rng([seed, generation, SIDES.index(side)])
     return sorted(rng.choice(generation, min(pool, generation), replace=False).tolist())
 
 
 def _row_text(row: Row) -> str:
+    """Return a log line for a generation's row."""
     measures = row["measures"]
     shares = ", ".join(f"{kind} {100 * measures[f'share_{kind}']:.0f} %" for kind in JAMMING_TYPES)
     on_suite = "" if row["suite_score"] is None else f", {row['suite_score']:.1f} on {row['suite']}"
@@ -513,8 +525,8 @@ def _row_text(row: Row) -> str:
     )
 
 
-def _write_agent(folder: Path, agent: Path, about: Row) -> Path:
-    """Copy an agent's policy to a folder, with another ``agent.json`` written last."""
+def _write_agent(folder: Path, agent: Path, about: Mapping[str, Any]) -> Path:
+    """Copy an agent's policy to a folder, and write ``about`` as its ``agent.json`` last."""
     write_whole(folder / "policy.onnx", (agent / "policy.onnx").read_bytes())
     write_json(folder / "agent.json", about)
     return folder
@@ -524,14 +536,14 @@ def _write_agent(folder: Path, agent: Path, about: Row) -> Path:
 
 
 class Stage(Strict):
-    """A stage of a champion's training: its budget, and hyper-parameters that differ from the recipe's."""
+    """A stage of a champion's training: its budget, and hyper-parameters that replace the champion's."""
 
     steps: PositiveInt
     hyperparams: dict[str, Any] | None = None
 
 
 class Responder(Strict):
-    """Training of a player against the champion of a stage; see :class:`Recipe` for the attributes."""
+    """Training of a player against a stage's agent; attributes are as in :class:`ChampionConfig`."""
 
     algorithm: str
     steps: PositiveInt
@@ -539,16 +551,17 @@ class Responder(Strict):
     options: dict[str, Any] | None = None
 
 
-class Recipe(Strict):
-    """Recipe of a champion, an entry of ``baselines/champions.yml``.
+class ChampionConfig(Strict):
+    """Configuration of a champion's training, an entry of ``baselines/champions.yml``.
 
     Attributes:
         name: folder of the agents.
-        id: environment id, one against any player.
+        id: environment id, one of those against any player.
         algorithm, hyperparams: as in :class:`fpg_bench.training.config.RunConfig`.
         against: the population, suites included; one player is drawn per round.
-        stages: the stages, each of which starts from the weights of the one before.
-        responders: players that are trained against the champion of a stage and join the population.
+        stages: the stages; each one after the first starts from the weights of the one before.
+        responders: players that are trained against the agent of each stage but the last, and then join the
+            population.
         priority: how much more often the hardest player is drawn than the easiest, after the first stage.
         options: options of the games, as in :class:`fpg_bench.training.config.GameOptions`.
     """
@@ -574,79 +587,86 @@ class Recipe(Strict):
         return find_env(self.id).other_side
 
 
-def load_recipes(file: Path) -> dict[str, Recipe]:
-    """Load the champions' recipes of a YAML file, by name.
+def load_champions(file: Path) -> dict[str, ChampionConfig]:
+    """Load the configurations of champions from a YAML file, by name.
 
     Raises:
         UserError: the file cannot be read, or a key is missing, unknown or invalid.
     """
-    recipes = {}
+    configs = {}
     for name, content in read_yaml(file, "champions").items():
         where = f"champions {file}: {name}"
-        recipe = parse(Recipe, {"name": name, **mapping(content, where)}, where)
-        if recipe.id != policy_env(recipe.side).id:
-            raise UserError(f"{where}: id: expected {policy_env(recipe.side).id}, got {recipe.id}")
-        for options in (recipe.options, *(responder.options or {} for responder in recipe.responders)):
+        config = parse(ChampionConfig, {"name": name, **mapping(content, where)}, where)
+        if config.id != policy_env(config.side).id:
+            raise UserError(f"{where}: id: expected {policy_env(config.side).id}, got {config.id}")
+        for options in (config.options, *(responder.options or {} for responder in config.responders)):
             GameOptions.parse(options, f"{where}: options")
-        recipes[recipe.name] = recipe
-    return recipes
+        configs[config.name] = config
+    return configs
 
 
-def train_champion(recipe: Recipe, seed: int, runs: Path, *, progress: bool = False) -> Path:
+def train_champion(config: ChampionConfig, seed: int, runs: Path, *, progress: bool = False) -> Path:
     """Train one champion; a stopped training is resumed, and finished runs are not repeated.
 
-    After each stage, responders are trained against its agent, and the next stage meets them as well. From
-    the second stage on, players that leave the champion less return are drawn more often.
+    After each stage but the last, responders are trained against its agent, and they join the population of
+    the next stage. From the second stage on, players against which the champion's return is lower are drawn
+    more often.
 
     Args:
-        recipe: the recipe.
+        config: the champion's configuration.
         seed: the training seed.
         runs: folder of all champions' runs: ``NAME/seed_k/stage_i/run`` and ``.../responder_j``.
         progress: show the progress of each training.
 
     Returns:
-        The agent's folder of the last stage.
+        The folder of the last stage's agent.
 
     Raises:
         UserError: something unknown or out of range, or a folder that holds another run.
         KeyboardInterrupt: stopped by the user.
     """
-    population = [str(spec) for spec in expand_suites(recipe.against, recipe.other_side)]
-    folder, agent = runs / recipe.name / f"seed_{seed}", Path()
-    for number, stage in enumerate(recipe.stages):
+    population = [str(spec) for spec in expand_suites(config.against, config.other_side)]
+    folder, agent = runs / config.name / f"seed_{seed}", Path()
+    for number, stage in enumerate(config.stages):
         stage_folder = folder / f"stage_{number}"
         drawn = (
-            _prioritized(recipe, agent, population, stage_folder / "population.json")
+            _prioritized(config, agent, population, stage_folder / "population.json")
             if number
             else population
         )
         run = RunConfig(
-            recipe.algorithm,
-            recipe.id,
+            config.algorithm,
+            config.id,
             seed,
             stage.steps,
-            {**recipe.hyperparams, "n_timesteps": stage.steps, **(stage.hyperparams or {})},
-            GameOptions(**recipe.options),
+            {**config.hyperparams, "n_timesteps": stage.steps, **(stage.hyperparams or {})},
+            GameOptions(**config.options),
             against=drawn,
             start=folder / f"stage_{number - 1}" / "run" if number else None,
         )
         agent = train(
             run, stage_folder / "run", evaluations=CHAMPION_EVALUATIONS, progress=progress, resume=True
         )
-        _logger.info(f"{recipe.name}/seed_{seed}: stage {number} trained, against {len(population)} players")
-        if number + 1 < len(recipe.stages):
+        _logger.info(f"{config.name}/seed_{seed}: stage {number} trained, against {len(population)} players")
+        if number + 1 < len(config.stages):
             first_seed = RESPONDER_SEED + 1000 * seed + 100 * number
-            population += _train_responders(recipe, agent, stage_folder, first_seed, progress)
+            population += _train_responders(config, agent, stage_folder, first_seed, progress)
     return agent
 
 
-def _train_responders(recipe: Recipe, agent: Path, folder: Path, seed: int, progress: bool) -> list[str]:
-    """Train a recipe's responders against an agent, from this seed on; returns their agents' folders."""
+def _train_responders(
+    config: ChampionConfig, agent: Path, folder: Path, seed: int, progress: bool
+) -> list[str]:
+    """Train a champion's responders against an agent, with training seeds from ``seed`` on.
+
+    Returns:
+        The folders of their agents.
+    """
     agents = []
-    for index, responder in enumerate(recipe.responders):
+    for index, responder in enumerate(config.responders):
         run = RunConfig(
             responder.algorithm,
-            policy_env(recipe.other_side).id,
+            policy_env(config.other_side).id,
             seed + index,
             responder.steps,
             responder.hyperparams,
@@ -658,47 +678,51 @@ def _train_responders(recipe: Recipe, agent: Path, folder: Path, seed: int, prog
     return agents
 
 
-def _prioritized(recipe: Recipe, agent: Path, population: list[str], file: Path) -> list[str]:
-    """Return the population with each player as often as it is to be drawn; kept in a file."""
+def _prioritized(config: ChampionConfig, agent: Path, population: list[str], file: Path) -> list[str]:
+    """Return the population, with harder players listed several times; the numbers are kept in a file."""
     if file.exists():
-        copies = read_json(file, "population")["copies"]
+        content = read_json(file, "population")
+        copies = content["copies"]
         if list(copies) != population:
             raise UserError(f"{file}: holds another population; choose another folder")
+        most = max(copies_by_hardness(list(content["returns_per_step"].values()), config.priority))
+        if max(copies.values()) != most:
+            raise UserError(f"{file}: was drawn with another priority; choose another folder")
     else:
-        scenario = game_scenario(GameOptions(**recipe.options))
-        others = {name: member_folder(name, recipe.other_side) for name in population}
-        summary = evaluate_against(str(agent), others, recipe.side, scenario, POPULATION_ROUNDS, tuning_seeds)
+        scenario = game_scenario(GameOptions(**config.options))
+        others = {name: member_folder(name, config.other_side) for name in population}
+        summary = evaluate_against(str(agent), others, config.side, scenario, POPULATION_ROUNDS, tuning_seeds)
         returns = [summary.by_rival[name].value for name in population]
-        copies = dict(zip(population, copies_by_hardness(returns, recipe.priority), strict=True))
+        copies = dict(zip(population, copies_by_hardness(returns, config.priority), strict=True))
         rounded = {name: round(value, 3) for name, value in zip(population, returns, strict=True)}
         write_json(file, {"agent": str(agent), "returns_per_step": rounded, "copies": copies})
     return [player for player, count in copies.items() for _ in range(count)]
 
 
 def copies_by_hardness(returns: Sequence[float], priority: int) -> list[int]:
-    """Return how often each player is listed: 1 for the easiest, ``priority`` for the hardest.
+    """Return how often to list each player: once the easiest, ``priority`` times the hardest.
 
-    Between them the number grows with the square of the hardness, which is linear in the return.
+    In between, the number grows with the square of the hardness, which is linear in the return.
     """
     low, high = min(returns), max(returns)
     hardness = [(high - value) / (high - low) if high > low else 0.0 for value in returns]
     return [1 + round((priority - 1) * share**2) for share in hardness]
 
 
-def ship_champion(agent: Path, folder: Path, recipe: Recipe, seed: int, command: str) -> None:
-    """Copy a champion's agent to its shipped folder; its ``agent.json`` describes how all of it was made.
+def ship_champion(agent: Path, folder: Path, config: ChampionConfig, seed: int, command: str) -> None:
+    """Copy a champion's agent to its shipped folder; its ``agent.json`` describes the whole training.
 
     Args:
-        agent: the agent's folder of the last stage.
-        folder: the shipped folder.
-        recipe, seed: how it was made.
-        command: the command that makes it again.
+        agent: the folder of the last stage's agent.
+        folder: the folder of the shipped agent.
+        config, seed: how it was made.
+        command: the command that reproduces it.
 
     Raises:
         UserError: the agent is incomplete.
     """
-    about = dict(load_agent(agent, recipe.side).about)
-    steps = sum(stage.steps for stage in recipe.stages)
+    about = dict(load_agent(agent, config.side).about)
+    steps = sum(stage.steps for stage in config.stages)
     about |= {"command": command, "training_steps": steps, "training_seed": seed}
-    about["recipe"] = recipe.model_dump(mode="json", exclude_none=True)
+    about["recipe"] = config.model_dump(mode="json", exclude_none=True)
     _write_agent(folder, agent, about)

@@ -25,7 +25,7 @@ from tests.training.tiny import settings, train, train_tiny
 OPPONENT = "FPG/OpponentVsScripted-v0"
 LIMITS = {"jamming_types": ["tone", "comb"], "knowledge": "none"}
 TINY = settings("ppo", normalize={"norm_obs": False})
-RECIPE = {
+CHAMPION = {
     "id": "FPG/AllyVsPolicy-v0",
     "algorithm": "ppo",
     "hyperparams": settings("ppo"),
@@ -126,7 +126,7 @@ def lowest(result):
     return {"return": rows[name]["return"], "against": name}
 
 
-def test_the_full_recipe_tries_every_kind_of_response_with_two_seeds(tmp_path, monkeypatch):
+def test_the_full_search_tries_every_kind_of_response_with_two_seeds(tmp_path, monkeypatch):
     calls = []
     measures = {"return": 0.0, "measures": {"jamming_success_rate": 0.0}}
     row = {"responses": [], "scripts": {"tone": measures}, "lowest": {"return": 0.0, "against": "tone"}}
@@ -198,13 +198,42 @@ def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, 
     responses = [(r["algorithm"], r["steps"], r["training_seed"]) for r in curve["responses"]]
     assert responses == [("ppo", 400, 0), ("ppo", 400, 1), *added]
     assert curve["lowest"] == lowest(curve)
-    with pytest.raises(UserError, match="hyperparams: are those of one algorithm; name one"):
+    with pytest.raises(UserError, match="hyperparams: belong to one algorithm"):
         respond(ally, out, algorithm=["ppo", "sac"])
     with pytest.raises(UserError, match="holds another run"):  # of this budget and seed
         respond(ally, out, hyperparams=settings("ppo", gamma=0.5))
     for other, options, what in (("expert", {}, "policy"), (ally, {"path": "learned"}, "scenario")):
         with pytest.raises(UserError, match=f"holds best responses with another {what}"):
             respond(other, out, **options)
+
+
+@pytest.mark.slow
+def test_a_response_keeps_its_teacher_when_a_stronger_one_is_found(ally, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("fpg_bench.training.train.imitate", lambda *arguments: 0.0)
+    file = tmp_path / "out" / "best_responses.json"
+
+    def set_return(response, value):
+        content = json.loads(file.read_text())
+        content["responses"][response]["return"] = value
+        file.write_text(json.dumps(content))
+
+    respond(ally, "out", n_seeds=2)
+    set_return(0, -1000.0)
+    responses = respond(ally, "out", start="strongest")["responses"]
+    teacher = responses[2]["hyperparameters"]["imitate"]["teacher"]
+    assert teacher == "out/nothing-ppo-400/seed_0/agent"
+    set_return(1, -2000.0)
+    responses[1]["return"] = -2000.0
+    for out in ("out", tmp_path / "out"):
+        assert respond(ally, out, start="strongest")["responses"] == responses
+    with monkeypatch.context() as patched:
+        patched.setattr("fpg_bench.training.train.imitate", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            respond(ally, "out", start="strongest", n_seeds=2)
+    set_return(0, -3000.0)
+    resumed = respond(ally, tmp_path / "out", start="strongest", n_seeds=2)["responses"][3]
+    assert resumed["hyperparameters"]["imitate"]["teacher"] == "out/nothing-ppo-400/seed_1/agent"
 
 
 @pytest.mark.slow
@@ -272,7 +301,7 @@ def test_a_scenario_file_that_has_changed_since_the_training_is_refused(tmp_path
     file.write_text(yaml.safe_dump({"hop_cost": 20}))
     agent = train_tiny("ppo", tmp_path / "agent", steps=400, scenario="mine.yml")
     file.write_text(yaml.safe_dump({"hop_cost": 30}))
-    with pytest.raises(UserError, match="was trained in a scenario that does not exist any more"):
+    with pytest.raises(UserError, match="was trained in a scenario that no longer exists"):
         respond(agent, tmp_path / "out")
     assert respond(agent, tmp_path / "out", scenario="mine.yml")["scenario"] == as_scenario("mine.yml").hash
 
@@ -280,7 +309,7 @@ def test_a_scenario_file_that_has_changed_since_the_training_is_refused(tmp_path
 @pytest.mark.slow
 def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
     for options, message in (
-        ({}, "plays both sides; say side ally or opponent"),
+        ({}, "plays both sides; set side to ally or opponent"),
         ({"side": "alli"}, "expected ally or opponent, got 'alli'"),
         ({"side": "ally", "start": "weakest"}, "start: expected nothing or strongest, got 'weakest'"),
     ):
@@ -410,15 +439,15 @@ def test_another_self_play_needs_another_folder(played):
 # Champions
 
 
-def load_recipe(folder, **changes):
+def load_champion(folder, **changes):
     file = folder / "champions.yml"
-    file.write_text(json.dumps({"brave": {**RECIPE, **changes}}))  # JSON is YAML
-    return league.load_recipes(file)["brave"]
+    file.write_text(json.dumps({"brave": {**CHAMPION, **changes}}))  # JSON is YAML
+    return league.load_champions(file)["brave"]
 
 
 @pytest.mark.slow
 def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp_path, monkeypatch):
-    recipe, runs = load_recipe(tmp_path), tmp_path / "runs"
+    config, runs = load_champion(tmp_path), tmp_path / "runs"
     real, calls = league.train, []
 
     def stopped(*arguments, **options):
@@ -428,29 +457,31 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
     with monkeypatch.context() as patched:
         patched.setattr(league, "train", stopped)
         with pytest.raises(KeyboardInterrupt):
-            league.train_champion(recipe, 3, runs)
+            league.train_champion(config, 3, runs)
     made = {path: path.stat().st_mtime_ns for path in runs.rglob("policy.onnx")}
     assert len(made) == 2
     with logged() as messages:
-        agent = league.train_champion(recipe, 3, runs)
+        agent = league.train_champion(config, 3, runs)
     assert all(path.stat().st_mtime_ns == time for path, time in made.items())
     assert sum(" trained, against " in line for line in messages) == 2
     first, last = (runs / "brave" / "seed_3" / f"stage_{i}" for i in (0, 1))
-    assert json.loads((first / "run/run.json").read_text())["options"]["opponent"] == RECIPE["against"]
+    assert json.loads((first / "run/run.json").read_text())["options"]["opponent"] == CHAMPION["against"]
     about = json.loads((last / "run/run.json").read_text())
     options, kept = about["options"], json.loads((last / "population.json").read_text())
-    assert set(options["opponent"]) == {*RECIPE["against"], str(first / "responder_0/agent")}
+    assert set(options["opponent"]) == {*CHAMPION["against"], str(first / "responder_0/agent")}
     assert options["start"] == str(first / "run")
     assert about["hyperparameters"]["learning_rate"] == 0.0001
     hardest = min(kept["returns_per_step"], key=kept["returns_per_step"].get)
     assert kept["copies"][hardest] == 3
     assert len(options["opponent"]) == sum(kept["copies"].values())
     assert agent == last / "run" / "agent"
-    league.ship_champion(agent, tmp_path / "out", recipe, 3, "make brave")
+    with pytest.raises(UserError, match="was drawn with another priority; choose another folder"):
+        league.train_champion(load_champion(tmp_path, priority=4), 3, runs)
+    league.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
     about = load_agent(tmp_path / "out", "ally").about
-    assert about["recipe"] == {"name": "brave", **RECIPE, "options": {}}
-    told = (about["command"], about["training_steps"], about["training_seed"])
-    assert told == ("make brave", 800, 3)
+    assert about["recipe"] == {"name": "brave", **CHAMPION, "options": {}}
+    described = (about["command"], about["training_steps"], about["training_seed"])
+    assert described == ("make brave", 800, 3)
 
 
 def test_the_hardest_player_is_drawn_most_often():
@@ -458,7 +489,7 @@ def test_the_hardest_player_is_drawn_most_often():
     assert league.copies_by_hardness([1.0, 1.0], 5) == [1, 1]
 
 
-def test_an_invalid_recipe_is_refused_in_one_line(tmp_path):
+def test_an_invalid_champion_is_refused_in_one_line(tmp_path):
     for changes, message in (
         ({"stage": []}, "unknown key 'stage'; did you mean 'stages'"),
         ({"stages": []}, "stages: expected a list"),
@@ -468,5 +499,5 @@ def test_an_invalid_recipe_is_refused_in_one_line(tmp_path):
         ({"id": "FPG/AllyVsScripted-v0"}, "id: expected FPG/AllyVsPolicy-v0"),
     ):
         with pytest.raises(UserError, match=message) as caught:
-            load_recipe(tmp_path, **changes)
+            load_champion(tmp_path, **changes)
         assert "\n" not in str(caught.value)
