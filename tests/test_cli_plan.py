@@ -146,7 +146,7 @@ def test_a_match_is_written_among_no_other_files_and_its_figure_by_its_suffix(fo
     for out in ("taken", "one.svg", "short.yml"):
         ran = plan(*match, out, folder=folder)
         assert ran.returncode == 2
-        assert f"out: {out} is there already and is no match of plan run; name another" in error_line(ran)
+        assert f"out: {out} exists and is not a match of plan run; choose another" in error_line(ran)
     assert {path.name for path in folder.rglob("*")} == {"short.yml", "taken", "notes.txt", "one.svg"}
     for out, start in (("two.svg", b"<?xml"), ("two.pdf", b"%PDF")):
         ran = plan(*match, out, folder=folder)

@@ -1,4 +1,4 @@
-"""The command line: thin verbs over the library, one clear line for every error."""
+"""Command line: thin verbs over the library, with one line for every error."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ app.add_typer(leaderboard.leaderboard, name="leaderboard")
 _DEBUG = False
 _STOPPED, _KEPT = 130, "stopped; what was finished is kept"
 _AGAIN_S = 0.05
-_ENDED: int | None = None  # the status where SIGTERM was the end
+_ENDED: int | None = None  # exit status after a SIGTERM
 _INTERRUPTED = False  # by Ctrl-C
-_DONE = False  # nothing is left to be stopped
+_DONE = False  # nothing is left to stop
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -82,7 +82,7 @@ def _options(
         bool,
         typer.Option(
             "--constraints",
-            help="Print the file of tested versions, for pip install -c.",
+            help="Print the path of the file of tested versions, for pip install -c.",
             callback=_print_constraints,
             is_eager=True,
         ),
@@ -97,7 +97,7 @@ def main() -> None:
     """Run the command line; end with one line and a non-zero status on every error."""
     global _INTERRUPTED, _DONE
     _INTERRUPTED = _DONE = False
-    atexit.register(gc.freeze)  # hundreds of thousands of objects, not looked through for waste at the end
+    atexit.register(gc.freeze)  # skips the garbage collection of hundreds of thousands of objects at the end
     signal.signal(signal.SIGTERM, _terminated)
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
@@ -107,16 +107,18 @@ def main() -> None:
         _run()
     finally:
         _DONE = True
-        signal.setitimer(signal.ITIMER_REAL, 0)  # at its end Python lets go of SIGALRM, which would kill it
+        signal.setitimer(
+            signal.ITIMER_REAL, 0
+        )  # Python restores SIGALRM at its end, and the alarm would kill the process
 
 
 def _run() -> None:
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
-        if status == _STOPPED:  # what typer makes of Ctrl-C
+        if status == _STOPPED:  # how typer reports Ctrl-C
             raise KeyboardInterrupt
         sys.exit(status)
-    except typer.TyperException as error:  # wrong words on the command line
+    except typer.TyperException as error:  # wrong arguments
         message = getattr(error, "format_message", error.__str__)()
         _fail(f"{message} (fpg-bench --help)", 2)
     except (typer.Abort, KeyboardInterrupt):
@@ -135,13 +137,13 @@ def _run() -> None:
         where = f"{error.filename}: " if error.filename else ""
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:
-        if _INTERRUPTED:  # modules in C that are interrupted while they are imported raise an ImportError
+        if _INTERRUPTED:  # an interrupted import of a C module raises an ImportError
             _fail(_KEPT, _STOPPED)
         _fail(f"{described(error)} (the traceback: fpg-bench --debug ...)", 1)
 
 
 def _heard_again(swallowed: Any) -> None:
-    """Stop where Ctrl-C came while a library called back, Numba as it loads code, and could not be raised."""
+    """Raise Ctrl-C again shortly if it came within a callback, such as Numba's, which cannot raise it."""
     if swallowed.exc_type is KeyboardInterrupt:
         if not _DONE:
             signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
@@ -150,14 +152,14 @@ def _heard_again(swallowed: Any) -> None:
 
 
 def _interrupted(number: int, frame: object) -> None:
-    """Note Ctrl-C, and stop."""
+    """Handle Ctrl-C: remember it, and stop."""
     global _INTERRUPTED
     _INTERRUPTED = True
     raise KeyboardInterrupt
 
 
 def _terminated(number: int, frame: object) -> None:
-    """Stop as Ctrl-C does, so that runs save their state."""
+    """Handle SIGTERM as Ctrl-C, so that runs save their state."""
     global _ENDED
     _ENDED = 128 + number
     raise KeyboardInterrupt

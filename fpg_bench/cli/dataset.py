@@ -1,4 +1,4 @@
-"""The verbs of data sets for offline learning: list, make, check."""
+"""The verbs of data sets for offline learning: list, make and check."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from fpg_bench.cli.options import JobsOption, name_all, share, whole_number
 from fpg_bench.common.extras import need
 from fpg_bench.common.output import print_line
 
-app = typer.Typer(help="Make data sets for offline reinforcement learning.")
+app = typer.Typer(help="Make and check data sets for offline reinforcement learning.")
 
 
 @app.command("list")
 def list_datasets() -> None:
-    """List the data sets that can be made, with who plays in them.
+    """List the available data sets with their players.
 
     Example: fpg-bench dataset list
     """
@@ -35,19 +35,19 @@ def list_datasets() -> None:
 def make(
     name: Annotated[str, typer.Argument(help="A data set, or a YAML file.", autocompletion=complete_dataset)],
     out: Annotated[
-        Path | None, typer.Option(help="Folder of data sets. Default: Minari's, ~/.minari/datasets.")
+        Path | None, typer.Option(help="Folder of data sets. Default: that of Minari, ~/.minari/datasets.")
     ] = None,
     steps: Annotated[
         int | None,
         typer.Option(
             parser=whole_number,
             metavar="STEPS",
-            help="Number of transitions, 1e6 for instance. Default: its own.",
+            help="Number of transitions, such as 1e6. Default: that of its specification.",
         ),
     ] = None,
     n_jobs: JobsOption = 1,
 ) -> None:
-    """Make a data set in Minari's format; run it again to go on after a stop.
+    """Make a data set in Minari's format; run it again to resume.
 
     Example: fpg-bench dataset make ally-expert-v0 --out datasets --steps 1e6
     """
@@ -70,11 +70,11 @@ def make(
 def check(
     folder: Annotated[Path, typer.Argument(help="A data set, or a folder with several.")],
     sample: Annotated[
-        str, typer.Option(help="Share of rounds to play again, as 5%, drawn at random; at least one.")
+        str, typer.Option(help="Share of rounds to play again, such as 5%, drawn at random; at least one.")
     ] = "1%",
     sample_seed: Annotated[int, typer.Option(min=0, help="Seed of the draw.")] = 0,
 ) -> None:
-    """Compare a data set with its hash, play a sample of its rounds again, and compare these to the bit.
+    """Compare a data set with its hash, and check that a sample of its rounds replays to the bit.
 
     Example: fpg-bench dataset check datasets --sample 1%
     """

@@ -1,4 +1,4 @@
-"""The verbs ``play``, ``evaluate`` and ``table``, and what prints progress and tables."""
+"""The verbs ``play``, ``evaluate``, ``table`` and ``curves``, and the printing of progress and tables."""
 
 from __future__ import annotations
 
@@ -39,17 +39,19 @@ def play(
     planner: PlannerOption = None,
     seed: Annotated[int, typer.Option(help="Seed of the match.")] = 0,
     every: Annotated[
-        int, typer.Option(min=1, help="Print every n-th step only.", rich_help_panel=OUTPUT)
+        int, typer.Option(min=1, help="Print only every n-th step.", rich_help_panel=OUTPUT)
     ] = 10,
     out: Annotated[
         Path | None,
-        typer.Option(help="Write a film (.gif, .mp4) or a page (.html) instead.", rich_help_panel=OUTPUT),
+        typer.Option(
+            help="Write a video (.gif, .mp4) or a page (.html) instead of text.", rich_help_panel=OUTPUT
+        ),
     ] = None,
     overwrite: Annotated[
         bool, typer.Option(help="Replace an existing file.", rich_help_panel=OUTPUT)
     ] = False,
 ) -> None:
-    """Play one round and show it as text, a film or an interactive page.
+    """Play one round and show it as text, a video or an interactive page.
 
     Example: fpg-bench play --ally expert-spread --opponent adaptive --seed 12
     """
@@ -79,7 +81,7 @@ def evaluate(
     suite: SuiteOption = "ally-v1",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("results"),
     matches: Annotated[
-        int | None, typer.Option(help="Number of matches per rival. Default: the suite's.")
+        int | None, typer.Option(help="Number of matches per rival. Default: that of the suite.")
     ] = None,
     name: Annotated[str | None, typer.Option(help="Name of the agents in the table.")] = None,
     wide: WideOption = False,
@@ -111,7 +113,7 @@ def evaluate(
 def table(
     folder: Annotated[Path, typer.Argument(help="Folder of the results.")],
     wide: WideOption = False,
-    out: Annotated[Path | None, typer.Option(help="Write the figure alone, as .png, .svg or .pdf.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write only the figure, as .png, .svg or .pdf.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Print the table of a results folder, and write it as Markdown, CSV and PNG.
@@ -158,7 +160,7 @@ def curves(
 
 @contextlib.contextmanager
 def shown_progress() -> Iterator[Callable[[str], None]]:
-    """Yield a function that shows what is under way: a bar on a terminal, else a line every half minute."""
+    """Yield a function that shows progress: a bar on a terminal, otherwise a line every half minute."""
     from rich.progress import Progress
 
     from fpg_bench.common.parallel import LINE_EVERY_S
@@ -185,7 +187,7 @@ def terminal_width() -> int:
 
 
 def print_table(names: list[str], lines: list[list[str]], below: str) -> None:
-    """Print a table in full width, also on a narrower terminal, and its caption."""
+    """Print a table at its full width, even on a narrower terminal, and its caption."""
     from rich import box
     from rich.console import Console
     from rich.table import Table

@@ -1,4 +1,4 @@
-"""The verbs of the Hugging Face Hub: push, pull."""
+"""The verbs of the Hugging Face Hub: push and pull."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def push(
         ),
     ],
     repository: Annotated[str, typer.Argument(metavar="REPO", help="The repository, owner/name.")],
-    private: Annotated[
-        bool, typer.Option("--private", help="Create the repository as a private one.")
-    ] = False,
+    private: Annotated[bool, typer.Option("--private", help="Create the repository as private.")] = False,
     revision: Annotated[str | None, typer.Option(help="The branch. Default: main.")] = None,
     results: Annotated[
         Path | None,
-        typer.Option(help="Folder of the agent's results. Default: RUN/results; a shipped agent's own."),
+        typer.Option(
+            help="Folder of the agent's results. Default: RUN/results, or the records of a shipped agent."
+        ),
     ] = None,
 ) -> None:
     """Upload an agent with its records, a model card and a replay; HF_TOKEN holds the token.
@@ -51,12 +51,12 @@ def pull(
     repository: Annotated[
         str, typer.Argument(metavar="REPO", help="The repository, owner/name or hf://owner/name@revision.")
     ],
-    out: Annotated[Path, typer.Option(help="Folder of the agent: new, or empty.")],
+    out: Annotated[Path, typer.Option(help="Folder of the agent: new or empty.")],
     revision: Annotated[
         str | None, typer.Option(help="A branch, tag or commit. Default: the branch main.")
     ] = None,
 ) -> None:
-    """Download an agent, check it as submissions are checked, and keep it in a folder.
+    """Download an agent into a folder and check it in the same way as submissions.
 
     Only agent.json and policy.onnx are read.
 
@@ -71,4 +71,4 @@ def pull(
     snapshot = download(hub_name(repository, revision))
     forget_keys()
     kept = keep(snapshot, out)
-    print_line(f"{'pulled' if kept else 'there already'}: {snapshot.name}\nagent: {out}")
+    print_line(f"{'pulled' if kept else 'already there'}: {snapshot.name}\nagent: {out}")

@@ -1,4 +1,4 @@
-"""The verbs of ``fpg-bench submit``, what a submission is worth, and of ``leaderboard``, the site."""
+"""The verbs of ``fpg-bench submit`` and ``fpg-bench leaderboard``."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from fpg_bench.common.output import print_line
 
 submit = typer.Typer(help="Check a submission and play it.", no_args_is_help=True)
 leaderboard = typer.Typer(
-    help="Build the leaderboard's site, verify its results, close its seasons.", no_args_is_help=True
+    help="Build the leaderboard's site, verify its results, and close its seasons.", no_args_is_help=True
 )
 SITE = Path("leaderboard/site")
 UpdateOption = Annotated[
     bool,
-    typer.Option("--update", help="Play results that do not fit or were edited again, and replace them."),
+    typer.Option("--update", help="Replay and replace results that differ or were edited."),
 ]
 SinceOption = Annotated[
     str | None,
-    typer.Option(help="A trusted git revision; entries changed since are played again and replaced."),
+    typer.Option(help="A trusted git revision; entries that changed since are played again and replaced."),
 ]
 ChangesKnownOption = Annotated[
     bool,
-    typer.Option("--changes-known", help="With --since: you have reviewed the other files that changed."),
+    typer.Option(
+        "--changes-known", help="With --since: confirm that you have reviewed the other changed files."
+    ),
 ]
 FolderOption = Annotated[Path, typer.Option(help="Folder of the leaderboard.")]
 
@@ -44,7 +46,7 @@ def _forget_keys() -> None:
 def check(folder: Annotated[Path, typer.Argument(help="Folder of the submission.")]) -> None:
     """Check a submission's files and try its policies in a few rounds.
 
-    Each fault is one line. Notes are no faults.
+    Each fault is printed on one line. Notes do not count as faults.
 
     Example: fpg-bench submit check leaderboard/submissions/ally/my-agent
     """
@@ -89,12 +91,12 @@ def run(
 
 @leaderboard.command()
 def init(
-    folder: Annotated[Path, typer.Argument(help="Folder of the leaderboard: new, or empty.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of the leaderboard: new or empty.")],
 ) -> None:
     """Start a leaderboard of your own, without entries.
 
-    Put submissions into FOLDER/submissions, play them by fpg-bench submit run, and build the site with the
-    browser game by fpg-bench leaderboard build --folder FOLDER.
+    Put submissions into FOLDER/submissions, play them with fpg-bench submit run, and build the site and its
+    browser game with fpg-bench leaderboard build --folder FOLDER.
 
     Example: fpg-bench leaderboard init leaderboard
     """
@@ -113,7 +115,9 @@ def verify(
     folder: FolderOption = Path("leaderboard"),
     sample: Annotated[
         str | None,
-        typer.Option(help="Share of records to play again, as 5%, drawn at random; at least one per entry."),
+        typer.Option(
+            help="Share of records to play again, such as 5%, drawn at random; at least one per entry."
+        ),
     ] = None,
     sample_seed: Annotated[
         int | None, typer.Option(help="Seed of the draw. Default: a new one, which is printed.")
@@ -125,7 +129,7 @@ def verify(
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Play entries again and compare with their results; write missing ones.
+    """Play entries again and compare them with their results; write missing results.
 
     Example: fpg-bench leaderboard verify --sample 5%
     """
@@ -152,7 +156,7 @@ def verify(
 def crossplay(
     folder: FolderOption = Path("leaderboard"),
     check: Annotated[
-        str | None, typer.Option(help="Share of each ally's pairs to play again and compare, as 5%.")
+        str | None, typer.Option(help="Share of each ally's pairs to play again and compare, such as 5%.")
     ] = None,
     sample_seed: Annotated[
         int | None, typer.Option(help="Seed of the draw. Default: a new one, which is printed.")
@@ -185,15 +189,13 @@ def crossplay(
 def build(
     out: Annotated[Path, typer.Option(help="Folder of the site.")] = SITE,
     folder: FolderOption = Path("leaderboard"),
-    replays: Annotated[
-        bool, typer.Option(help="Simulate missing rounds to watch; existing ones are kept.")
-    ] = True,
+    replays: Annotated[bool, typer.Option(help="Simulate missing replays; existing ones are kept.")] = True,
     docs: Annotated[
         str,
         typer.Option(help="URL of the documentation, relative to OUT. Default: the site includes the rules."),
     ] = "",
 ) -> None:
-    """Write the site, which needs no network and no server.
+    """Build the static site; it can be viewed offline.
 
     Example: fpg-bench leaderboard build
     """
@@ -227,10 +229,10 @@ def serve(
 
     from fpg_bench.leaderboard.site.serve import HOST, make_server
 
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # background shells ignore it
     with make_server(site, port) as server:
         try:
-            print_line(f"http://{HOST}:{server.server_port}/ (Ctrl-C ends it)")
+            print_line(f"http://{HOST}:{server.server_port}/ (stop with Ctrl-C)")
             server.serve_forever()
         except KeyboardInterrupt:
             print_line("stopped")
@@ -239,26 +241,27 @@ def serve(
 @leaderboard.command()
 def close_season(
     name: Annotated[str, typer.Argument(help="The season's number, or the name of a training population.")],
-    work: Annotated[Path, typer.Option(help="Folder of the candidates, in which a stopped closing resumes.")],
+    work: Annotated[Path, typer.Option(help="Folder of the candidates; a stopped closing resumes there.")],
     out: Annotated[
         Path | None, typer.Option(help="Folder of the suite. Default: baselines/suites/<name>.")
     ] = None,
     folder: FolderOption = Path("leaderboard"),
     side: Annotated[str | None, typer.Option(help="Train candidates of this side only.")] = None,
     n_candidates: Annotated[
-        int | None, typer.Option(min=1, help="Number of candidates of each side. Default: the recipe's.")
+        int | None,
+        typer.Option(min=1, help="Number of candidates of each side. Default: that of the recipe."),
     ] = None,
     size: Annotated[
-        int | None, typer.Option(min=1, help="Number of members of each side. Default: the recipe's.")
+        int | None, typer.Option(min=1, help="Number of members of each side. Default: that of the recipe.")
     ] = None,
     scenario: Annotated[
-        str, typer.Option(help="The preset whose entries it is closed over: standard or link.")
+        str, typer.Option(help="The preset whose entries determine the season: standard or link.")
     ] = "standard",
     n_jobs: JobsOption = 2,
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Close a season: train candidates from a seed given by the entries, and select the suite from them.
+    """Close a season: train candidates with a seed derived from the entries, and select the suite from them.
 
     Example: fpg-bench leaderboard close-season 3 --work runs/season-3
     """
@@ -286,15 +289,13 @@ def audit_season(
     name: Annotated[str, typer.Argument(help="A shipped season (season-2), or its folder.")],
     work: Annotated[Path, typer.Option(help="Folder to train in.")],
     folder: FolderOption = Path("leaderboard"),
-    member: Annotated[
-        list[str] | None, typer.Option(help="Member to train again; may be given several times.")
-    ] = None,
+    member: Annotated[list[str] | None, typer.Option(help="Member to train again; can be repeated.")] = None,
     n_members: Annotated[
-        int, typer.Option(min=1, help="Number of members of each side, where none is named.")
+        int, typer.Option(min=1, help="Number of members of each side if none is named.")
     ] = 2,
     n_jobs: JobsOption = 2,
 ) -> None:
-    """Train members of a season again, and compare the entries' returns against both.
+    """Train members of a season again, and compare the entries' returns against old and new members.
 
     Example: fpg-bench leaderboard audit-season season-2 --work runs/audit
     """

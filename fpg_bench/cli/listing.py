@@ -1,4 +1,4 @@
-"""The verbs that list what can be named: ``envs``, ``zoo``, ``players`` and ``suites``."""
+"""The verbs that list names: ``envs``, ``zoo``, ``players`` and ``suites``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def envs(
         str | None,
         typer.Argument(
             metavar="[ID]",
-            help="An id of discrete actions, to list its choices. Default: list all ids.",
+            help="An id with discrete actions, to list its choices. Default: list all ids.",
             autocompletion=complete_id,
         ),
     ] = None,
@@ -63,7 +63,7 @@ def envs(
 
 
 def _print_choices(env_id: str, path: str | None, scenario: str | None) -> None:
-    """Print what each choice of an id does, with the nine floats that it stands for."""
+    """Print each choice of an id with its name and its nine floats."""
     from fpg_bench.common.ids import find_env, id_with
     from fpg_bench.game.choices import Choices
     from fpg_bench.game.scenario import as_scenario
@@ -80,7 +80,7 @@ def _print_choices(env_id: str, path: str | None, scenario: str | None) -> None:
 
 
 def zoo(
-    every: Annotated[bool, typer.Option("--all", help="A line per training seed.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Print one line per training seed.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """List the shipped agents with their training steps and scores, and check their files.
@@ -129,7 +129,7 @@ def zoo(
 
 
 def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[dict[str, Any]]:
-    """Yield a row for an algorithm's training seeds together, or one for each."""
+    """Yield one row for all training seeds of an algorithm, or one per seed if ``every``."""
     steps = agents[0].about()["training_steps"]
     if not every:
         score = None if summary is None else summary.score
@@ -154,7 +154,7 @@ def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> I
 
 
 def players() -> None:
-    """List the players, planners and flight paths that can be named.
+    """List the names of players, planners and flight paths.
 
     Example: fpg-bench players
     """

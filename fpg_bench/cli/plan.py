@@ -42,7 +42,7 @@ app = typer.Typer(help="Plan the opponent's path between the rounds of a match."
 def run(
     planner: Annotated[
         str, typer.Option(help="The planner: a name (see fpg-bench players), llm, or package.module:object.")
-    ] = ("interceptor"),
+    ] = "interceptor",
     ally: Annotated[
         str,
         typer.Option(help="The ally's player.", autocompletion=complete_player, rich_help_panel=GAME),
@@ -50,7 +50,7 @@ def run(
     opponent: Annotated[
         str,
         typer.Option(
-            help="The player that jams for the opponent.",
+            help="The opponent's player, which jams.",
             autocompletion=complete_player,
             rich_help_panel=GAME,
         ),
@@ -60,11 +60,12 @@ def run(
     rounds: Annotated[int, typer.Option(min=1, help="Number of rounds.", rich_help_panel=GAME)] = 10,
     out: Annotated[
         Path | None,
-        typer.Option(help="A folder; or the match's file, .jsonl, or its figure, .png, .svg or .pdf."),
+        typer.Option(help="A folder, the file of the match (.jsonl), or its figure (.png, .svg or .pdf)."),
     ] = None,
     prompt: PromptOption = None,
     control: Annotated[
-        str | None, typer.Option(help="none, shuffled-rewards or no-history.", rich_help_panel=LLM)
+        str | None,
+        typer.Option(help="Control experiment: none, shuffled-rewards or no-history.", rich_help_panel=LLM),
     ] = None,
     server: ServerOption = None,
     temperature: TemperatureOption = None,
@@ -74,12 +75,12 @@ def run(
     seconds: SecondsOption = None,
     deadline: DeadlineOption = None,
     talk: Annotated[
-        bool, typer.Option("--talk", help="Print prompts and answers.", rich_help_panel=LLM)
+        bool, typer.Option("--talk", help="Print the prompts and answers.", rich_help_panel=LLM)
     ] = False,
 ) -> None:
-    """Play one match of a planner and write it to a file; a stopped match resumes.
+    """Play one match of a planner and write it to a file; run it again to resume a stopped match.
 
-    Writes paths.png, updated every few seconds, and replay.html with all rounds beside the file match.jsonl.
+    Also writes paths.png, updated every few seconds, and replay.html with all rounds beside match.jsonl.
 
     Example: fpg-bench plan run --planner interceptor --ally expert --rounds 10
     """
@@ -131,7 +132,7 @@ def run(
     if not _has_score([round.row for round in played]):
         raise UserError(
             f"match {file}: none of {rounds} plans is valid, so it has no score ({_problem(played[-1])}); "
-            "mend that and name another --out"
+            "fix that and choose another --out"
         )
 
 
@@ -139,10 +140,10 @@ def run(
 def replay(
     file: Annotated[Path, typer.Argument(help="File written by plan run.")],
     allow: Annotated[
-        list[str] | None, typer.Option(help="Code that the file may name: package.module:object.")
+        list[str] | None, typer.Option(help="Code that the file may load: package.module:object.")
     ] = None,
 ) -> None:
-    """Replay a match from its file, without network, and check that it is identical to the bit.
+    """Replay a match from its file, without a network, and check that it is identical to the bit.
 
     Example: fpg-bench plan replay runs/plan/interceptor-expert-0/match.jsonl
     """
@@ -157,10 +158,10 @@ def replay(
 def probe(
     server: ServerOption = None,
     deadline: Annotated[
-        float | None, typer.Option(min=0.1, help="Seconds that each question may take. Default: 30.")
+        float | None, typer.Option(min=0.1, help="Time limit of each question in seconds. Default: 30.")
     ] = None,
 ) -> None:
-    """Probe the language model that the environment names for the features of its server.
+    """Probe the server of the language model that the environment variables name for its features.
 
     Example: fpg-bench plan probe --deadline 60
     """
@@ -187,16 +188,16 @@ def compare(
         list[str] | None,
         typer.Argument(
             help="Planners, package.module:object, llm, llm-shuffled-rewards, llm-no-history. "
-            "Default: all that ask no language model."
+            "Default: all that use no language model."
         ),
     ] = None,
     suite: SuiteOption = "planner-v1",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("comparison"),
     matches: Annotated[
-        int | None, typer.Option(help="Number of matches per ally. Default: the suite's.")
+        int | None, typer.Option(help="Number of matches per ally. Default: that of the suite.")
     ] = None,
     transcripts: Annotated[
-        Path | None, typer.Option(help="Folder of language models' transcripts, one more planner each.")
+        Path | None, typer.Option(help="Folder of transcripts of language models; each adds a planner.")
     ] = None,
     prompt: PromptOption = None,
     server: ServerOption = None,
@@ -208,7 +209,7 @@ def compare(
     deadline: DeadlineOption = None,
     wide: WideOption = False,
     concurrency: Annotated[
-        int | None, typer.Option(min=1, help="Maximum concurrent calls.", rich_help_panel=LLM)
+        int | None, typer.Option(min=1, help="Maximum number of concurrent calls.", rich_help_panel=LLM)
     ] = None,
 ) -> None:
     """Compare planners on a suite of allies; existing records are kept and not played again.
@@ -238,7 +239,7 @@ def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
     """Return the files of the match, its picture and its page.
 
     Raises:
-        UserError: they would be written among files of something else, or over them.
+        UserError: they would overwrite other files, or mix with them.
     """
     from fpg_bench.rendering.canvas import FIGURES
 
@@ -251,13 +252,13 @@ def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
         file, picture, page = path / "match.jsonl", path / "paths.png", path / "replay.html"
         is_free = not path.exists() or (path.is_dir() and not any(path.iterdir()))
     if not is_free and not file.exists():
-        raise UserError(f"out: {path} is there already and is no match of plan run; name another")
+        raise UserError(f"out: {path} exists and is not a match of plan run; choose another")
     return file, picture, page
 
 
 @contextlib.contextmanager
 def _shown_progress(rounds: int) -> Iterator[Callable[[int, Round | None], None]]:
-    """Show the progress of a match: a line that moves on a terminal, else a line per round played."""
+    """Show the progress of a match: a moving line on a terminal, otherwise one line per round."""
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -315,7 +316,7 @@ def _print_table(rounds: list[Round], title: str) -> None:
 
 
 def _numbers(rows: list[dict[str, Any]]) -> list[str]:
-    """Reward per step, and the shares of time near the ally and of jamming, of rounds put together."""
+    """Return the reward per step and the percentages of time near the ally and of jamming, over rounds."""
     steps, reward, near, jammed = (
         sum(row[name] for row in rows) for name in ("steps", "opponent_return", "near", "jammed")
     )
@@ -328,12 +329,12 @@ def _costs(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _has_score(rows: list[dict[str, Any]]) -> bool:
-    """Return False for a language model's match in which each round flew a fall-back."""
+    """Return False for a language model's match in which every round flew a fallback path."""
     return not all(row["status"].startswith("fallback") for row in rows)
 
 
 def _valid(rows: list[dict[str, Any]]) -> str:
-    """Return the number of valid plans as text, if a language model was asked."""
+    """Return the number of valid plans as text; empty if no language model was asked."""
     fallen = sum(row["status"].startswith("fallback") for row in rows)
     asked = fallen or any(row["source"] == "llm" for row in rows)
     return f"{len(rows) - fallen} of {len(rows)} valid" if asked else ""

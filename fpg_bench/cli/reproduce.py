@@ -25,14 +25,14 @@ def reproduce(
         int | None,
         typer.Option(
             min=1,
-            help="Number of training seeds of each condition. Default: the budget's.",
+            help="Number of training seeds of each condition. Default: that of the budget.",
             rich_help_panel=TRAINING,
         ),
     ] = None,
     first_seed: Annotated[
         int,
         typer.Option(
-            min=0, help="First training seed; fresh ones confirm a finding.", rich_help_panel=TRAINING
+            min=0, help="First training seed; fresh seeds confirm a finding.", rich_help_panel=TRAINING
         ),
     ] = 0,
     learner: Annotated[
@@ -43,12 +43,16 @@ def reproduce(
     address: AddressOption = None,
     llm: Annotated[
         bool,
-        typer.Option("--llm", help="Run the environment's language model as well.", rich_help_panel=LLM),
+        typer.Option(
+            "--llm",
+            help="Also run the language model that the environment variables name.",
+            rich_help_panel=LLM,
+        ),
     ] = False,
     transcript: Annotated[
         Path | None,
         typer.Option(
-            help="Replay this language model's transcript; no server is asked.", rich_help_panel=LLM
+            help="Replay this transcript of a language model, without a server.", rich_help_panel=LLM
         ),
     ] = None,
 ) -> None:

@@ -1,4 +1,4 @@
-"""The verbs of tuning: search, report, export what held."""
+"""The verbs of tuning: search, report, and export of the best values."""
 
 from __future__ import annotations
 
@@ -42,22 +42,23 @@ def run(
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the study.")],
-    n_trials: Annotated[
-        int, typer.Option(min=1, help="Number of finished trials, of all workers together.")
-    ] = 20,
+    n_trials: Annotated[int, typer.Option(min=1, help="Number of finished trials, over all workers.")] = 20,
     n_jobs: JobsOption = 1,
     timeout: Annotated[
-        float | None, typer.Option(min=0, help="Seconds after which no further trial begins.")
+        float | None, typer.Option(min=0, help="Time in seconds after which no new trial starts.")
     ] = None,
     n_seeds: Annotated[int, typer.Option(min=1, help="Number of training seeds of a trial.")] = 2,
     steps: Annotated[
-        int | None, steps_option("Training budget of a seed. Default: half of the file's.")
+        int | None,
+        steps_option("Training budget of a seed. Default: half of the hyper-parameter file's budget."),
     ] = None,
-    space: Annotated[Path | None, typer.Option(help="A search space of your own, a YAML file.")] = None,
+    space: Annotated[Path | None, typer.Option(help="A custom search space, a YAML file.")] = None,
     hyperparams: Annotated[
-        Path | None, typer.Option(help="Hyper-parameters to use instead, a YAML file.")
+        Path | None, typer.Option(help="Hyper-parameters to use instead of the default ones, a YAML file.")
     ] = None,
-    suite: Annotated[str | None, typer.Option(help="Suite that scores a policy. Default: the id's.")] = None,
+    suite: Annotated[
+        str | None, typer.Option(help="Suite that scores a policy. Default: that of the environment.")
+    ] = None,
     rounds: Annotated[int, typer.Option(min=1, help="Number of rounds per rival.")] = 100,
     storage: StorageOption = None,
     study_name: StudyNameOption = None,
@@ -70,7 +71,7 @@ def run(
     backend: BackendOption = "loky",
     address: AddressOption = None,
 ) -> None:
-    """Search hyper-parameters; run it again to resume, and on as many machines as there are.
+    """Search hyper-parameters; run it again to resume, or on further machines to share the work.
 
     Example: fpg-bench tune run ppo FPG/AllyVsScripted-v0 --out runs/tune
     """
@@ -105,7 +106,7 @@ def run(
 
 @app.command()
 def report(out: Folder, storage: StorageOption = None, study_name: StudyNameOption = None) -> None:
-    """Write a study's history, importances and slices as a page.
+    """Write a page with the history, importances and slices of a study.
 
     Example: fpg-bench tune report runs/tune
     """
@@ -119,11 +120,13 @@ def report(out: Folder, storage: StorageOption = None, study_name: StudyNameOpti
 def export(
     out: Folder,
     file: Annotated[Path, typer.Argument(help="The hyper-parameter file to write.")],
-    n_best: Annotated[int, typer.Option(min=1, help="Number of trials that are retrained.")] = 3,
+    n_best: Annotated[int, typer.Option(min=1, help="Number of trials to retrain.")] = 3,
     n_seeds: Annotated[int, typer.Option(min=1, help="Number of fresh training seeds of each.")] = 3,
-    steps: Annotated[int | None, steps_option("Training budget of a seed. Default: the study's.")] = None,
+    steps: Annotated[
+        int | None, steps_option("Training budget of a seed. Default: that of the study.")
+    ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Write values that score less than the present ones, too.")
+        bool, typer.Option("--force", help="Write the values even if they score less than the present ones.")
     ] = False,
     storage: StorageOption = None,
     study_name: StudyNameOption = None,

@@ -34,7 +34,7 @@ INSTEAD = "load it yourself and call fpg_bench.export_agent(model, folder, train
 
 
 def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:
-    """Load a model from a zip that SB3's ``save`` has written; its pickles stay closed.
+    """Load a model from a zip written by SB3's ``save``; its pickles are never opened.
 
     Args:
         path: the zip.
@@ -69,7 +69,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
         _, parameters, _ = load_from_zip_file(path, device="cpu", load_data=False)
         weights: Any = parameters["policy"]
     except Exception as error:  # zip's, JSON's and torch's kinds
-        raise UserError(f"export: {path} is no zip that SB3's save has written: {error}") from error
+        raise UserError(f"export: {path} is not a zip written by save() of SB3: {error}") from error
     return data, weights
 
 

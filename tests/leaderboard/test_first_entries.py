@@ -148,7 +148,7 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--sample much", "expected a percentage as 5%, got 'much'"),
+        ("--sample much", "expected a percentage such as 5%, got 'much'"),
         ("--folder nowhere", "leaderboard nowhere: has no folder submissions; fpg-bench leaderboard init "),
     ],
 )

@@ -74,11 +74,11 @@ def test_a_file_that_is_no_model_is_refused_before_its_options(tmp_path):
     with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
         archive.writestr("data", json.dumps({}))
     for name in ("text.zip", "other.zip"):
-        with pytest.raises(UserError, match="is no zip that SB3"):
+        with pytest.raises(UserError, match="is not a zip written by save"):
             load_zip(tmp_path / name, "ppo", ID)
-    with pytest.raises(UserError, match=r"normalize\.pkl is no zip .* a run's is called model\.zip"):
+    with pytest.raises(UserError, match=r"normalize\.pkl is not a zip .* that of a run is model\.zip"):
         export_verb(tmp_path / "normalize.pkl", tmp_path / "mine")
-    with pytest.raises(UserError, match="there is no such file"):
+    with pytest.raises(UserError, match="nowhere does not exist"):
         export_verb(tmp_path / "nowhere", tmp_path / "mine")
 
 
@@ -87,7 +87,7 @@ def test_export_reads_runs_and_zips(tmp_path, capsys):
     train_tiny("ppo", tmp_path / "run", seed=3)
     mine = tmp_path / "mine"
     export_verb(tmp_path / "run", mine / "seed_3")
-    assert capsys.readouterr().out.startswith(f"agent: {mine}/seed_3\nlargest difference to predict: ")
+    assert capsys.readouterr().out.startswith(f"agent: {mine}/seed_3\nlargest difference from predict(): ")
     assert load_agent(mine / "seed_3").about["training_seed"] == 3
     with pytest.raises(UserError, match="holds an agent"):
         export_verb(tmp_path / "run", mine / "seed_3")
