@@ -1,4 +1,4 @@
-"""Checks data sets: their hash, and a sample of their rounds, which is played again."""
+"""Check of data sets: their hash, and a replayed sample of their rounds."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ def check_dataset(
     sample_seed: int = 0,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> str:
-    """Read a data set as Minari does, compare its hash, play a sample of its rounds again, and compare these.
+    """Read a data set through Minari, and check its hash and a replayed sample of its rounds.
 
     Args:
         data: the folder with ``metadata.json``.
         sample: share of rounds to play again, above 0 and at most 1; at least one round.
         sample_seed: seed of the draw of these rounds.
-        progress: called with the number of rounds that were read, and of all.
+        progress: called with the number of rounds read and the total.
 
     Returns:
-        One line on what was compared.
+        One line that describes what was checked.
 
     Raises:
-        UserError: anything that differs, or cannot be read or played; the message names the first round.
+        UserError: something differs, or cannot be read or played; the message names the first such round.
     """
     where = f"data set {data}"
     if not 0 < sample <= 1:

@@ -1,4 +1,4 @@
-"""Makes data sets: rounds in parts, by several processes, and Minari's metadata."""
+"""Making of data sets: rounds in parts, by several processes, and Minari's metadata."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from fpg_bench.version import __version__
 ROUNDS_PER_PART = 512
 REFERENCE_ROUNDS = 200
 METADATA = "metadata.json"
-RECIPE = "fpg_bench"  # the key of Minari's metadata that holds how the data set was made
+RECIPE = "fpg_bench"  # key of Minari's metadata for the origin of the data set
 
-Progress = Callable[[int, int], None]  # called with the number of finished rounds, and of all
+Progress = Callable[[int, int], None]  # called with the number of finished rounds and the total
 
 
 def datasets_root() -> Path:
@@ -48,16 +48,17 @@ def make_dataset(
     rounds_per_part: int = ROUNDS_PER_PART,
     progress: Progress = lambda done, total: None,
 ) -> Path:
-    """Make a data set in Minari's format; one that was stopped goes on, and one that is there stays.
+    """Make a data set in Minari's format; resume an unfinished one, and keep a finished one.
 
-    It is made in the hidden folder ``.NAME.partial``, which gets its name once all is there.
+    It is made in the hidden folder ``.NAME.partial``, which is renamed once it is complete.
 
     Args:
         spec: the specification, as :func:`fpg_bench.datasets.spec.load_spec` loads it.
-        out: a folder of data sets, in which ``minari.load_dataset`` finds it if ``MINARI_DATASETS_PATH`` is
-            that folder. None: Minari's own.
+        out: a folder of data sets; ``minari.load_dataset`` finds them if ``MINARI_DATASETS_PATH`` is that
+            folder. None for Minari's default.
         n_jobs: number of processes.
-        rounds_per_part: rounds that are played at once and written into one file; the content is the same.
+        rounds_per_part: number of rounds that are played in one batch and written into one file; it does not
+            change the content.
         progress: called after each part.
 
     Returns:
@@ -101,7 +102,7 @@ def make_dataset(
 
 
 def content_sha256(digests: bytes) -> str:
-    """Return the hash of a data set: SHA-256 of the SHA-256 of its rounds, one after the other."""
+    """Return the hash of a data set: the SHA-256 of the concatenated SHA-256 hashes of its rounds."""
     return hashlib.sha256(digests).hexdigest()
 
 
@@ -116,14 +117,14 @@ def _finished(data: Path, cuts: list[int]) -> int:
 
 
 def _check_same(folder: Path, recipe: dict[str, Any]) -> None:
-    """Raise UserError if a folder holds another data set than that of the recipe, or none."""
+    """Raise UserError if a folder does not hold the data set of the recipe."""
     where = f"data set {folder}"
     known = read_json(folder / "data" / METADATA, "data set").get(RECIPE)
     if not isinstance(known, dict):
         raise UserError(f"{where}: was not made by fpg-bench dataset make; choose another folder")
     if known.get("version") != recipe["version"]:
         raise UserError(
-            f"{where}: was begun by fpg-bench {known.get('version')}, this is {recipe['version']}; "
+            f"{where}: was started by fpg-bench {known.get('version')}, this is {recipe['version']}; "
             "delete it, or choose another folder"
         )
     before, now = ({**each.get("spec", {}), **each, "spec": None} for each in (known, recipe))
@@ -138,12 +139,12 @@ def _check_room(data: Path, spec: DatasetSpec) -> None:
     if needed > free:
         raise UserError(
             f"data set {spec.name}: needs {needed / 1e6:,.0f} MB in {data.parents[1]}, where "
-            f"{free / 1e6:,.0f} MB are free; say fewer --steps, or choose another folder"
+            f"{free / 1e6:,.0f} MB are free; use fewer --steps, or choose another folder"
         )
 
 
 def _metadata(spec: DatasetSpec, recipe: dict[str, Any]) -> dict[str, Any]:
-    """Return Minari's metadata but the numbers that stand at the end."""
+    """Return Minari's metadata without the totals, which are known at the end."""
     env = gymnasium.make(spec.env_id, **spec.env_options)
     assert env.spec is not None
     players = ", ".join(dict.fromkeys(spec.players))
@@ -167,14 +168,14 @@ def _metadata(spec: DatasetSpec, recipe: dict[str, Any]) -> dict[str, Any]:
 
 
 def _mean_return(spec: DatasetSpec, player: str) -> float:
-    """Return the mean return of a player in the first rounds of the data set, played in its place."""
+    """Return the mean return of a player that plays the recorded side in the first rounds of the data set."""
     played = spec.model_copy(update={"players": (player,)})
     seeds = np.arange(spec.first_seed, spec.first_seed + REFERENCE_ROUNDS)
     return float(play_rounds(played, seeds).rewards.sum(axis=1).mean())
 
 
 def _finish(data: Path, spec: DatasetSpec, sizes: list[int]) -> None:
-    """Write the main file and the last numbers of the metadata."""
+    """Write the main file, and the totals of the metadata."""
     digests = b"".join(_digests(part_path(data, part)) for part in range(len(sizes)))
     link_parts(data, sizes)
     metadata = read_json(data / METADATA, "data set")
@@ -192,4 +193,4 @@ def _digests(path: Path) -> bytes:
     try:
         return part_digests(path)
     except (OSError, KeyError) as error:
-        raise UserError(f"data set: {path} is torn; delete it, and make the data set again") from error
+        raise UserError(f"data set: {path} is damaged; delete it, and make the data set again") from error

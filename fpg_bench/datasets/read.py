@@ -1,4 +1,4 @@
-"""Reads data sets as Minari does, with a look at their hash, seeds, shapes and ends."""
+"""Reading of data sets through Minari, with checks of their hash, seeds, shapes and ends."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ class Dataset:
     sha256: str
 
     def read(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Read all N rounds of T steps; those of the last data set stay in memory.
+        """Read all N rounds of T steps; those of the last data set are cached.
 
         Returns:
             Observations ``(N, T + 1, 15)`` float32, actions ``(N, T, 9)`` float32 or ``(N, T)`` int64, and
             rewards ``(N, T)`` float32.
 
         Raises:
-            UserError: a file that is torn, or content that has changed.
+            UserError: a damaged file, or content that has changed.
         """
         return _read(self)
 
 
 def find_datasets(folder: str | Path) -> list[Path]:
-    """Return the folders of the finished data sets in a folder, or itself, that hold ``metadata.json``.
+    """Return the folders with ``metadata.json`` of all finished data sets in a folder.
 
     Raises:
         UserError: there is none.
@@ -65,7 +65,7 @@ def find_datasets(folder: str | Path) -> list[Path]:
 
 
 def open_dataset(name: str | Path) -> Dataset:
-    """Return the data set of a folder, or one of Minari's folder by its name or id.
+    """Open the data set in a folder, or in Minari's folder by its name or id.
 
     Args:
         name: a folder, ``ally-mixed-v0``, or ``fpg/ally-mixed-v0``.
@@ -78,7 +78,9 @@ def open_dataset(name: str | Path) -> Dataset:
     folder = Path(name) if Path(name).exists() else datasets_root() / NAMESPACE / word
     if not folder.exists():
         if word in spec_names():
-            raise UserError(f"data set {word}: is not in {folder.parent}; fpg-bench dataset make {word}")
+            raise UserError(
+                f"data set {word}: is not in {folder.parent}; make it with fpg-bench dataset make {word}"
+            )
         raise UserError(f"data set {name}: no such folder or data set{nearest(word, spec_names())}")
     found = find_datasets(folder)
     if len(found) > 1:
@@ -88,10 +90,10 @@ def open_dataset(name: str | Path) -> Dataset:
 
 
 def checked_recipe(metadata: dict[str, Any], where: str) -> tuple[DatasetSpec, str]:
-    """Return the specification and the hash that metadata name, if this version plays the same.
+    """Return the specification and the hash in the metadata, if this version plays the same rounds.
 
     Raises:
-        UserError: it does not, or they are not those of a finished data set; ``where`` begins the message.
+        UserError: it plays other rounds, or the data set is not finished; ``where`` begins the message.
     """
     recipe = metadata.get(RECIPE)
     if not isinstance(recipe, dict) or not isinstance(recipe.get("content_sha256"), str):
@@ -101,16 +103,14 @@ def checked_recipe(metadata: dict[str, Any], where: str) -> tuple[DatasetSpec, s
     now = spec.recipe()
     for key, what in (("scenario_sha256", f"scenario {spec.scenario!r}"), ("identities", "a player")):
         if recipe.get(key) != now[key]:
-            raise UserError(
-                f"{maker}: {what} is another one in this version, {now['version']}; make it again"
-            )
+            raise UserError(f"{maker}: {what} differs in this version, {now['version']}; make it again")
     return spec, recipe["content_sha256"]
 
 
 def iterate_rounds(
     data: str | Path, spec: DatasetSpec, sha256: str, where: str
 ) -> Iterator[tuple[int, minari.EpisodeData]]:
-    """Yield all rounds as Minari reads them, after a look at their seed, shapes and ends.
+    """Yield all rounds as Minari reads them, after checking their seed, shapes and ends.
 
     Raises:
         UserError: a round that differs or cannot be read, or, after the last one, another hash of the
@@ -134,7 +134,7 @@ def iterate_rounds(
             raise UserError(f"{where}: its content has changed (sha256); make it again")
     except UserError:
         raise
-    except Exception as error:  # h5py and Minari raise many kinds for torn and foreign files
+    except Exception as error:  # h5py and Minari raise many types for damaged and foreign files
         raise UserError(f"{where}: cannot be read from round {k} on: {first_line(error)}") from error
 
 

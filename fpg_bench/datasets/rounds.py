@@ -23,9 +23,9 @@ class Rounds:
     Attributes:
         seeds: ``(N,)`` int64, one per round.
         observations: ``(N, T + 1, 15)`` float32.
-        actions: ``(N, T, 9)`` float32, or ``(N, T)`` int64 where they are discrete.
+        actions: ``(N, T, 9)`` float32, or ``(N, T)`` int64 if they are discrete.
         rewards: ``(N, T)`` float64.
-        players, rivals: names of who played.
+        players, rivals: names of the players and rivals of each round.
     """
 
     seeds: np.ndarray
@@ -55,11 +55,11 @@ def round_digest(observations: np.ndarray, actions: np.ndarray, rewards: np.ndar
 def play_rounds(spec: DatasetSpec, seeds: Sequence[int] | np.ndarray) -> Rounds:
     """Play the first round of each of these seeds, all in one batch.
 
-    The rounds do not depend on the batch. Discrete actions are the choices that are nearest to the players'
-    floats, and are played as these choices.
+    The rounds do not depend on the batch. Discrete actions are the choices nearest to the players' floats;
+    the game is played with these choices.
 
     Args:
-        spec: who plays, and what.
+        spec: specification of the players and the game.
         seeds: ``(N,)`` whole numbers.
 
     Raises:

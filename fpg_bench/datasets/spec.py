@@ -19,7 +19,7 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.version import __version__
 
 NAMESPACE = "fpg"
-# No names of code (a:b) and no paths that lead elsewhere, as a data set may come from anybody.
+# Neither names of code (a:b) nor paths that lead elsewhere are allowed, as data sets may be untrusted.
 _Name = Annotated[
     str,
     pydantic.Field(pattern=r"^[\w-][\w.-]*(/[\w-][\w.-]*)*$"),
@@ -32,21 +32,21 @@ class DatasetSpec(Strict):
     """Everything that decides the content of a data set.
 
     Attributes:
-        name: Minari's name and version, ``ally-expert-v0`` for instance.
+        name: Minari's name and version, such as ``ally-expert-v0``.
         description: one or two sentences.
         side: the side whose observations, actions and rewards are recorded.
         scenario: a preset, or a YAML file.
         actions: ``continuous`` or ``discrete``.
         behaviour: ``random``, ``script``, ``medium``, ``expert``, or ``mixed`` of several players.
-        players: who plays the side; one is drawn per round.
-        rivals: who plays the other side; one is drawn per round.
+        players: players of the side; one is drawn per round.
+        rivals: players of the other side; one is drawn per round.
         best: the best known player, whose mean return is the reference ``ref_max_score``.
         steps: number of transitions, rounded up to whole rounds.
         seed: number of the block of seeds; see :func:`fpg_bench.evaluation.seeds.dataset_seed`.
     """
 
     name: Annotated[
-        str, pydantic.Field(pattern=r"^[\w-]+-v\d+$"), Expected("a name and a version, as ally-mine-v0")
+        str, pydantic.Field(pattern=r"^[\w-]+-v\d+$"), Expected("a name and a version, such as ally-mine-v0")
     ]
     description: str
     side: Literal["ally", "opponent"]
@@ -84,7 +84,7 @@ class DatasetSpec(Strict):
 
     @property
     def env_options(self) -> dict[str, Any]:
-        """The options with which ``gymnasium.make`` makes that environment."""
+        """The options of ``gymnasium.make`` for that environment."""
         return {"scenario": self.scenario, self.other_side: list(self.rivals)}
 
     def load_scenario(self) -> Scenario:
@@ -98,11 +98,11 @@ class DatasetSpec(Strict):
 
     @property
     def first_seed(self) -> int:
-        """Seed of the first round; each round is the first of a match of its own."""
+        """Seed of the first round; each round is the first of a separate match."""
         return dataset_seed(self.seed)
 
     def recipe(self) -> dict[str, Any]:
-        """Return what a data set says of its making: the specification, and the hashes of what it names.
+        """Return the origin of a data set: the specification, and hashes of its scenario and players.
 
         Raises:
             UserError: no such scenario or player.
@@ -119,8 +119,8 @@ def load_spec(name: str, steps: int | None = None) -> DatasetSpec:
     """Load a specification by its name, or from a YAML file of the same form.
 
     Args:
-        name: of a shipped one (``ally-expert-v0``), or a file.
-        steps: number of transitions; None: the specification's own.
+        name: the name of a shipped specification, such as ``ally-expert-v0``, or a file.
+        steps: number of transitions; None takes that of the specification.
 
     Raises:
         UserError: no such specification or file, or an invalid value.

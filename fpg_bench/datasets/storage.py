@@ -18,7 +18,7 @@ from fpg_bench.datasets.rounds import Rounds
 
 MAIN = "main_data.hdf5"
 BYTES_PER_STEP = 113  # with continuous actions
-_DIGESTS = "sha256"  # in a part, of each of its rounds
+_DIGESTS = "sha256"  # of each round of a part
 
 
 def part_path(folder: Path, part: int) -> Path:
@@ -66,7 +66,7 @@ def write_part(path: Path, first: int, rounds: Rounds) -> None:
 
 
 def part_digests(path: Path) -> bytes:
-    """Return the SHA-256 of each round of a part, one after the other; raises OSError for a torn file."""
+    """Return the concatenated SHA-256 hashes of a part's rounds; raises OSError for a damaged file."""
     with h5py.File(path) as file:
         return bytes(file[_DIGESTS][()].tobytes())
 
@@ -93,7 +93,7 @@ def link_parts(folder: Path, sizes: Sequence[int]) -> None:
 
 
 def _creation() -> h5p.PropDCID:
-    """Return properties of arrays that are written once and whole, without times that no run would repeat."""
+    """Return properties of arrays that are written once, without time stamps, which no rerun would repeat."""
     properties = h5p.create(h5p.DATASET_CREATE)
     properties.set_fill_time(h5d.FILL_TIME_NEVER)
     properties.set_alloc_time(h5d.ALLOC_TIME_EARLY)

@@ -1,4 +1,4 @@
-"""Keeping of an agent from the Hub in a folder, after the checks of a submission's policy."""
+"""Installation of an agent from the Hub into a folder, after the checks of a submission's policy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fpg_bench.players.sandbox.client import AGENT_FILES, check_policy
 
 
 def keep(snapshot: Snapshot, out: Path) -> bool:
-    """Copy a downloaded agent into a folder, with ``hub.json``, which says where it comes from.
+    """Copy a downloaded agent into a folder, with its origin in ``hub.json``.
 
     The policy is checked as those of submissions are: its files, hash, contents and cost, and random
     observations that it answers in a sandbox. The folder is there as a whole, or not at all.
@@ -50,7 +50,7 @@ def keep(snapshot: Snapshot, out: Path) -> bool:
 
 
 def copy_checked(source: Path, into: Path, name: str) -> None:
-    """Copy the two files of an agent into a new folder, and check them there as a submission's.
+    """Copy the two files of an agent into a new folder, and check them in the same way as a submission.
 
     Args:
         source: the agent's folder.

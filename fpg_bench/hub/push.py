@@ -65,7 +65,9 @@ def push(
     repository, branch = split_name(name)
     api = client()
     if not api.token:
-        raise UserError("hub push: set HF_TOKEN to a token that may write (huggingface.co/settings/tokens)")
+        raise UserError(
+            "hub push: set HF_TOKEN to a token with write access (huggingface.co/settings/tokens)"
+        )
     files = agent_files(source, repository, results)
     from huggingface_hub import CommitOperationAdd, CommitOperationDelete
     from huggingface_hub.errors import RepositoryNotFoundError
@@ -77,7 +79,7 @@ def push(
             is_public = False
             api.create_repo(repository, private=private or None, exist_ok=True)
         if private and is_public:
-            raise UserError(f"{name}: is public already; make it private on the Hub, or leave out --private")
+            raise UserError(f"{name}: is already public; make it private on the Hub, or omit --private")
         if branch != "main":
             api.create_branch(repository, branch=branch, exist_ok=True)
         files_there = {file.rfilename for file in api.model_info(repository, revision=branch).siblings or ()}
@@ -124,14 +126,14 @@ def _options(about: dict[str, Any]) -> dict[str, Any]:
 
 
 def _run_of(source: Path) -> Path | None:
-    """Return the folder of the run that an agent's folder belongs to, or that is one."""
+    """Return the folder of the run that a folder is or that an agent's folder belongs to."""
     return next((f for f in (source, *source.absolute().parents[:2]) if (f / "run.json").is_file()), None)
 
 
 def _records(
     folder: Path, about: dict[str, Any], run: Path | None, results: Path | None
 ) -> Iterable[tuple[Suite, list[Record]]]:
-    """Yield the suites that an agent has met, each with its records of this very policy."""
+    """Yield the suites that an agent was evaluated on, each with the records of this policy."""
 
     def own(records: Iterable[Record]) -> list[Record]:
         return [record for record in records if record.fingerprint == about["policy_sha256"][:16]]

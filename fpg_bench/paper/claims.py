@@ -120,7 +120,7 @@ class Comparison:
 
     @property
     def holds_uncorrected(self) -> bool:
-        """True if it holds as a part of its claim, which needs all of them (intersection-union)."""
+        """True if it holds as a part of its claim, which holds if all parts do (intersection-union)."""
         return self.test.p < LEVEL and self.test.mean > 0
 
 

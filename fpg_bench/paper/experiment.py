@@ -84,7 +84,7 @@ class Budget:
     Attributes:
         name: name in file names.
         steps: game steps, over all games.
-        games: number of games at once.
+        games: number of parallel games.
         train_freq, gradient_steps: ``gradient_steps`` updates follow ``train_freq`` steps of all games.
         seeds: default number of runs of each condition that a claim rests on.
     """
@@ -114,7 +114,7 @@ BUDGETS: Mapping[str, Budget] = MappingProxyType(
 
 
 def hyperparameters(budget: Budget) -> Hyperparameters:
-    """Return those of Table 3, completed by the shipped ones."""
+    """Return the hyper-parameters of Table 3, completed with the shipped values."""
     shipped = load_hyperparameters(ALGORITHM, DUEL)
     rates = {"train_freq": budget.train_freq, "gradient_steps": budget.gradient_steps}
     return shipped.model_copy(update={"n_envs": budget.games, **rates})
@@ -136,7 +136,7 @@ def run_experiment(
         preset: the scenario, ``paper``, ``standard`` or ``figures``.
         budget: length of the training.
         seed: training seed. It starts from the same networks and matches under every condition.
-        folder: for the transcript of a language model.
+        folder: folder for the transcript of a language model.
         llm: options of the language-model planner, and ``transcript`` to replay one.
         learner: ``torch``, or ``jax``, which is faster and needs the extra ``fast``. Both give the same
             weights apart from the rounding of sums.

@@ -91,7 +91,7 @@ def windows_of(rounds: Iterable[tuple[int, np.void, np.ndarray]], budget: int) -
     ]
 
 
-_MAX_BYTES = 2**28  # of a decompressed file
+_MAX_BYTES = 2**28  # limit for a decompressed file
 
 
 class _StoredRun(Strict):
@@ -179,7 +179,7 @@ class Results:
     """Runs of one scenario and budget.
 
     Attributes:
-        runs: by condition and seed.
+        runs: runs by condition and seed.
     """
 
     runs: Mapping[str, Mapping[int, Run]]

@@ -1,4 +1,4 @@
-"""Films of recorded rounds, as animated GIF or MP4."""
+"""Videos of recorded rounds, as animated GIF or MP4."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def write_gif(recordings: Sequence[Recording], path: Path, title: str = "", ever
     from PIL import Image
 
     last = Image.fromarray(Picture(recordings[-1], title).draw())
-    palette = last.quantize(128)  # one for all: nothing flickers
+    palette = last.quantize(128)  # one palette for all frames prevents flicker
     frames = (
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
         for frame in _frames(recordings, title, every)

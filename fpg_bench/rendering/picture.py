@@ -163,7 +163,7 @@ class BoxPanel(Panel):
             across = min(max(place[0], left + self._room), right - self._room)
             self._labels[side].set_position((across, place[1] + away * self._room / 3.5))
         across, upwards = (ally + opponent) / 2
-        if abs(ally[0] - opponent[0]) < self._room:  # else it would stand under a marker
+        if abs(ally[0] - opponent[0]) < self._room:  # otherwise a marker would hide it
             across = max(ally[0], opponent[0])
         self._distance.set_position((across + self._room / 2, upwards))
         self._distance.set_text(f"{last['distance_m']:.0f} m")
@@ -201,8 +201,8 @@ class TimePanel(Panel):
     Args:
         axes: where to draw.
         recording: the round that will be shown.
-        label: of the vertical axis.
-        low, high: its limits.
+        label: label of the vertical axis.
+        low, high: limits of the vertical axis.
     """
 
     def __init__(self, axes: Axes, recording: Recording, label: str, low: float, high: float) -> None:
@@ -340,7 +340,7 @@ class DistancePanel(TimePanel):
         self._distance.set_data(frames["step"], np.maximum(frames["distance_m"], self._floor))
 
 
-WIDTH, HEIGHT = 1120, 640  # multiples of 16, which video encoders want
+WIDTH, HEIGHT = 1120, 640  # multiples of 16, which video encoders require
 _DPI = 100
 _TILES = (  # heading, left end, colour
     ("step", 0.022, INK),
@@ -353,13 +353,13 @@ _TILES = (  # heading, left end, colour
 
 
 class Picture:
-    """Draws a recording after any of its steps.
+    """Picture of a recording after any of its steps.
 
     The static parts are drawn once, so a step costs the moving lines alone.
 
     Args:
         recording: the round; steps may be added to it.
-        title: of the picture, such as the players' names.
+        title: title of the picture, such as the players' names.
     """
 
     def __init__(self, recording: Recording, title: str = "") -> None:

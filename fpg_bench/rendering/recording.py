@@ -37,16 +37,16 @@ class Recording:
     """Recording of one game's round: call :meth:`begin` after each reset and :meth:`add` after each step.
 
     Attributes:
-        scenario: what is played.
-        seed, match, round: which round this is.
-        horizon: the step at which it is cut.
+        scenario: scenario of the game.
+        seed, match, round: seed and indices of the round.
+        horizon: the step at which it is truncated.
         path: how the opponent flies, one of ``scenario.PATHS``.
         control_points: ``(4, 3)`` in m, the ally's Bezier curve.
         waypoints: ``(n, 3)`` in m where the path is ``waypoints``, else None.
 
     Args:
         batch: the games.
-        game: which of them is recorded.
+        game: index of the recorded game.
     """
 
     def __init__(self, batch: GameBatch, game: int = 0) -> None:

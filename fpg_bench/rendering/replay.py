@@ -141,7 +141,7 @@ def replay_part(suffix: str) -> str:
 
 
 def replay_code(part: str) -> str:
-    """Return one part of the player's code, for a page that needs it alone: ``events`` or ``pen``."""
+    """Return one part of the player's code, for a page that needs only this part: ``events`` or ``pen``."""
     return _resource(f"replay_{part}.js")
 
 
@@ -168,7 +168,7 @@ def write_replay(
         recordings: the rounds, at least one.
         path: the file; it is replaced.
         title: the page's heading.
-        ally, opponent: what the players are called.
+        ally, opponent: names of the players.
         talks: see :func:`replay_data`.
     """
     write_whole(Path(path), replay_page(replay_data(recordings, title, ally, opponent, talks)))

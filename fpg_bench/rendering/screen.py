@@ -15,7 +15,7 @@ from fpg_bench.rendering.recording import Recording
 if TYPE_CHECKING:
     from fpg_bench.rendering.picture import Picture
 
-FRAMES_PER_SECOND = 10  # of windows and films
+FRAMES_PER_SECOND = 10  # of windows and videos
 RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}  # and what each needs
 
 

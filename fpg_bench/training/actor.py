@@ -1,4 +1,4 @@
-"""Deterministic policy of an SB3 model as one module: normalization, memory, networks, squashing."""
+"""Deterministic policy of an SB3 model as one module: normalization, memory, networks and squashing."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
 class Actor(nn.Module):
     """The computation of ``predict``, from ``observation`` (n, 15) and a flat ``state`` (n, S).
 
-    The state is zero at a round's start. It holds the last k - 1 observations, or rows of a waterfall, the
-    oldest first, where frames are stacked, and then the hidden and the cell state of an LSTM, layer by layer.
+    The state is zero at the start of a round. With stacked frames it holds the last k - 1 observations, or
+    rows of a waterfall, oldest first; then come the hidden and the cell state of an LSTM, layer by layer.
 
     Args:
         model: a trained model; its weights are copied.
-        choices: what the model chooses from; None takes them from its games.
+        choices: the choices of a discrete model; None takes those of its games.
 
     Attributes:
         choices: None where actions are continuous.
         waterfall: None where the policy sees the 15 numbers.
-        frame_size, frames_size: numbers of one frame, and of those that the state holds.
-        penalty: ``(choices,)`` float32, added to the values of all choices: forbidden ones never come first.
+        frame_size, frames_size: size of one frame, and of all frames in the state.
+        penalty: ``(choices,)`` float32, added to the values of the choices so that no forbidden one is best.
 
     Raises:
-        UserError: a policy of another kind, or of another list of choices.
+        UserError: an unsupported policy, or one with another list of choices.
     """
 
     def __init__(self, model: BaseAlgorithm, choices: Choices | None = None) -> None:
@@ -87,7 +87,7 @@ class Actor(nn.Module):
         self.scale = nn.Buffer(torch.as_tensor(scale, dtype=torch.float32))
 
     def forward(self, observation: torch.Tensor, state: torch.Tensor | None = None) -> Any:
-        """Return the action (n, 9), and the next state where a state is given."""
+        """Return the action (n, 9), and the next state if a state is given."""
         frame = observation if self.waterfall is None else waterfall_rows(observation, self.table)
         if state is None:
             return self._action(self.features(self._normalize(frame)), observation)
@@ -136,16 +136,16 @@ class Actor(nn.Module):
 
 
 def core_of(model: BaseAlgorithm) -> Core | None:
-    """Return the core of the games that a model has; None if it has no games of this package."""
+    """Return the core of a model's games; None if it has no games of this package."""
     env = model.get_env()
     return env.get_attr("core")[0] if env is not None and env.has_attr("core") else None
 
 
 def waterfall_of(model: BaseAlgorithm) -> Waterfall | None:
-    """Return the waterfall that a model sees; None for a model of the 15 numbers, stacked or not.
+    """Return the waterfall that a model observes; None for a model of the 15 numbers, stacked or not.
 
     Raises:
-        UserError: a waterfall, and no games that say how it is drawn, or frames of waterfalls.
+        UserError: the model observes a waterfall but has no games with it, or stacked waterfalls.
     """
     shape = cast(tuple[int, ...], model.observation_space.shape)
     if len(shape) == 1:
@@ -153,24 +153,26 @@ def waterfall_of(model: BaseAlgorithm) -> Waterfall | None:
     waterfall: Waterfall | None = getattr(core_of(model), "waterfall", None)
     if waterfall is None or waterfall.shape != shape:
         raise UserError(
-            f"the model sees {model.observation_space}, no waterfall of games that it has; give it games of "
-            "fpg_bench by set_env, without stacked frames"
+            f"the model observes {model.observation_space}, not the waterfall of its games; give it games of "
+            "fpg_bench with set_env, without stacked frames"
         )
     return waterfall
 
 
 def _choices(model: BaseAlgorithm, choices: Choices | None) -> Choices | None:
-    """Return what a model chooses from, by its games unless it is given; None for continuous actions.
+    """Return the choices of a model, from its games if not given; None for continuous actions.
 
     Raises:
-        UserError: a model of another list of choices, or discrete actions and no games.
+        UserError: the model has another list of choices, or discrete actions and no games.
     """
     space = model.policy.action_space
     if isinstance(space, spaces.Box):
         return None
     choices = choices or getattr(core_of(model), "choices", None)
     if choices is None:
-        raise UserError(f"the model chooses from {space}, and has no games that say from what; name its id")
+        raise UserError(
+            f"the model chooses from {space} but has no games that define the choices; name its id"
+        )
     if space != action_space(choices):
         raise UserError(
             f"the model chooses from {space}, the {choices.side} from {action_space(choices)} "
@@ -189,18 +191,18 @@ def _networks(policy: BasePolicy) -> Networks:
     if isinstance(policy, QRDQNPolicy):
         return policy.quantile_net.features_extractor, None, _mean_of_quantiles(policy.quantile_net)
     actor = _actor(policy)
-    if isinstance(getattr(actor, "mu", None), nn.Module):  # SAC's kind has networks before the mean
+    if isinstance(getattr(actor, "mu", None), nn.Module):  # SAC and the like have networks before the mean
         layers = [getattr(actor, "latent_pi", nn.Identity()), actor.mu]
         return actor.features_extractor, None, nn.Sequential(*layers)
     raise UserError(
-        f"export: {type(policy).__name__} is no policy of PPO's, DQN's, SAC's or TD3's kind in torch, so no "
-        "agent can be made of it; train it with its own learn() on fpg_bench.make_sb3, write its network as "
-        "ONNX, and make an agent of that by fpg_bench.write_agent"
+        f"export: {type(policy).__name__} is not a torch policy like those of PPO, DQN, SAC or TD3, so it "
+        "cannot be exported; train it with its own learn() on fpg_bench.make_sb3, write its network as ONNX, "
+        "and make an agent of that with fpg_bench.write_agent"
     )
 
 
 def _mean_of_quantiles(network: Any) -> nn.Sequential:
-    """Return QR-DQN's network with the mean over the quantiles within its last layer, which is linear."""
+    """Return QR-DQN's network with the mean over quantiles folded into its last layer, which is linear."""
     *layers, last = network.quantile_net
     mean = nn.Linear(last.in_features, last.out_features // network.n_quantiles)
     with torch.no_grad():
@@ -211,7 +213,7 @@ def _mean_of_quantiles(network: Any) -> nn.Sequential:
 
 
 def _actor(policy: BasePolicy) -> Any:
-    """Return the actor of a policy of SAC's or TD3's kind; MADDPG's policies are actors themselves."""
+    """Return the actor of a policy such as SAC's or TD3's; MADDPG's policies are actors themselves."""
     return getattr(policy, "actor", policy)
 
 
@@ -225,13 +227,13 @@ def _lstm(policy: nn.Module) -> nn.LSTM | None:
 
 
 class ActorPlayer(Batched):
-    """Player of a model's policy through torch, equal to its exported agent.
+    """Player that runs a model's policy in torch; plays as its exported agent does.
 
     Args:
         model: a model of Stable-Baselines3; its weights are copied.
 
     Raises:
-        UserError: a policy of another kind.
+        UserError: an unsupported policy.
     """
 
     def __init__(self, model: BaseAlgorithm) -> None:

@@ -1,4 +1,4 @@
-"""Registry of algorithms: SB3's, with an LSTM or stacked frames, MADDPG, offline ones, or a user's own."""
+"""Registry of algorithms: SB3's, with an LSTM or stacked frames, MADDPG, offline ones, and custom classes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CLASSES = {
     "iql": "fpg_bench.training.offline:IQL",
     "discrete-cql": "fpg_bench.training.offline:DiscreteCQL",
 }
-_VARIANTS = {"ppo-fast": "ppo"}  # the same class with a hyper-parameter file of its own
+_VARIANTS = {"ppo-fast": "ppo"}  # the same class with its own hyper-parameter file
 _STACKED = re.compile(rf"(ppo|sac|td3|dqn|qr-dqn|maskable-ppo|{'|'.join(OFFLINE)})-stack([1-9]\d*)")
 
 
@@ -89,5 +89,5 @@ def _custom(name: str, kind: object) -> Algorithm:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     if not (isinstance(kind, type) and issubclass(kind, BaseAlgorithm)):
-        raise UserError(f"algorithm {name!r}: is no subclass of stable_baselines3's BaseAlgorithm")
+        raise UserError(f"algorithm {name!r}: is not a subclass of stable_baselines3's BaseAlgorithm")
     return Algorithm(name, name, kind, custom=True)

@@ -56,7 +56,7 @@ class GameMeasuresCallback(BaseCallback):
 class ProgressCallback(BaseCallback):
     """A progress bar with steps, rate, time left and the mean return of the last rounds.
 
-    Without a terminal, a line is logged for each tenth of the budget, and after 30 s without one.
+    Without a terminal, a line is logged after each tenth of the budget, and after 30 s without a line.
 
     Args:
         total: the budget in steps.
@@ -105,22 +105,22 @@ class ProgressCallback(BaseCallback):
         return status
 
     def _log(self) -> None:
-        """Log the progress where no bar is drawn."""
+        """Log the progress if no bar is drawn."""
         self._logged_at = time.monotonic()
         if self._progress.disable:
             done = f"{self.num_timesteps:,} of {self._total:,} steps"
             _logger.info(f"training: {done}, {self._status()}")
 
     def close(self) -> None:
-        """Remove the bar, however training ended."""
+        """Remove the bar, also after an error."""
         self._progress.stop()
 
 
 class Clock:
-    """Seconds of training over all parts of a run, without the time of evaluations.
+    """Stopwatch of the training time over all parts of a run, without evaluations.
 
     Args:
-        before: seconds of the parts before this one.
+        before: seconds of the earlier parts.
     """
 
     def __init__(self, before: float = 0.0) -> None:
@@ -128,31 +128,31 @@ class Clock:
 
     @property
     def seconds(self) -> float:
-        """Seconds until now."""
+        """Training time so far in seconds."""
         return time.monotonic() - self._start
 
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
-        """Do not count the time inside the context."""
+        """Exclude the time within the context."""
         begin = time.monotonic()
         yield
         self._start += time.monotonic() - begin
 
 
 class EvalCheckpointCallback(BaseCallback):
-    """Evaluate the policy at even parts of the budget; save a checkpoint then, and every minute.
+    """Evaluate the policy at equal intervals of the budget; save a checkpoint then, and every minute.
 
-    Both happen at the start of a rollout. All data collected before has been learned from by then, so a
-    resumed run neither loses nor repeats any.
+    Both happen at the start of a rollout. By then, all collected data has been used for updates, so a resumed
+    run neither loses nor repeats any.
 
     Args:
         folder: the run's folder of checkpoints.
         clock: counts the training time.
-        evaluators: evaluator of each side that learns; empty for no evaluations.
+        evaluators: evaluator of each learning side; empty for no evaluations.
         file: file that the scores are appended to.
         budget: steps of the run.
         n_evals: number of evaluations, besides the one at the start.
-        stop: asks for saving and stopping the run.
+        stop: request to save and stop the run.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class EvalCheckpointCallback(BaseCallback):
 
     @property
     def _next_eval(self) -> float:
-        """Steps of the next evaluation: the first even part of the budget that has no row yet."""
+        """Number of steps at the next evaluation: the first interval of the budget that has no row yet."""
         return 0 if self._last_eval < 0 else (self._last_eval // self._eval_freq + 1) * self._eval_freq
 
     def _evaluate(self) -> None:

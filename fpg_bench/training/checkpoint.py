@@ -1,6 +1,6 @@
-"""Checkpoints of a training run, as data; only the newest complete one is kept.
+"""Checkpoints of a training run without pickles; only the newest complete one is kept.
 
-The model's zip is SB3's own, so that SB3 can load it. Here only its tensors are read, no pickle is opened.
+The model's zip is SB3's own, so that SB3 can load it. Here only its tensors are read; no pickle is opened.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ def save_checkpoint(model: BaseAlgorithm, folder: Path, *, seconds: float) -> No
 
 
 def steps_of(checkpoint: Path) -> int:
-    """Return the steps after which a checkpoint was saved."""
+    """Return the number of steps after which a checkpoint was saved."""
     return int(checkpoint.name)
 
 
 def newest_checkpoint(folder: Path) -> Path | None:
-    """Return the checkpoint of the most steps, or None where there is none."""
+    """Return the checkpoint with the most steps; None if there is none."""
     checkpoints = [path for path in folder.glob("*") if path.name.isdigit()]
     return max(checkpoints, default=None)
 
@@ -73,14 +73,14 @@ def load_checkpoint(checkpoint: Path, model: BaseAlgorithm, seed: int) -> float:
 
     Args:
         checkpoint: its folder.
-        model: made of the run's hyper-parameters.
+        model: a new model with the run's hyper-parameters.
         seed: random seed from here on.
 
     Returns:
         The training time so far in seconds.
 
     Raises:
-        UserError: a file that is truncated, or of another run or version.
+        UserError: a file is truncated, or belongs to another run or version.
     """
     try:
         progress = read_json(checkpoint / PROGRESS, "checkpoint")
@@ -95,9 +95,9 @@ def load_checkpoint(checkpoint: Path, model: BaseAlgorithm, seed: int) -> float:
             _fill(buffer, _read(checkpoint / REPLAY))
         set_random_seed(seed)
         model.action_space.seed(seed)
-    except Exception as error:  # torch, zipfile and NumPy raise many kinds
+    except Exception as error:  # torch, zipfile and NumPy raise many types
         raise UserError(
-            f"checkpoint {checkpoint}: cannot be read ({one_line(error)}); begin the run again with --restart"
+            f"checkpoint {checkpoint}: cannot be read ({one_line(error)}); start over with --restart"
         ) from error
     return float(seconds)
 
@@ -110,18 +110,18 @@ def load_weights(model: BaseAlgorithm, run: Path) -> None:
         run: folder of the run.
 
     Raises:
-        UserError: no finished run of this algorithm and networks, or a file that is truncated.
+        UserError: not a finished run of this algorithm and networks, or a truncated file.
     """
     try:
         _load_model(model, run)
-    except Exception as error:  # torch, zipfile and NumPy raise many kinds
+    except Exception as error:  # torch, zipfile and NumPy raise many types
         raise UserError(
             f"start {run}: no finished run of {type(model).__name__} with these networks ({one_line(error)})"
         ) from error
 
 
 def _load_model(model: BaseAlgorithm, folder: Path) -> None:
-    """Load tensors and statistics; the pickles of the zip stay closed."""
+    """Load tensors and statistics; the pickles of the zip are never opened."""
     _, parameters, variables = load_from_zip_file(folder / MODEL, device="cpu", load_data=False)
     model.set_parameters(cast(Any, parameters), device="cpu")
     for name, value in (variables or {}).items():  # SAC's entropy coefficient

@@ -32,13 +32,13 @@ class GameOptions:
     Attributes:
         scenario: a scenario, the name of a preset, or a YAML file.
         opponent, ally: the other side's player, or several; ``suite:NAME`` stands for all members of a suite.
-        path: flight path of the opponent, or several to draw from per round.
+        path: flight path of the opponent, or several to draw one from per round.
         planner: planner of the opponent's path, by name or as an object.
         knowledge: the ally's knowledge base: ``expert``, ``none``, or a YAML file.
-        jamming_types: the jamming types that are allowed.
+        jamming_types: the allowed jamming types.
         reward: reward of the learner; see :func:`fpg_bench.envs.core.compute_reward`.
         actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``.
-        observation: what the ally sees, ``numbers`` or ``waterfall``.
+        observation: the ally's observation, ``numbers`` or ``waterfall``.
         history: rows of the waterfall.
     """
 
@@ -59,7 +59,7 @@ class GameOptions:
         """Read the options from a mapping of a YAML or JSON file.
 
         Raises:
-            UserError: no mapping, or an unknown key; ``where`` begins the message.
+            UserError: not a mapping, or an unknown key; ``where`` begins the message.
         """
         check_keys(content, [each.name for each in dataclasses.fields(cls)], where)
         return cls(**content)
@@ -76,20 +76,20 @@ class RunConfig:
 
     Attributes:
         algorithm: ``ppo``, ``ppo-fast``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` and the like,
-            ``maddpg``, ``package.module:Class``, or a class of Stable-Baselines3's kind.
+            ``maddpg``, ``package.module:Class``, or a class with Stable-Baselines3's interface.
         env_id: environment id, for instance ``FPG/AllyVsScripted-v0``; ``FPG/duel_v0`` trains both sides.
         seed: training seed k; its games start at game seed k * 10^6.
         steps: budget over all games, rounded up to whole rollouts; None takes that of the hyper-parameters.
-        hyperparams: a YAML file, or its content for the id; None takes the shipped file.
+        hyperparams: a YAML file, or its entry for the id; None takes the shipped file.
         game: options of the games.
         suite: suite that scores the policy during training, on tuning seeds; None takes that of the id.
         against: the other side's player or players, whichever side that is.
-        start: folder of a finished run of the same side, algorithm and networks, for PPO also of ``bc``; the
+        start: folder of a finished run of the same side, algorithm and networks (for PPO also ``bc``); the
             new run starts from its weights, optimizer and normalization, and skips imitation.
         transcript: transcript of a run with a language model; its plans are replayed without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
             the endpoint.
-        dataset: what an offline algorithm learns from; see :meth:`offline`.
+        dataset: data set of an offline algorithm; see :meth:`offline`.
     """
 
     algorithm: str | type[BaseAlgorithm]
@@ -107,15 +107,15 @@ class RunConfig:
 
     @classmethod
     def offline(cls, algorithm: str, dataset: Dataset, **options: Any) -> RunConfig:
-        """Return the run that learns from a data set, with the environment of the recorded rounds.
+        """Return the configuration of a run that learns from a data set.
 
         Args:
-            algorithm: one of :data:`fpg_bench.common.ids.OFFLINE`, with stacked frames or without.
+            algorithm: one of :data:`fpg_bench.common.ids.OFFLINE`, with or without stacked frames.
             dataset: the data set.
             **options: further attributes.
 
         Raises:
-            UserError: an algorithm that does not learn from data sets, or not from one of this action mode.
+            UserError: an algorithm that does not learn from data sets, or not from this action mode.
         """
         spec, base = dataset.spec, find_algorithm(algorithm).base
         if spec.actions not in OFFLINE.get(base, ()):
@@ -152,7 +152,7 @@ class RunConfig:
     def game_options(self) -> dict[str, Any]:
         """Return the options that are set, with the players of ``against`` under the name of their side.
 
-        Agents on the Hub are named by their commits.
+        Agents on the Hub are pinned to their commits.
 
         Raises:
             UserError: both sides learn, or the other side's players are named twice.
@@ -163,26 +163,26 @@ class RunConfig:
         if self.against is None:
             return _pinned(options)
         if self.id == DUEL:
-            raise UserError(f"against: in {DUEL} both sides learn; name nobody")
+            raise UserError(f"against: in {DUEL} both sides learn; omit it")
         other = find_env(self.id).other_side
         if other in options:
-            raise UserError(f"against: names the {other}, and so does {other}; say one of them")
+            raise UserError(f"against: names the {other}, and so does {other}; give only one of them")
         return _pinned({**options, other: self.against})
 
     def suites(self) -> list[str]:
         """Return the suite that scores each side; raises UserError where one suite is set for both sides."""
         if self.suite and len(self.sides) == 2:
-            raise UserError(f"suite: each side of {DUEL} is scored by its own; name none")
+            raise UserError(f"suite: each side of {DUEL} is scored on its own suite; omit it")
         options = self.game_options()
         return [self.suite] if self.suite else [suite_of(self.id, options, side) for side in self.sides]
 
     def options(self) -> dict[str, Any]:
-        """Return the options of the command line beside algorithm, id, seed, steps, hyperparams and suite."""
+        """Return the command-line options other than algorithm, id, seed, steps, hyperparams and suite."""
         llm = {name.removesuffix("_s"): value for name, value in (self.llm or {}).items()}
         options = {**self.game_options(), "transcript": self.transcript, "start": self.start, **llm}
         return {name: value for name, value in options.items() if value is not None}
 
 
 def _pinned(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options of games in which agents on the Hub are named by their commits."""
+    """Return game options with agents on the Hub pinned to their commits."""
     return {name: pinned(value) if name in SIDES else value for name, value in options.items()}

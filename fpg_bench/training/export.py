@@ -48,26 +48,26 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
     """Return the model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
 
     A policy with memory also has an input ``state`` (n, S) and an output ``next_state``; see
-    :class:`fpg_bench.training.actor.Actor`. Of a policy that chooses from a list, the list is part of the
-    file. A user's own layers and waterfalls are read by PyTorch's exporter.
+    :class:`fpg_bench.training.actor.Actor`. The file of a discrete policy includes its list of choices.
+    PyTorch's exporter writes custom layers and waterfalls.
 
     Args:
         model: a trained model.
 
     Raises:
-        UserError: a policy of another kind, or one that the installed versions cannot write as ONNX.
+        UserError: an unsupported policy, or one that the installed versions cannot write as ONNX.
     """
     return _onnx_of(Actor(model), model)
 
 
 def _onnx_of(actor: Actor, model: BaseAlgorithm) -> bytes:
-    """Return the ONNX of a model's actor, by PyTorch's exporter where :func:`plain_onnx` cannot write it."""
+    """Return the ONNX of a model's actor, from PyTorch's exporter if :func:`plain_onnx` cannot write it."""
     plain = plain_onnx(actor)
     return _torch_export(type(model.policy).__name__, actor) if plain is None else plain
 
 
 def _torch_export(kind: str, actor: Actor) -> bytes:
-    """Return the ONNX of an actor by PyTorch's exporter; ``kind`` names the policy in errors."""
+    """Return the ONNX of an actor from PyTorch's exporter; ``kind`` names the policy in errors."""
     _use_thread_lock_in_tqdm()
     examples = [torch.zeros(2, OBSERVATION_SIZE)]
     names = ["observation", "action"]
@@ -92,7 +92,7 @@ def _torch_export(kind: str, actor: Actor) -> bytes:
                 external_data=False,
                 verbose=False,
             )
-        except Exception as error:  # the exporters have many kinds, none documented
+        except Exception as error:  # the exporters raise many undocumented types
             versions = ", ".join(f"{name} {version(name)}" for name in ("torch", "onnx", "onnxscript"))
             raise UserError(
                 f"export: {kind} can't be written as ONNX by {versions}: {reason(error)}"
@@ -105,7 +105,7 @@ def _torch_export(kind: str, actor: Actor) -> bytes:
 def _use_thread_lock_in_tqdm() -> None:
     """Give tqdm a thread lock; its default process lock is leaked by a worker that is stopped.
 
-    The exporter makes a hidden progress bar where tqdm is installed.
+    The exporter makes a hidden progress bar if tqdm is installed.
     """
     with contextlib.suppress(ImportError):
         from tqdm import tqdm
@@ -127,24 +127,26 @@ def export_agent(
     Its ``VecNormalize`` and stacked frames are folded in; nothing is pickled.
 
     Args:
-        model: a trained model of PPO's, DQN's, SAC's or TD3's kind, with or without an LSTM.
+        model: a trained model with a policy like those of PPO, DQN, SAC or TD3, with or without an LSTM.
         folder: the agent's folder; for a submission ``<submission>/seed_<training seed>``.
         training_seed: the training seed.
-        id: the environment id; None takes that of the model's games. A model that chooses from a list and
-            has no games needs the id of its action mode, ``FPG/AllyVsScriptedDiscrete-v0`` for instance.
+        id: the environment id; None takes that of the model's games. A discrete model without games needs the
+            id of its action mode, for instance ``FPG/AllyVsScriptedDiscrete-v0``.
         algorithm: name of the algorithm; None takes the model's class.
         **about: further entries of ``agent.json``.
 
     Returns:
-        The largest difference of any action to the model's own ``predict``.
+        The largest difference of any action from the model's own ``predict``.
 
     Raises:
-        UserError: a policy of another kind, or games of another kind and no ``id``.
+        UserError: an unsupported policy, or neither games of this package nor an ``id``.
     """
     core = core_of(model)
     if id is None:
         if not isinstance(core, SingleAgentGame):
-            raise UserError("export: the model has no games of fpg_bench; say which id it is for")
+            raise UserError(
+                "export: the model has no games of fpg_bench; give the id that it was trained for"
+            )
         id = core.config.id
     choices = None
     if id != DUEL:
@@ -170,13 +172,13 @@ def write_exported(
         folder: the agent's folder.
         about: content of ``agent.json``: algorithm, id, scenario hash, training seed and steps, versions;
             the action mode is added where actions are discrete.
-        choices: what the model chooses from, if it has no games.
+        choices: the choices of a discrete model without games.
 
     Returns:
-        The largest difference to the model's own ``predict``.
+        The largest difference of any action from the model's own ``predict``.
 
     Raises:
-        UserError: a policy of another kind, or one that plays differently once exported.
+        UserError: an unsupported policy, or one that plays differently once exported.
     """
     actor = Actor(model, choices)
     data = _onnx_of(actor, model)
@@ -200,7 +202,7 @@ def _checked(difference: float, model: BaseAlgorithm) -> float:
         kind = type(model.policy).__name__
         raise UserError(
             f"export: the exported policy differs from predict by {difference:g}, more than "
-            f"{GREATEST_DIFFERENCE:g}: {kind} computes more than its networks say"
+            f"{GREATEST_DIFFERENCE:g}: {kind} computes more than its networks do"
         )
     return difference
 
@@ -210,13 +212,13 @@ def largest_difference(
 ) -> float:
     """Return the largest difference of any action entry between a model and a player.
 
-    Where two choices are as good as equal, rounding decides between them. So one of a hundred actions that
-    stand for choices may differ, and is left out.
+    If two choices have almost equal values, rounding decides between them. So one in a hundred discrete
+    actions may differ, and is left out.
 
     Args:
         model: its ``predict`` gets stacked and normalized observations or waterfalls, as in training.
-        player: its ``predict`` gets the observations themselves, which are uniformly random.
-        choices: what the model chooses from; None where its actions are continuous.
+        player: its ``predict`` gets the raw observations, which are uniformly random.
+        choices: the choices of a discrete model; None for continuous actions.
         steps: steps of each of five games, which restart every twenty steps on average.
     """
     games, rng, normalize = 5, np.random.default_rng(0), model.get_vec_normalize_env()
@@ -279,7 +281,7 @@ def plain_onnx(actor: Actor) -> bytes | None:
 
 
 class _Graph:
-    """Operators in their order, and their constants."""
+    """Graph of ONNX operators, in their order, and their constants."""
 
     def __init__(self) -> None:
         self._nodes: list[Any] = []
@@ -303,7 +305,7 @@ class _Graph:
         return self.add("Slice", matrix, self.constant([start]), self.constant([end]), self.constant([1]))
 
     def clip(self, values: str, low: float, high: float, to: str = "") -> str:
-        """Add a clip to two limits."""
+        """Add a clip between two limits."""
         return self.add(
             "Clip", values, self.constant(np.float32(low)), self.constant(np.float32(high)), to=to
         )
@@ -333,7 +335,7 @@ def _normalize(graph: _Graph, actor: Actor, obs: str) -> str:
 
 
 def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
-    """Add the action of the choices with the highest values; the table's rows are looked up row by row."""
+    """Add the action of the choices with the highest values, looked up in their tables."""
     if not choices.mask.all():
         values = graph.add("Add", values, graph.constant(actor.penalty))
     ends = np.cumsum(choices.sizes)
@@ -352,7 +354,7 @@ def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
 
 
 def _velocity(graph: _Graph, choices: Choices, chosen: str) -> str:
-    """Add what a choice adds to the velocity, as a row of nine: see :mod:`fpg_bench.game.choices`."""
+    """Add the velocity that a homing choice adds to its action; see :mod:`fpg_bench.game.choices`."""
     root = graph.columns("observation", RELATIVE_POSITION, RELATIVE_POSITION + 3)
     away = graph.add("Mul", graph.add("Mul", root, graph.add("Abs", root)), graph.constant(choices.box_m))
     squares = graph.add("ReduceSum", graph.add("Mul", away, away), graph.constant([1]), keepdims=1)

@@ -15,15 +15,15 @@ from fpg_bench.common.schema import Expected, PositiveInt, Strict, parse
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 
-CUSTOM_N_ENVS = 64  # of a user's own class without hyper-parameters
+CUSTOM_N_ENVS = 64  # of a custom class without hyper-parameters
 
 
 class ImitationConfig(Strict):
-    """The entry ``imitate``: what is imitated before training.
+    """Imitation of a teacher before training, the entry ``imitate``.
 
     Attributes:
         teacher: name of a player of the learner's side.
-        steps: environment steps, over all games; they come on top of the training budget.
+        steps: environment steps over all games, in addition to the training budget.
         learning_rate: of Adam.
         batch_size: size of a minibatch.
         n_epochs: epochs per round of data.
@@ -37,13 +37,13 @@ class ImitationConfig(Strict):
 
 
 class Hyperparameters(Strict):
-    """Hyper-parameters of an algorithm on one environment id: the id's entry in a file.
+    """Hyper-parameters of an algorithm on one environment id: an entry of a file.
 
     Attributes:
-        n_envs: games that are played at once.
-        n_timesteps: training budget in steps, over all games; 0 where none is given.
+        n_envs: number of games played in parallel.
+        n_timesteps: training budget in steps, over all games; 0 if none is given.
         normalize: arguments of SB3's ``VecNormalize``; None trains without it.
-        frame_stack: number of observations that are stacked; None stacks none.
+        frame_stack: number of stacked observations; None for no stacking.
         imitate: imitation before training; None trains without it.
     """
 
@@ -61,7 +61,7 @@ class Hyperparameters(Strict):
         return dict(self.model_extra or {})
 
     def entry(self) -> dict[str, Any]:
-        """Return the content of a hyper-parameter file for the id."""
+        """Return the hyper-parameters as an entry of a file."""
         values: dict[str, Any] = {
             "n_envs": self.n_envs,
             "n_timesteps": self.n_timesteps,
@@ -85,10 +85,10 @@ def load_hyperparameters(
     Args:
         algorithm: its name; see :func:`fpg_bench.training.algorithms.find_algorithm`.
         env_id: ``FPG/AllyVsScripted-v0`` and the like.
-        file: a YAML file, the name of a shipped one (``ppo-fast``), or its content for the id; None takes the
-            shipped file of the algorithm, and for a user's own class that class's defaults with 64 games.
-        path: flight path of the opponent; opponents that fly themselves have shipped values of their own.
-        actions: action mode; discrete actions have shipped values of their own.
+        file: a YAML file, the name of a shipped one (``ppo-fast``), or its entry for the id; None takes the
+            shipped file of the algorithm, and for a custom class the defaults of that class with 64 games.
+        path: flight path of the opponent; opponents on the path ``learned`` have their own shipped values.
+        actions: action mode; discrete actions have their own shipped values.
 
     Raises:
         UserError: an unknown algorithm, no entry for the id, or a missing or invalid key.
@@ -109,17 +109,17 @@ def load_hyperparameters(
 
 
 def _named_file(file: Path) -> Path:
-    """Return a file, or the shipped one of this name where there is no file.
+    """Return a file, or the shipped file of this name if there is none.
 
     Raises:
-        UserError: a name, as it has no suffix, that is not shipped.
+        UserError: a name without a suffix that is not the name of a shipped file.
     """
     if file.suffix or file.is_file():
         return file
     shipped = {path.stem: path for path in (baselines_folder() / "hyperparams").glob("*.yml")}
     if str(file) not in shipped:
         hint = nearest(str(file), shipped)
-        raise UserError(f"hyper-parameters {file}: no such file, and none of this name is shipped{hint}")
+        raise UserError(f"hyper-parameters {file}: neither a file nor a shipped name{hint}")
     return shipped[str(file)]
 
 
@@ -140,6 +140,6 @@ def _parse(algorithm: Algorithm, content: dict[str, Any], where: str) -> Hyperpa
     frame_stack = parameters.frame_stack or algorithm.frame_stack
     if algorithm.frame_stack not in (None, frame_stack):
         raise UserError(
-            f"{where}: frame_stack: {algorithm.name} has {algorithm.frame_stack}, got {frame_stack}"
+            f"{where}: frame_stack: {algorithm.name} stacks {algorithm.frame_stack}, got {frame_stack}"
         )
     return parameters.model_copy(update={"frame_stack": frame_stack})

@@ -29,11 +29,11 @@ def teacher_of(config: ImitationConfig, model: BaseAlgorithm, side: str, scenari
     """Return the player to imitate.
 
     Raises:
-        UserError: no such player, one of the other side, or a model that is not of PPO's kind.
+        UserError: no such player, a player of the other side, or a model that is not PPO or the like.
     """
     if not isinstance(model.policy, ActorCriticPolicy) or hasattr(model.policy, "lstm_actor"):
         raise UserError(
-            f"imitate: PPO and its kind, without an LSTM, can imitate; {type(model).__name__} can't"
+            f"imitate: only PPO and the like without an LSTM can imitate, not {type(model).__name__}"
         )
     return as_player(config.teacher, side, scenario)
 
@@ -48,18 +48,18 @@ def imitate(
 
     The teacher acts in half of the games and the model in the others, where the teacher's actions are the
     labels (Ross et al. 2011, DAgger). The actor's mean is fitted to them by least squares, and the critic to
-    the discounted returns. The standard deviation of the actions is left as it is. Where the model chooses
-    from a list, the labels are the choices nearest to the teacher's actions, and their likelihood is fitted.
+    the discounted returns. The standard deviation of the actions is not changed. For discrete actions, the
+    labels are the choices nearest to the teacher's actions, and their likelihood is maximised.
 
     Args:
         model: its environment wraps ``games``.
-        games: one side's games; they have been played when this returns, so seed and reset them.
+        games: the games of one side; seed and reset them afterwards, as imitation plays them.
         config: the teacher, and how long it is imitated.
-        stop: ends the imitation.
+        stop: request to end the imitation.
 
     Returns:
-        The mean squared difference of an action to the teacher's in the last round, before learning from it;
-        of choices the share that differ.
+        The mean squared difference between the actions and the teacher's in the last round, before it is
+        learned from; for discrete actions, the share of choices that differ.
 
     Raises:
         UserError: see :func:`teacher_of`.
@@ -72,7 +72,7 @@ def imitate(
     steps, error = 0, float("nan")
     while steps < config.steps:
         if stop is not None and stop.is_set:
-            raise KeyboardInterrupt("stopped while it imitated; nothing is saved")
+            raise KeyboardInterrupt("stopped during imitation; nothing is saved")
         error = imitation.run_round(model_acts=steps > 0)
         steps += imitation.length * env.num_envs
         _logger.info(f"imitating {config.teacher}: {steps:,} steps, difference {error:.4f}")
@@ -146,7 +146,7 @@ class _Imitation:
 
 
 def actor_loss(policy: ActorCriticPolicy, obs: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-    """Return the mean squared difference of mean actions to labels; of choices their negative likelihood."""
+    """Return the mean squared error of the mean actions; for choices the negative log-likelihood."""
     distribution = policy.get_distribution(obs)
     if isinstance(policy.action_space, spaces.Box):
         return mse_loss(distribution.mode(), labels)
@@ -159,8 +159,8 @@ def discounted_returns(rewards: np.ndarray, dones: np.ndarray, value: np.ndarray
 
     Args:
         rewards: ``(T, N)``.
-        dones: ``(T, N)`` bool, where a round ends; after it the value is that of the mean reward.
-        value: ``(N,)``, after the last step.
+        dones: ``(T, N)`` bool, the ends of rounds; the value after an end is that of the mean reward.
+        value: ``(N,)``, the values after the last step.
         gamma: discount factor.
     """
     mean = float(rewards.mean()) / (1 - gamma)  # value after a round's end, on average

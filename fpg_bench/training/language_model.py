@@ -1,4 +1,4 @@
-"""Training against a language model, which plans beside the game; a transcript keeps the plans."""
+"""Training with a language model that plans in parallel with the game; a transcript keeps the plans."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def training_planner(
     """
     if not (isinstance(spec, str) and spec in LLM_CONTROLS):
         if replayed is not None:
-            raise UserError(f"transcript: nothing to replay where the planner is {spec!r}")
+            raise UserError(f"transcript: nothing to replay with the planner {spec!r}")
         if llm:
             raise UserError(f"{next(iter(llm))}: is for a language model, not for the planner {spec!r}")
         return spec

@@ -1,4 +1,4 @@
-"""Models of Stable-Baselines3 on a batch of games, made from hyper-parameters."""
+"""Construction of Stable-Baselines3 models on a batch of games from hyper-parameters."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from fpg_bench.training.hyperparameters import Hyperparameters
 
 _RESERVED = {"self", "env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}  # set by the runner
 _SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
-# Elementwise activations of torch that ONNX has as well, without weights and without randomness.
+# Elementwise activations of torch that ONNX also has, without weights and randomness.
 # LogSigmoid is left out because its export differs by 8e-4.
 _NAMES = (
     "CELU ELU GELU Hardshrink Hardsigmoid Hardswish Hardtanh LeakyReLU Mish ReLU ReLU6 SELU SiLU Sigmoid "
@@ -41,12 +41,12 @@ def make_games(env_id: str, parameters: Hyperparameters, first_seed: int, **opti
 
     Args:
         env_id: the environment id; ``FPG/duel_v0`` for both sides.
-        parameters: ``n_envs`` says how many games.
+        parameters: ``n_envs`` is the number of games.
         first_seed: match seed of the first game; the others follow.
         **options: the options of :class:`fpg_bench.training.config.GameOptions`, by name.
 
     Raises:
-        UserError: something unknown, out of range, or impossible together.
+        UserError: options that are unknown, out of range, or incompatible.
     """
     if len(sides_of(env_id)) == 2:
         options = {name: value for name, value in options.items() if value is not None}
@@ -55,7 +55,7 @@ def make_games(env_id: str, parameters: Hyperparameters, first_seed: int, **opti
 
 
 def by_side(model: BaseAlgorithm, sides: Sequence[str]) -> dict[str, BaseAlgorithm]:
-    """Return a model for each side that learns; that of a single side is the model itself."""
+    """Return the model of each learning side; with a single side, that is the model itself."""
     players = [model] if len(sides) == 1 else model.players  # type: ignore[attr-defined]
     return dict(zip(sides, players, strict=True))
 
@@ -65,8 +65,8 @@ def make_model(
 ) -> BaseAlgorithm:
     """Make the model of an algorithm on a batch of games, with the wrappers of the hyper-parameters.
 
-    The games keep the matches that they were made with. SB3's own ``seed`` argument would reseed them with
-    the training seed, so that neighbouring training seeds would play nearly the same matches.
+    The games keep their match seeds. SB3's own ``seed`` argument would reseed them with the training seed, so
+    that neighbouring training seeds would play nearly the same matches.
 
     Raises:
         UserError: a hyper-parameter that the algorithm does not have, or an invalid value.
@@ -76,7 +76,7 @@ def make_model(
     where = f"hyper-parameters of {algorithm.name}"
     arguments = _constructor_arguments(algorithm, parameters.algorithm, where)
     if algorithm.joint and (parameters.normalize is not None or parameters.frame_stack is not None):
-        raise UserError(f"{where}: {algorithm.name} knows neither normalize nor frame_stack")
+        raise UserError(f"{where}: {algorithm.name} supports neither normalize nor frame_stack")
     games = _wrapped(games, parameters, where)
     try:
         set_random_seed(seed)
@@ -94,7 +94,7 @@ def make_model(
 
 
 def _misfit(algorithm: Algorithm, games: VecEnv, error: AssertionError) -> UserError | None:
-    """Return the error of an algorithm that does not fit the action space; None for another assertion."""
+    """Return the error for an unsupported action space; None for any other assertion."""
     supported, is_misfit, _ = str(error).partition("as action spaces")
     if not is_misfit:
         return None
@@ -117,7 +117,7 @@ def _wrapped(games: VecEnv, parameters: Hyperparameters, where: str) -> VecEnv:
     """
     if parameters.frame_stack is not None:
         if len(games.observation_space.shape or ()) > 1:
-            raise UserError(f"{where}: frame_stack: a waterfall is a stack already; say its history instead")
+            raise UserError(f"{where}: frame_stack: a waterfall is already a stack; set its history instead")
         games = VecFrameStack(games, parameters.frame_stack)
     if parameters.normalize is None:
         return games
@@ -128,7 +128,7 @@ def _wrapped(games: VecEnv, parameters: Hyperparameters, where: str) -> VecEnv:
 def _check_arguments(
     values: dict[str, Any], function: Callable[..., Any], where: str, reserved: set[str]
 ) -> None:
-    """Raise UserError for a key that a function has no argument for, or a value of another kind."""
+    """Raise UserError for a key that is not an argument of a function, or a value of the wrong type."""
     arguments = inspect.signature(function).parameters
     known = set(arguments) - {"self"} - reserved
     if not any(argument.kind == argument.VAR_KEYWORD for argument in arguments.values()):
@@ -138,7 +138,7 @@ def _check_arguments(
 
 
 def _check_value(value: object, argument: inspect.Parameter, where: str) -> None:
-    """Raise UserError where an argument's default is a number or a bool, and the value is none."""
+    """Raise UserError if an argument's default is a number or a bool, but the value is not."""
     default = argument.default
     takes_text = "str" in str(argument.annotation) or argument.name in _SCHEDULED
     if isinstance(default, bool):
@@ -163,7 +163,7 @@ def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: 
         arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), sigma)
     _check_arguments(arguments, algorithm.kind.__init__, where, _RESERVED)
     policy: Any = mapping(arguments.get("policy_kwargs", {}), f"{where}: policy_kwargs")
-    if isinstance(policy.get("log_std_init"), list):  # one for each action
+    if isinstance(policy.get("log_std_init"), list):  # one per action
         policy["log_std_init"] = torch.tensor(_per_action(policy["log_std_init"], f"{where}: log_std_init"))
     if isinstance(name := policy.get("features_extractor_class"), str):
         policy["features_extractor_class"] = imported(name, f"{where}: features_extractor_class")
@@ -187,7 +187,7 @@ def _per_action(value: Any, where: str) -> list[float]:
 
 
 def _schedule(text: str, where: str) -> LinearSchedule:
-    """Return the schedule of ``lin_0.001``: linear from that value to zero over the budget."""
+    """Return the schedule of a text such as ``lin_0.001``: linear from that value to zero over the budget."""
     try:
         if not text.startswith("lin_"):
             raise ValueError
@@ -199,7 +199,7 @@ def _schedule(text: str, where: str) -> LinearSchedule:
 
 
 def as_activation(value: object, where: str) -> type[nn.Module]:
-    """Return the activation class of a name, ``ReLU`` for instance; a module class is returned as it is.
+    """Return the activation class of a name such as ``ReLU``; a module class is returned unchanged.
 
     Raises:
         UserError: no such name, or something else; ``where`` begins the message.
@@ -207,17 +207,17 @@ def as_activation(value: object, where: str) -> type[nn.Module]:
     if isinstance(value, type) and issubclass(value, nn.Module):
         return value
     if not isinstance(value, str):
-        raise UserError(f"{where}: expected the name of an activation, ReLU for instance, got {value!r}")
+        raise UserError(f"{where}: expected the name of an activation such as ReLU, got {value!r}")
     if value not in ACTIVATIONS:
         raise UserError(f"{where}: unknown activation {value!r}{nearest(value, ACTIVATIONS)}")
     return ACTIVATIONS[value]
 
 
 def tells_divergence(error: Exception, sides: Sequence[str]) -> bool:
-    """Return True for an error that a policy without finite actions leads to.
+    """Return True for an error caused by a policy without finite actions.
 
-    Either an action of a side that learns is NaN, or torch refuses the parameters of the action distribution:
-    a mean that is NaN, or a standard deviation of 0, which can happen while all weights are finite.
+    Either an action of a learning side is NaN, or torch rejects the parameters of the action distribution: a
+    mean of NaN, or a standard deviation of 0, which can occur even if all weights are finite.
 
     Args:
         error: the error that stopped the training.

@@ -1,6 +1,6 @@
-"""Offline reinforcement learning: algorithms of Stable-Baselines3's kind that learn from a data set alone.
+"""Offline reinforcement learning: Stable-Baselines3 algorithms that learn only from a data set.
 
-Networks, optimizers, files and export are those of SB3; a step is one gradient step, and none is played.
+Networks, optimizers, files and export are those of SB3. A step is one gradient step; no game is played.
 
 - ``bc``: behaviour cloning, and a critic of the behaviour's returns that PPO can start from.
 - ``td3-bc``: Fujimoto & Gu, "A Minimalist Approach to Offline Reinforcement Learning" (NeurIPS 2021).
@@ -33,7 +33,7 @@ from torch.nn.functional import mse_loss, smooth_l1_loss
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.training.imitation import actor_loss, discounted_returns
 
-STEPS_AT_ONCE = 100  # between two looks at the callbacks
+STEPS_AT_ONCE = 100  # between two calls of the callbacks
 _GREATEST_WEIGHT = 100.0  # of an action in IQL's regression, as in its authors' code
 
 
@@ -57,16 +57,16 @@ class Batch(NamedTuple):
 class Transitions:
     """The transitions of whole rounds, to draw batches from.
 
-    Rounds are cut off after their last step and never terminate, so all transitions bootstrap. The statistics
-    of ``normalize`` become those that it would have if it had seen the rounds.
+    Rounds are truncated and never terminate, so all transitions bootstrap. The statistics of ``normalize``
+    become those of the rounds.
 
     Args:
         observations: ``(N, T + 1, 15)`` float32.
         actions: ``(N, T, 9)`` float32, or ``(N, T)`` int64.
         rewards: ``(N, T)`` float32.
         gamma: discount factor.
-        frames: number of observations that are stacked; before a round's start they are zero.
-        normalize: normalizes observations and rewards; None leaves them as they are.
+        frames: number of stacked observations; those before the start of a round are zero.
+        normalize: normalizes observations and rewards; None leaves them unchanged.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Transitions:
         self._returns = discounted_returns(rewards.T, ends, rewards[:, -1], gamma).T
 
     def sample(self, count: int) -> Batch:
-        """Draw transitions with replacement, by NumPy's global generator as SB3's replay buffer does."""
+        """Draw transitions with replacement, with NumPy's global generator like SB3's replay buffer."""
         rounds, steps = (np.random.randint(0, high, count) for high in self._rewards.shape)  # noqa: NPY002
         arrays = (
             self._seen(rounds, steps),
@@ -101,7 +101,7 @@ class Transitions:
         return Batch(*map(torch.as_tensor, arrays))
 
     def _seen(self, rounds: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Return what the policy sees at these steps, the oldest frame first."""
+        """Return the policy's observations at these steps, oldest frame first."""
         frames = self._observations[rounds[:, None], steps[:, None] + self._window]
         stacked: np.ndarray = frames.reshape(len(rounds), -1)
         if self._normalize is not None:
@@ -123,10 +123,10 @@ class Transitions:
 
 
 class OfflineAlgorithm(OffPolicyAlgorithm):
-    """Base class: ``learn`` makes gradient steps on batches of :attr:`data`, and plays nothing.
+    """Base class: ``learn`` makes gradient steps on batches of :attr:`data` and plays no game.
 
     Attributes:
-        data: the transitions, which have to be set before ``learn``.
+        data: the transitions; set them before ``learn``.
     """
 
     data: Transitions
@@ -169,10 +169,10 @@ class OfflineAlgorithm(OffPolicyAlgorithm):
 
 
 class TD3BC(OfflineAlgorithm, TD3):
-    """TD3 whose actor also imitates: the loss is ``-alpha Q / mean|Q|`` plus the squared difference.
+    """TD3 with a cloning term: the actor's loss is ``-alpha Q / mean|Q|`` plus the squared difference.
 
     Args:
-        alpha: weight of the value against the imitation.
+        alpha: weight of the value relative to the cloning term.
     """
 
     def __init__(self, policy: Any, env: Any, alpha: float = 2.5, **arguments: Any) -> None:
@@ -205,12 +205,12 @@ class TD3BC(OfflineAlgorithm, TD3):
 
 
 class CQL(OfflineAlgorithm, SAC):
-    """SAC whose critics are also lowered where the data has no actions; no entropy in their targets.
+    """SAC whose values are also lowered for actions outside the data; its targets have no entropy term.
 
     Args:
-        alpha: weight of that lowering.
-        n_actions: actions that are drawn per state from each of three: evenly, the policy, the policy one
-            step later.
+        alpha: weight of that penalty.
+        n_actions: number of actions per state that are drawn from each of three distributions: uniform, the
+            policy, and the policy in the next state.
     """
 
     def __init__(
@@ -265,10 +265,10 @@ class CQL(OfflineAlgorithm, SAC):
 
 
 class DiscreteCQL(OfflineAlgorithm, DQN):
-    """DQN whose values are also lowered where the data has no choices.
+    """DQN whose values are also lowered for choices that the data does not contain.
 
     Args:
-        alpha: weight of that lowering.
+        alpha: weight of that penalty.
         tau: coefficient of the target network's update after each step.
     """
 
@@ -292,10 +292,10 @@ class DiscreteCQL(OfflineAlgorithm, DQN):
 
 
 class BC(OfflineAlgorithm):
-    """Behaviour cloning with PPO's networks: the mean is fitted by least squares, choices by likelihood.
+    """Behaviour cloning with PPO's networks: least squares for the mean, maximum likelihood for choices.
 
-    The standard deviation stays as ``log_std_init`` says, and the critic is fitted to the discounted returns,
-    so PPO can start from a clone.
+    The standard deviation stays at ``log_std_init``, and the critic is fitted to the discounted returns, so
+    that PPO can start from a clone.
     """
 
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": ActorCriticPolicy}
@@ -331,10 +331,10 @@ class BC(OfflineAlgorithm):
 
 
 class IQL(BC):
-    """IQL with PPO's networks, whose critic learns an expectile of the value, and two critics of actions.
+    """IQL with PPO's networks, whose critic learns an expectile of the value, and two Q-networks.
 
     Args:
-        expectile: above 0.5, so that better actions count more.
+        expectile: above 0.5, so that better actions weigh more.
         beta: inverse temperature: an action's weight in the policy's regression is exp(beta advantage).
     """
 
@@ -395,7 +395,7 @@ class IQL(BC):
 
 
 def _least(critic: ContinuousCritic, obs: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
-    """Return the least value ``(n, 1)`` of all critics."""
+    """Return the lowest value ``(n, 1)`` of all critics."""
     return torch.cat(critic(obs, actions), 1).min(1, keepdim=True).values
 
 

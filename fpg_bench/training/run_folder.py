@@ -18,7 +18,7 @@ from fpg_bench.evaluation.curves import EVALUATIONS
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
 from fpg_bench.training.language_model import TRANSCRIPT
 
-# What distinguishes two runs; the command and the versions may change when a run is resumed.
+# Keys that identify a run; the command and the versions may change when a run is resumed.
 _IDENTITY = (
     "algorithm",
     "id",
@@ -51,10 +51,10 @@ class RunFolder:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Hold the folder for this process alone.
+        """Lock the folder for this process.
 
         Raises:
-            UserError: another process holds it, or it is not empty and no run's folder.
+            UserError: another process holds it, or it is neither empty nor the folder of a run.
         """
         # A run that was killed before its run.json was complete may have left its evaluations
         check_own_folder(self.path, self.description.name, "training run", EVALUATIONS)
@@ -74,23 +74,24 @@ class RunFolder:
         write_json(self.description, about)
 
     def state(self, about: dict[str, Any], allow_unfinished: bool) -> dict[str, Any] | None:
-        """Return the content of ``run.json`` if it describes this very run, None if there is none.
+        """Return the content of ``run.json`` if it describes this run; None if there is no such file.
 
         Args:
             about: description of this run.
             allow_unfinished: accept the run if it is unfinished.
 
         Raises:
-            UserError: the folder holds another run, or this one unfinished.
+            UserError: the folder holds another run, or this run unfinished although that is not allowed.
         """
         if not self.description.exists():
             return None
         state = self.read()
         differing = [key for key in _IDENTITY if state.get(key) != about.get(key)]
-        if differing == ["training_steps"] and "offline" not in about:  # where --start leads on
+        if differing == ["training_steps"] and "offline" not in about:  # --start can continue it
             raise UserError(
-                f"{self.path}: holds this run with {state['training_steps']:,} steps, and its budget stays; "
-                f"to train on, finish it, then begin another with its weights: --start {self.path} --out NEW"
+                f"{self.path}: holds this run with {state['training_steps']:,} steps, and its budget cannot "
+                "change; to continue, finish it and start a new run with its weights: "
+                f"--start {self.path} --out NEW"
             )
         if differing:
             raise UserError(
@@ -99,13 +100,13 @@ class RunFolder:
             )
         if not state.get("finished") and not allow_unfinished:
             raise UserError(
-                f"{self.path}: holds this run unfinished; go on with --resume, begin it again with "
+                f"{self.path}: holds this run unfinished; continue it with --resume, start over with "
                 "--restart, or choose another folder"
             )
         return state
 
     def last_scores(self) -> dict[str, float | None]:
-        """Return the last score of each side's policy; empty where none was evaluated."""
+        """Return the last score of each side's policy; empty if none was evaluated."""
         return {row["side"]: row["score"] for row in self.evaluations.read()}
 
     def has_checkpoint(self) -> bool:
@@ -117,9 +118,9 @@ class RunFolder:
         return self.description.exists() and bool(self.read().get("finished"))
 
     def clear(self) -> None:
-        """Remove what an earlier start of the run has left.
+        """Remove the files of an earlier start of the run.
 
-        A language model's transcript was paid for, so it is kept under the next free name.
+        The transcript of a language model may have cost money, so it is kept under the next free name.
         """
         for folder in (self.agent, self.checkpoints):
             shutil.rmtree(folder, ignore_errors=True)
@@ -135,7 +136,7 @@ class RunFolder:
 
 
 def command_line(*arguments: str, **options: object) -> str:
-    """Return the ``fpg-bench`` command of these arguments and options, lists separated by commas."""
+    """Return the ``fpg-bench`` command with these arguments and options; lists are comma-separated."""
     words = ["fpg-bench", *arguments]
     for name, value in options.items():
         text = ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
@@ -144,7 +145,7 @@ def command_line(*arguments: str, **options: object) -> str:
 
 
 def revision() -> str | None:
-    """Return the git revision of this code, with a + where files have changed; None outside a checkout."""
+    """Return the git revision of this code, with a + if files have changed; None outside a checkout."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None

@@ -1,4 +1,4 @@
-"""Training runs: an algorithm on an environment id, into a folder that describes how it was made."""
+"""Training of an algorithm on an environment id into a run's folder."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from fpg_bench.datasets.read import Dataset
 
 EVALUATIONS = 20
-_OVERSHOOT = 1.2  # of the steps that were asked for, from which on it is said
+_OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
 _logger = logging.getLogger(__name__)
 _STOPPING = "stopping as soon as the run can be saved; Ctrl-C again stops at once\n"
 _PACKAGES = (
@@ -90,31 +90,31 @@ def train(
     The folder then holds ``run.json``, ``evaluations.jsonl`` (the scores during training) with its picture
     ``curve.png``, ``model.zip``, the TensorBoard log and ``agent/`` (``agent.json``, ``policy.onnx``). A
     finished run is not repeated. A stopped or killed run leaves a checkpoint that is at most a minute old;
-    resumed, it plays new matches and ends with as many steps as if it had never stopped, though with another
-    policy; ``part`` in ``run.json`` counts how often. Where no step was saved yet, it begins anew.
+    resumed, it plays new matches and ends with as many steps as an uninterrupted run, but with a different
+    policy; ``part`` in ``run.json`` counts how often it was resumed. If no step was saved, it starts over.
 
-    A language model plans beside the game: each round flies the newest plan. How far that plan is behind
-    depends on the server's speed, so ``transcript.jsonl`` records what each round flew.
+    A language model plans in parallel with the game: each round flies the newest plan. Its delay depends on
+    the server's speed, so ``transcript.jsonl`` records which plan each round flew.
 
     Args:
         config: the run.
         out: the run's folder.
         evaluations: number of evaluations during training; 0 for none.
-        progress: show a progress bar, or log lines where standard output is no terminal.
-        restart: begin an unfinished run of the folder again, from the start.
-        resume: go on with an unfinished run of the folder, or begin it where there is none.
+        progress: show a progress bar, or log lines if standard output is not a terminal.
+        restart: discard an unfinished run in the folder and start over.
+        resume: continue an unfinished run in the folder, or start one if there is none.
 
     Returns:
-        The agent's folder; where both sides learn, it holds one of each.
+        The agent's folder; if both sides learn, it holds an agent folder for each.
 
     Raises:
         UserError: something unknown or out of range, a policy that cannot be exported, or a folder that holds
-            another or an unfinished run, or that another process trains in.
+            another run or an unfinished one, or that another process trains in.
         KeyboardInterrupt: stopped by the user; the message says what was saved.
     """
     torch.set_num_threads(1)
     if restart and resume:
-        raise UserError("resume goes on with a run, restart begins it again: say one of them")
+        raise UserError("resume continues a run, restart starts it over; give only one of them")
     run = _Run(config, RunFolder(Path(out)))
     run.setup()
     evaluators = {
@@ -135,7 +135,7 @@ def train(
 
 
 def is_finished(config: RunConfig, out: str | Path) -> bool:
-    """Return True if a folder holds this very run, finished.
+    """Return True if a folder holds this run, finished.
 
     Raises:
         UserError: something unknown or out of range, or a folder that holds another run.
@@ -156,15 +156,15 @@ def train_seeds(
     backend: str = "loky",
     address: str | None = None,
 ) -> None:
-    """Train several seeds of a run, some of them at once; finished ones are not repeated.
+    """Train several seeds of a run in parallel; finished ones are not repeated.
 
     Args:
         config: the run of each seed, apart from the seed.
         out: seed k is trained into its folder ``seed_k``.
         seeds: the training seeds.
         evaluations: number of evaluations during each training.
-        restart: begin unfinished runs again, from the start; otherwise they are resumed.
-        n_jobs, backend, address: number of trainings at once, one thread each, and where; see
+        restart: discard unfinished runs and start them over; otherwise they are resumed.
+        n_jobs, backend, address: number of parallel trainings, one thread each, and where they run; see
             :func:`fpg_bench.common.parallel.run_jobs`.
 
     Raises:
@@ -173,7 +173,7 @@ def train_seeds(
         KeyboardInterrupt: stopped by the user; the runs have saved their checkpoints.
     """
     if config.game.planner in LLM_CONTROLS:
-        raise UserError("seeds: a language model plans for one run at a time; train each seed by itself")
+        raise UserError("seeds: a language model plans for one run at a time; train the seeds one by one")
     jobs = []
     for seed in seeds:
         run, folder = dataclasses.replace(config, seed=seed), Path(out) / f"seed_{seed}"
@@ -195,7 +195,7 @@ def parse_seeds(text: str) -> list[int]:
     """
     if text.isdecimal():
         several = f", --seeds 0-{int(text) - 1} for {text} seeds" if 1 < int(text) <= MOST_SEEDS else ""
-        raise UserError(f"seeds: expected a list, got {text}; say --seed {text} for this seed alone{several}")
+        raise UserError(f"seeds: expected a list, got {text}; use --seed {text} for this seed alone{several}")
     seeds: list[int] = []
     for part in text.split(","):
         match = re.fullmatch(r"(\d+)(?:-(\d+))?", part)
@@ -203,22 +203,22 @@ def parse_seeds(text: str) -> list[int]:
             raise UserError(f"seeds: expected 0-4 or 0,2,5, got {text!r}")
         first, last = int(match[1]), int(match[2] or match[1])
         if last < first:
-            raise UserError(f"seeds: {part} runs backwards; say {last}-{first}")
+            raise UserError(f"seeds: {part} runs backwards; use {last}-{first}")
         if last - first >= MOST_SEEDS:
             raise UserError(f"seeds: {last - first + 1:,} in {part}, at most {MOST_SEEDS:,} are allowed")
         seeds += range(first, last + 1)
     if len(set(seeds)) < len(seeds):
-        raise UserError(f"seeds: each has to be named once, got {text!r}")
+        raise UserError(f"seeds: each may be listed only once, got {text!r}")
     return seeds
 
 
 class _Run:
-    """A run with its games; nothing is written before :meth:`learn`.
+    """A training run with its games; nothing is written before :meth:`learn`.
 
     Attributes:
-        sides: the sides that learn.
-        suites: the suite that scores each of them.
-        about: description of the run, with everything that is needed to repeat it.
+        sides: the learning sides.
+        suites: the suite that scores each learning side.
+        about: description of the run, with everything needed to repeat it.
 
     Raises:
         UserError: something unknown or out of range.
@@ -240,7 +240,7 @@ class _Run:
         budget = self.parameters.n_timesteps if config.steps is None else whole(config.steps, "steps")
         if not budget:
             raise UserError(
-                f"steps: {self.algorithm.name} has no hyper-parameter file that says how many; say it"
+                f"steps: {self.algorithm.name} has no hyper-parameter file with a budget; give the steps"
             )
         planner = training_planner(config.planner, folder.path, config.transcript, config.llm)
         options |= {"planner": planner}
@@ -250,7 +250,7 @@ class _Run:
         self.about = self._describe(config, budget)
         self._start = None if config.start is None else Path(config.start)
         self._seconds_before = 0.0
-        self._part = 0  # times that it was resumed
+        self._part = 0  # number of times the run was resumed
         self._starts_fresh = True  # from newly initialized weights
 
     def _describe(self, config: RunConfig, budget: int) -> dict[str, Any]:
@@ -283,11 +283,11 @@ class _Run:
             "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "revision": revision(),
         }
-        content: dict[str, Any] = json.loads(json.dumps(about, default=str))  # as it is read again
+        content: dict[str, Any] = json.loads(json.dumps(about, default=str))  # as it is read from JSON
         return content
 
     def setup(self) -> None:
-        """Make the model and check that it can be exported, before anything is written."""
+        """Make the model, and check that it can be exported before anything is written."""
         Distribution.set_default_validate_args(True)  # an export in this process turned torch's checks off
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about["training_seed"])
         if self._start is not None:
@@ -309,14 +309,14 @@ class _Run:
             if not tells_divergence(error, self.sides):
                 raise
             raise UserError(
-                f"hyper-parameters of {self.algorithm.name}: the new policy draws no finite actions; see its "
-                "policy_kwargs, log_std_init for instance"
+                f"hyper-parameters of {self.algorithm.name}: the new policy draws no finite actions; check "
+                "its policy_kwargs, such as log_std_init"
             ) from error
 
     def resume(self, state: dict[str, Any]) -> None:
-        """Load the newest checkpoint; from here on, the matches and random numbers are new ones.
+        """Load the newest checkpoint; the matches and random numbers from here on are new.
 
-        A run without any saved step begins anew, so that it ends with the policy of an uninterrupted run.
+        A run without saved steps starts over, so that it ends with the policy of an uninterrupted run.
         """
         checkpoint = newest_checkpoint(self.folder.checkpoints)
         if checkpoint is None or steps_of(checkpoint) == 0:
@@ -342,7 +342,7 @@ class _Run:
         self.games.seed(training_seed(self.about["training_seed"]) + offset)
 
     def _imitate(self, stop: StopRequest) -> None:
-        """Imitate the hyper-parameters' teacher, if there is one and the weights are new."""
+        """Imitate the teacher of the hyper-parameters, if there is one and the weights are new."""
         if self.parameters.imitate is None or not self._starts_fresh:
             return
         error = imitate(self.model, self.games, self.parameters.imitate, stop)
@@ -408,7 +408,7 @@ class _Run:
 
 
 def _warn_of_overshoot(model: BaseAlgorithm, steps: int) -> None:
-    """Warn where whole rollouts are far more steps than were asked for."""
+    """Warn if whole rollouts are many more steps than were requested."""
     if isinstance(model, OnPolicyAlgorithm):
         rollout = model.n_envs * model.n_steps
         played = -(-steps // rollout) * rollout
@@ -420,13 +420,13 @@ def _warn_of_overshoot(model: BaseAlgorithm, steps: int) -> None:
 
 
 def _offline(data: Dataset) -> dict[str, Any]:
-    """Return what an agent says of the data set that it learned from."""
+    """Return the description of a data set for ``run.json`` and ``agent.json``."""
     steps = data.spec.episodes * data.spec.load_scenario().steps_per_round
     return {"dataset": data.spec.dataset_id, "content_sha256": data.sha256, "transitions": steps}
 
 
 def _check_start(run: Path, about: dict[str, Any]) -> None:
-    """Raise UserError where a run cannot start from the weights of another."""
+    """Raise UserError if a run cannot start from the weights of another."""
     other = read_json(run / "run.json", "start")
     other |= other.get("hyperparameters", {})
     expected = {key: about[key] for key in ("algorithm", "side")} | {"finished": True}
@@ -434,7 +434,7 @@ def _check_start(run: Path, about: dict[str, Any]) -> None:
         del expected["algorithm"]
     for key, value in (expected | {"normalize": about["hyperparameters"]["normalize"]}).items():
         if other.get(key) != value:
-            raise UserError(f"start {run}: {key} is {other.get(key)!r} there, expected {value!r}")
+            raise UserError(f"start {run}: {key} is {other.get(key)!r}, expected {value!r}")
 
 
 def _changed_fields(scenario: Scenario) -> dict[str, Any]:
@@ -444,7 +444,7 @@ def _changed_fields(scenario: Scenario) -> dict[str, Any]:
 
 
 def _draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:
-    """Draw each side's score over the steps, the rows of ``evaluations.jsonl``, into a PNG file."""
+    """Draw each side's score over the steps, from the rows of ``evaluations.jsonl``, into a PNG file."""
     figure = blank_figure(6, 3.6)
     axes = figure.subplots()
     for side in dict.fromkeys(row["side"] for row in rows):

@@ -231,7 +231,7 @@ def test_a_finished_data_set_stays_and_another_is_refused(tmp_path, monkeypatch)
     with pytest.raises(UserError, match="differs in rivals, identities; delete it"):
         make_dataset(tiny(rivals=("tone",)), tmp_path)
     monkeypatch.setattr("fpg_bench.datasets.spec.__version__", "9.9")
-    with pytest.raises(UserError, match=r"was begun by fpg-bench 0\..*, this is 9.9"):
+    with pytest.raises(UserError, match=r"was started by fpg-bench 0\..*, this is 9.9"):
         make_dataset(tiny(), tmp_path)
 
 
@@ -253,7 +253,7 @@ def test_foreign_folders_and_torn_parts_are_refused(tmp_path):
     part = folder / "data/part_00000.hdf5"
     part.write_bytes(part.read_bytes()[:-1000])
     folder.rename(folder.with_name(".tiny-v0.partial"))
-    with pytest.raises(UserError, match=r"part_00000.hdf5 is torn; delete it"):
+    with pytest.raises(UserError, match=r"part_00000.hdf5 is damaged; delete it"):
         make_dataset(tiny(), tmp_path)
 
 

@@ -87,7 +87,7 @@ def test_a_pushed_agent_is_pulled_with_the_same_bits_and_plays_the_same_rounds(h
     rounds = {name: [record.rounds_sha256 for record in of.records] for name, of in results.items()}
     assert rounds["own"] == rounds["pulled"] == rounds["named"]
     assert results["own"].score.value == results["named"].score.value
-    assert run("pull", "me/mine", "--out", out).startswith("there already")
+    assert run("pull", "me/mine", "--out", out).startswith("already there")
 
 
 def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
@@ -180,7 +180,7 @@ def test_a_private_repository_is_read_with_a_token_alone(hub, tmp_path, monkeypa
 
 
 def test_nothing_is_uploaded_to_a_public_repository_that_should_be_private(hub, first):
-    with pytest.raises(UserError, match="is public already"):
+    with pytest.raises(UserError, match="is already public"):
         run("push", SHIPPED, "me/mine", "--private")
     assert hub.repositories["me/mine"].branches["main"] == first
 
@@ -196,7 +196,7 @@ def test_nothing_is_uploaded_to_a_public_repository_that_should_be_private(hub, 
         (("pull", "me/mine/agent"), TOKEN, "expected owner/name"),
         (("pull", "me/mi--ne"), TOKEN, "hf://me/mi--ne: "),
         (("pull", f"{NAME}@main", "--revision", "main"), TOKEN, "names a revision, and so does"),
-        (("push", SHIPPED, "me/mine"), "", "set HF_TOKEN to a token that may write"),
+        (("push", SHIPPED, "me/mine"), "", "set HF_TOKEN to a token with write access"),
         (("push", SHIPPED, "me/mine"), READER, "status 403: HF_TOKEN does not allow this"),
         (("push", SHIPPED, "me/new"), "hf_unknown", "status 401: HF_TOKEN is not valid"),
         (("push", "nobody/at/home", "me/mine"), TOKEN, "neither a shipped agent nor a folder"),

@@ -81,7 +81,7 @@ def test_training_is_the_same_by_both_learners(jax_learner):
 @pytest.mark.parametrize(
     ("policy", "message"),
     [
-        ({"optimizer_class": torch.optim.SGD}, "knows Adam"),
+        ({"optimizer_class": torch.optim.SGD}, "supports Adam"),
         ({"optimizer_kwargs": {"weight_decay": 0.1}}, "weight_decay"),
         ({"activation_fn": nn.Mish}, "Mish"),
     ],

@@ -156,7 +156,7 @@ def test_a_users_own_dqn_is_exported_and_evaluated(tmp_path):
     assert returns["model"] == returns["agent"]
     model.save(tmp_path / "model.zip")
     loaded = DQN.load(tmp_path / "model.zip")  # without games
-    with pytest.raises(UserError, match="say which id it is for"):
+    with pytest.raises(UserError, match="give the id that it was trained for"):
         export_agent(loaded, tmp_path / "other", training_seed=0)
     export_agent(loaded, tmp_path / "other", training_seed=0, id="FPG/AllyVsScriptedDiscrete-v0")
     files = [(tmp_path / name / "policy.onnx").read_bytes() for name in ("agent", "other")]
@@ -192,7 +192,7 @@ def test_models_of_another_kind_are_refused():
         model = a_model(RecurrentPPO, policy_kwargs={"lstm_hidden_size": 6, "lstm_kwargs": word})
         with pytest.raises(UserError, match=f"lstm_kwargs: .*{next(iter(word))}"):
             export_onnx(model)
-    with pytest.raises(UserError, match="has no games that say from what"):
+    with pytest.raises(UserError, match="has no games that define the choices"):
         export_onnx(DQN("MlpPolicy", "CartPole-v1", device="cpu"))
 
 

@@ -82,7 +82,7 @@ def test_invalid_imitation_is_refused_before_anything_is_written(tmp_path):
         ("ppo", {"teacher": "adaptive", "step": 3}, "unknown key 'step'; did you mean 'steps'"),
         ("ppo", {"teacher": "adaptive", "steps": 0}, "steps: expected a whole number above 0, got 0"),
         ("ppo", {"teacher": "adaptive", "learning_rate": "1e-3"}, "learning_rate: expected a number"),
-        ("sac", {"teacher": "adaptive"}, "PPO and its kind, without an LSTM, can imitate; SAC can't"),
+        ("sac", {"teacher": "adaptive"}, "only PPO and the like without an LSTM can imitate, not SAC"),
         ("recurrent-ppo", {"teacher": "adaptive"}, "RecurrentPPO can't"),
     ):
         options = {"env_id": OPPONENT, "path": "learned", "steps": 400}

@@ -44,7 +44,7 @@ def test_a_run_is_repeated_from_its_transcript_without_a_server(tmp_path, monkey
 
 def test_options_of_a_language_model_belong_to_one(tmp_path):
     for options, message in (
-        ({"transcript": tmp_path / "x.jsonl"}, "nothing to replay where the planner is 'interceptor'"),
+        ({"transcript": tmp_path / "x.jsonl"}, "nothing to replay with the planner 'interceptor'"),
         ({"llm": {"calls": 2}}, "calls: is for a language model, not for the planner 'interceptor'"),
     ):
         with pytest.raises(UserError, match=message):

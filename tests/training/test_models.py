@@ -75,7 +75,7 @@ def test_a_user_s_own_algorithm_that_cannot_be_trained_is_refused(tmp_path):
     for algorithm, steps, message in (
         (Mine, None, r"steps: .* has no hyper-parameter file"),
         ("tests.training.own:Failing", 100, "KeyError: 'its own reasons'"),
-        ("tests.training.own:Odd", 10**9, "Doubling computes more than its networks say"),
+        ("tests.training.own:Odd", 10**9, "Doubling computes more than its networks do"),
     ):
         with pytest.raises(UserError, match=message):
             train(algorithm, ALLY, tmp_path / "run", steps=steps)
@@ -163,7 +163,7 @@ def test_shipped_hyperparameters_have_names(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     fast = load_hyperparameters("ppo-fast", ALLY)
     assert load_hyperparameters("ppo", ALLY, "ppo-fast") == fast
-    with pytest.raises(UserError, match="none of this name is shipped; did you mean 'ppo-fast'"):
+    with pytest.raises(UserError, match="nor a shipped name; did you mean 'ppo-fast'"):
         load_hyperparameters("ppo", ALLY, "ppo-fats")
     (tmp_path / "ppo-fast").write_text(yaml.safe_dump({ALLY: settings("ppo")}))
     assert load_hyperparameters("ppo", ALLY, "ppo-fast").n_envs == 4  # a file comes first
@@ -191,7 +191,7 @@ def test_an_unknown_activation_is_refused_before_anything_is_written(tmp_path, m
         ("relu", "did you mean 'ReLU'"),
         ("torch.nn.ReLU", "unknown activation 'torch.nn.ReLU'; "),
         ("__import__('os').system('touch evaluated')", "unknown activation .*; known: CELU, ELU"),
-        (3, "expected the name of an activation, ReLU for instance, got 3"),
+        (3, "expected the name of an activation such as ReLU, got 3"),
         (str, "expected the name of an activation"),
     ):
         changes = {"policy_kwargs": SMALL | {"activation_fn": value}}

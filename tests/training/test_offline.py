@@ -183,7 +183,7 @@ def test_a_stopped_run_goes_on(mixed, tmp_path, monkeypatch):
     monkeypatch.setattr(BC, "_update", stopped)
     with pytest.raises(KeyboardInterrupt, match="saved at 200 steps"):
         learn("bc", mixed, tmp_path, steps=450)
-    with pytest.raises(UserError, match="unfinished; go on with --resume"):
+    with pytest.raises(UserError, match="unfinished; continue it with --resume"):
         learn("bc", mixed, tmp_path, steps=450)
     learn("bc", mixed, tmp_path, steps=450, resume=True)
     about = read_json(tmp_path / "run.json", "run")
@@ -259,7 +259,7 @@ def test_unfit_input_is_one_line(mixed, discrete, tmp_path, monkeypatch):
         learn("td3-bc", mixed, tmp_path / "run", beta=3.0)
     assert not (tmp_path / "run").exists()
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    with pytest.raises(UserError, match=r"is not in .*; fpg-bench dataset make ally-mixed-v0$"):
+    with pytest.raises(UserError, match=r"is not in .*; make it with fpg-bench dataset make ally-mixed-v0$"):
         open_dataset("ally-mixed-v0")
     with pytest.raises(UserError, match=r"no such folder or data set.*ally-mixed-v0"):
         open_dataset("ally-mixd-v0")
@@ -285,7 +285,7 @@ def test_torn_and_changed_data_sets_are_refused_before_anything_is_written(mixed
         learn("bc", open_dataset(copy), tmp_path / "run")
     assert not (tmp_path / "run").exists()
     rewrite(copy, scenario_sha256="0")
-    with pytest.raises(UserError, match="scenario 'standard' is another one in this version"):
+    with pytest.raises(UserError, match="scenario 'standard' differs in this version"):
         open_dataset(copy)
 
 

@@ -91,7 +91,7 @@ def test_a_resumed_run_continues_from_its_checkpoint_to_its_budget(algorithm, tm
     if algorithm == "dqn":
         options["actions"] = "discrete"
     first = stopped(algorithm, tmp_path / "run", monkeypatch, **options)
-    with pytest.raises(UserError, match="unfinished; go on with --resume"):
+    with pytest.raises(UserError, match="unfinished; continue it with --resume"):
         train_tiny(algorithm, tmp_path / "run", **options)
     second = watched(monkeypatch)
     train_tiny(algorithm, tmp_path / "run", progress=True, resume=True, **options)
@@ -213,7 +213,7 @@ def test_an_incomplete_checkpoint_leaves_the_one_before(tmp_path, monkeypatch):
 def test_another_run_is_not_resumed_and_a_resumed_one_says_that_its_policy_is_another(tmp_path, monkeypatch):
     stopped("ppo", tmp_path / "run", monkeypatch)
     for options, message in (
-        ({"restart": True}, "say one of them"),
+        ({"restart": True}, "give only one of them"),
         ({"steps": 2400}, r"holds this run with 1,200 steps, .* --start"),
         ({"opponent": "tone"}, "holds another run"),
     ):

@@ -41,7 +41,7 @@ def test_the_other_side_is_named_once_and_a_suite_follows_from_the_side():
     assert run_config("ppo", POLICY, against="expert").game_options() == {"ally": "expert"}
     with pytest.raises(UserError, match="against: names the ally, and so does ally"):
         run_config("ppo", POLICY, against="expert", ally="idle").game_options()
-    with pytest.raises(UserError, match="both sides learn; name nobody"):
+    with pytest.raises(UserError, match="both sides learn; omit it"):
         run_config("maddpg", DUEL, against="expert").game_options()
     assert RunConfig("maddpg", DUEL).suites() == ["ally-v1", "opponent-v1"]
     assert run_config("ppo", POLICY, path="learned").suites() == ["opponent-learned-v1"]
@@ -132,7 +132,7 @@ def test_a_finished_run_is_not_repeated_and_no_other_is_overwritten(run, hyperpa
         train("ppo", ALLY, run, **options | {"seed": 4})
     with pytest.raises(UserError, match="other hyper-parameters"):
         train("ppo", ALLY, run, **options | {"hyperparams": settings("ppo", n_timesteps=2400)})
-    with pytest.raises(UserError, match=r"with 2,400 steps, and its budget stays; .* --start"):
+    with pytest.raises(UserError, match=r"with 2,400 steps, and its budget cannot change; .* --start"):
         train("ppo", ALLY, run, steps=4800, resume=True, **options)
     (tmp_path / "run.json").write_text(json.dumps(json.loads(before) | {"finished": False}))
     with pytest.raises(UserError, match="unfinished"):
@@ -201,12 +201,17 @@ def test_unknown_and_impossible_options_are_refused(tmp_path):
         ("ppo", "FPG/AllyVsScript-v0", {}, "did you mean 'FPG/AllyVsScripted-v0'"),
         ("ppo", DUEL, {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
         ("maddpg", ALLY, {}, "maddpg: trains both sides, in FPG/duel_v0"),
-        ("maddpg", DUEL, {"suite": "ally-v1"}, "each side of FPG/duel_v0 is scored by its own"),
+        ("maddpg", DUEL, {"suite": "ally-v1"}, "each side of FPG/duel_v0 is scored on its own suite"),
         ("maddpg", DUEL, {"opponent": "tone"}, "unexpected keyword argument 'opponent'"),
         ("dqn", ALLY, {"steps": 1000}, "add --actions discrete"),
         ("stable_baselines3:DQN", ALLY, {"steps": 1, "actions": "multi-discrete"}, "add --actions discrete"),
         ("sac", ALLY, {"steps": 1000, "actions": "discrete"}, "add --actions continuous"),
-        ("dqn", ALLY, {"hyperparams": imitating, "actions": "discrete"}, "PPO and its kind, without an LSTM"),
+        (
+            "dqn",
+            ALLY,
+            {"hyperparams": imitating, "actions": "discrete"},
+            "only PPO and the like without an LSTM",
+        ),
     ):
         with pytest.raises(UserError, match=message):
             train(algorithm, env_id, tmp_path / "run", **options)

@@ -88,7 +88,7 @@ def test_models_that_see_something_else_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"DQN sees \(6, 20\), the ally here a waterfall of \(6, 10\)"):
         as_player(model, "ally", dataclasses.replace(STANDARD, bandwidth_mhz=10.0))
     model.save(tmp_path / "model.zip")
-    with pytest.raises(UserError, match="no waterfall of games that it has"):
+    with pytest.raises(UserError, match="not the waterfall of its games"):
         export_agent(
             DQN.load(tmp_path / "model.zip"), tmp_path, training_seed=0, id=f"{ALLY[:-3]}Discrete-v0"
         )
@@ -105,7 +105,7 @@ def test_runs_are_repeatable_and_are_no_stacks(tmp_path):
     about = json.loads((tmp_path / "a" / "run.json").read_text())
     assert about["options"] == WATERFALL
     assert "--observation waterfall --history 6" in about["command"]
-    with pytest.raises(UserError, match="a waterfall is a stack already; say its history"):
+    with pytest.raises(UserError, match="a waterfall is already a stack; set its history"):
         train_tiny("dqn-stack3", tmp_path / "stack", settings("dqn"), **WATERFALL)
 
 

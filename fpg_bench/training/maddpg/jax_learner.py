@@ -102,7 +102,7 @@ class _Update:
         if policy.activation_fn not in _ACTIVATIONS:
             known = ", ".join(kind.__name__ for kind in _ACTIVATIONS)
             raise UserError(
-                f"learner jax: knows the activations {known}, not {policy.activation_fn.__name__}"
+                f"learner jax: supports the activations {known}, not {policy.activation_fn.__name__}"
             )
         self.sizes, self.activation = policy.sizes, _ACTIVATIONS[policy.activation_fn]
         self.actor_shapes, self.critic_shapes = _shapes(policy, "actors"), _shapes(policy, "critics")
@@ -177,11 +177,11 @@ class _Update:
 
 
 def _adam(model: MADDPG) -> optax.GradientTransformation:
-    """Return the policy's optimizer, which has to be Adam."""
+    """Return the policy's optimizer; raises UserError if it is not Adam."""
     kind, kwargs = model.policy.optimizer_class, model.policy.optimizer_kwargs
     if kind is not torch.optim.Adam or set(kwargs) - _ADAM_KWARGS:
         shown = ", ".join(f"{name}={value}" for name, value in kwargs.items())
-        raise UserError(f"learner jax: knows Adam with betas and eps, not {kind.__name__}({shown})")
+        raise UserError(f"learner jax: supports Adam with betas and eps, not {kind.__name__}({shown})")
     beta_1, beta_2 = kwargs.get("betas", (0.9, 0.999))
     return optax.adam(model.lr_schedule(1), beta_1, beta_2, kwargs.get("eps", 1e-8))
 

@@ -1,4 +1,4 @@
-"""MADDPG as a model of Stable-Baselines3's kind.
+"""MADDPG with Stable-Baselines3's interface.
 
 Lowe et al., "Multi-Agent Actor-Critic for Mixed Cooperative-Competitive Environments" (NeurIPS 2017), with
 the defaults of Table 3 of the paper. All players together are one model: its observations and actions are
@@ -111,7 +111,7 @@ class MADDPG(OffPolicyAlgorithm):
             one after each step of its single game.
         policy_kwargs: arguments of :class:`fpg_bench.training.maddpg.policies.JointPolicy`; the networks are
             not given in the paper.
-        tensorboard_log, verbose, seed, device: as everywhere in SB3.
+        tensorboard_log, verbose, seed, device: as in SB3.
 
     Raises:
         ValueError: games without ``sizes``.
@@ -181,7 +181,7 @@ class MADDPG(OffPolicyAlgorithm):
 
     @property
     def players(self) -> list[SinglePlayer]:
-        """Each player as a model of its own."""
+        """Each player as a separate model."""
         return [SinglePlayer(self, player) for player in range(len(self.policy.sizes))]
 
     @property
@@ -236,7 +236,7 @@ class MADDPG(OffPolicyAlgorithm):
 
 
 class SinglePlayer:
-    """One player of a joint model as a model of its own, to be evaluated and exported.
+    """One player of a joint model as a separate model, for evaluation and export.
 
     Args:
         model: a trained model; its actor is shared, not copied.
@@ -259,7 +259,7 @@ class _Losses:
         policy = self._policy = model.policy
         self._gamma, self._tau = model.gamma, model.tau
         self._logit_penalty, self._logit_limit = model.logit_penalty, model.logit_limit
-        # Actors map observations to logits, whose tanh is the action: the last layer is left out
+        # Actors map observations to logits, whose tanh is the action, so the last layer is omitted
         self._actors, self._actor_targets = (
             [cast(Actor, actor).mu[:-1] for actor in actors]
             for actors in (policy.actors, policy.actor_targets)
@@ -307,6 +307,6 @@ class _Losses:
 
 def _descend(loss: torch.Tensor, optimizer: torch.optim.Optimizer) -> None:
     optimizer.zero_grad()
-    inputs = optimizer.param_groups[0]["params"]  # not those of critics that judge an actor
+    inputs = optimizer.param_groups[0]["params"]  # excludes the critics that evaluate an actor
     loss.backward(inputs=inputs)  # type: ignore[no-untyped-call]
     optimizer.step()

@@ -36,7 +36,7 @@ from fpg_bench.training.tuning.study import (
 
 N_BEST = 3
 N_SEEDS = 3
-FRESH_SEED = 200_000  # neither of trials nor of shipped agents
+FRESH_SEED = 200_000  # used neither by trials nor by shipped agents
 
 _PACKAGES = ("fpg-bench", "stable-baselines3", "torch", "optuna")
 _PRESENT = "present values"
@@ -87,21 +87,21 @@ def export_values(
 ) -> list[Confirmed]:
     """Retrain the best trials of a study on the same fresh seeds, and write the best values into a file.
 
-    The values that the study began with are retrained as well, to compare with. The study stores the score of
+    The values that the study began with are retrained as well for comparison. The study stores the score of
     each training, so that none is repeated.
 
     Args:
         out: the study's folder.
         file: a hyper-parameter file; see :func:`write_values`.
-        n_best: number of trials.
+        n_best: number of trials to retrain.
         n_seeds: number of fresh training seeds.
         steps: training budget of a seed; None for that of the study.
         force: write the values even if they score less than the present ones.
         study_name: name of the study; None for the only one in the storage.
         storage: SQLAlchemy URL of a database; None for SQLite in the folder.
-        n_jobs: number of trainings at once.
-        backend: where they run, ``loky`` or ``ray``.
-        address: of a Ray cluster.
+        n_jobs: number of parallel trainings.
+        backend: ``loky`` or ``ray``.
+        address: address of a Ray cluster.
 
     Returns:
         The trials that could be trained on all seeds, best first.
@@ -180,7 +180,7 @@ def export_values(
     if not force and present in intervals and best.score.value < intervals[present].value:
         raise UserError(
             f"{file}: not written, on fresh seeds trial {best.trial} scores {best.score.value:.1f}, less "
-            f"than the present values with {intervals[present].value:.1f}; search further, or say --force"
+            f"than the present values with {intervals[present].value:.1f}; search further, or add --force"
         )
     write_values(Path(file), best)
     _logger.info("written: %s, %s", file, task.env_id)

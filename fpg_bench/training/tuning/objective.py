@@ -43,7 +43,7 @@ class Objective:
 
     Args:
         task: what is tuned.
-        check_stop: called in each step of training; raises KeyboardInterrupt to end the trial.
+        check_stop: called in each training step; raises KeyboardInterrupt to end the trial.
 
     Raises:
         UserError: the search space names something that the algorithm does not have.
@@ -85,12 +85,12 @@ class Objective:
         """Train with these values and score the policies.
 
         Args:
-            values: of the tuned hyper-parameters, by name.
+            values: values of the tuned hyper-parameters, by name.
             seeds: the training seeds, one after the other.
             report: called with the score so far and the number of evaluations so far; may raise to stop.
 
         Returns:
-            The score with its interval over training seeds; of a single seed over matches.
+            The score with its interval over training seeds, or over matches for a single seed.
 
         Raises:
             Diverged: training diverged.
@@ -144,7 +144,7 @@ class Objective:
 
 
 class _TrialCallback(BaseCallback):
-    """Evaluates the policy after each quarter of the budget, between two updates."""
+    """Evaluate the policy after each quarter of the budget, between two updates."""
 
     def __init__(self, steps: int, evaluate: Callable[[int], None], check_stop: Callable[[], None]) -> None:
         super().__init__()

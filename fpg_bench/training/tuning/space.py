@@ -35,9 +35,9 @@ class _Interval(Strict):
     @model_validator(mode="after")
     def _check(self) -> _Interval:
         if self.low > self.high:
-            raise UserError(f"low {self.low:g} lies above high {self.high:g}")
+            raise UserError(f"low {self.low:g} is above high {self.high:g}")
         if self.log and self.low <= 0:
-            raise UserError(f"low {self.low:g}: a range in logarithms begins above 0")
+            raise UserError(f"low {self.low:g}: a logarithmic range must start above 0")
         return self
 
     def __contains__(self, value: object) -> bool:
@@ -57,7 +57,7 @@ class FloatRange(_Interval):
     high: Number
 
     def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> float:
-        """Suggest a value, rounded to four digits so that what is trained can be written down."""
+        """Suggest a value, rounded to four digits so that the exact value can be written to a file."""
         return float(f"{trial.suggest_float(name, self.low, self.high, log=self.log):.4g}")
 
 
@@ -107,7 +107,7 @@ def load_space(algorithm: str, file: Path | None = None, actions: str = "continu
     Args:
         algorithm: name of the algorithm, without its stacked frames.
         file: a YAML file; None for the shipped one.
-        actions: action mode; PPO has a space of its own where actions are discrete.
+        actions: action mode; PPO has a separate space for discrete actions.
 
     Raises:
         UserError: there is no shipped space, or the file is not a search space.
@@ -118,7 +118,7 @@ def load_space(algorithm: str, file: Path | None = None, actions: str = "continu
     if file is None and not path.is_file():
         shipped = [path.stem for path in folder.glob("*.yml")]
         raise UserError(
-            f"no search space for {algorithm!r}{nearest(algorithm, shipped)} (or name a file of your own)"
+            f"no search space for {algorithm!r}{nearest(algorithm, shipped)} (or provide your own file)"
         )
     content = read_yaml(path, "search space")
     if not content:

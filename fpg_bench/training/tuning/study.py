@@ -1,4 +1,4 @@
-"""Studies: what one tunes, the database that holds it, and its seeded sampler."""
+"""Studies: their task, their database and their seeded sampler."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 _TASK = "task"
 _LOCK_TIMEOUT_S = 60  # of SQLite
 _CONNECT_TIMEOUT_S = 10  # of PostgreSQL
-# If several workers create the tables at once.
+# Raised if several workers create the tables at the same time.
 _CREATION_RACES = (sqlalchemy.exc.IntegrityError, sqlalchemy.exc.ProgrammingError)
 _CREATION_ATTEMPTS = 20
 _CREATION_PAUSE_S = 0.2
@@ -47,12 +47,12 @@ class Task(Strict):
     Attributes:
         algorithm: name of the algorithm that is trained.
         env_id: id of the environment.
-        options: of the games; see :class:`fpg_bench.envs.core.SingleAgentGame`.
+        options: options of the games; see :class:`fpg_bench.envs.core.SingleAgentGame`.
         steps: training budget of one seed.
         n_seeds: number of training seeds of a trial.
         suite: the suite on which a trained policy is scored.
-        suite_hash: its version.
-        rounds: per rival.
+        suite_hash: hash of the suite.
+        rounds: number of rounds per rival.
         space: the search space.
         hyperparameters: the values that are not tuned, an entry of a hyper-parameter file.
     """
@@ -74,7 +74,7 @@ class Task(Strict):
         return [FIRST_SEED + index for index in range(self.n_seeds)]
 
     def check_same(self, stored: object, where: str) -> None:
-        """Raise UserError if a study stores another task than this one."""
+        """Raise UserError if a study stores a different task."""
         if not isinstance(stored, dict):
             raise UserError(f"{where}: was not made by fpg-bench tune; choose another --study-name")
         for key, present in self.model_dump(mode="json").items():
@@ -123,7 +123,7 @@ def make_task(
         registered, env.id, hyperparams, path=options.get("path"), actions=actions
     )
     if not (parameters.n_timesteps or steps):
-        raise UserError(f"steps: {registered.name} has no hyper-parameter file with a budget; name the steps")
+        raise UserError(f"steps: {registered.name} has no hyper-parameter file with a budget; give the steps")
     entry = parameters.entry() | {"n_timesteps": parameters.n_timesteps or steps}
     name = suite or suite_of(env.id, options)
     scoring = load_suite(name)
@@ -144,11 +144,13 @@ def make_task(
 
 
 def _storable(values: dict[str, Any], where: str) -> dict[str, Any]:
-    """Return values as they come back from JSON, the form in which a study stores them."""
+    """Return values as they are read from JSON, in which a study stores them."""
     try:
         stored: dict[str, Any] = json.loads(json.dumps(values))
     except TypeError as error:
-        raise UserError(f"{where}: a study stores them, so give names instead of objects: {error}") from error
+        raise UserError(
+            f"{where}: must be storable as JSON, so use names instead of objects: {error}"
+        ) from error
     return stored
 
 
@@ -156,7 +158,7 @@ class Storage(RDBStorage):
     """Database of studies.
 
     Args:
-        url: URL of SQLAlchemy.
+        url: SQLAlchemy URL.
         where: name of the database in messages, without the password.
     """
 
@@ -180,7 +182,7 @@ class Storage(RDBStorage):
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Context manager that turns errors of the database into a UserError of one line."""
+        """Turn errors of the database into a UserError of one line."""
         try:
             yield
         except UserError:
@@ -194,7 +196,7 @@ class Storage(RDBStorage):
             raise
 
     def record_heartbeat(self, trial_id: int) -> None:
-        """Record a heartbeat; one that fails is left out, because Optuna's thread would die of it."""
+        """Record a heartbeat; ignore a failure, which would end Optuna's thread."""
         try:
             super().record_heartbeat(trial_id)
         except Exception as error:
@@ -207,12 +209,12 @@ def open_storage(out: Path, url: str | None = None, *, must_exist: bool = False)
 
     Args:
         out: the study's folder.
-        url: as ``postgresql+psycopg://user@host/database``; None for ``study.db`` in the folder.
+        url: such as ``postgresql+psycopg://user@host/database``; None for ``study.db`` in the folder.
         must_exist: refuse a folder without ``study.db`` instead of creating it.
 
     Raises:
-        UserError: the database cannot be opened, the folder is a training run's, or the extra ``postgres`` is
-            not installed.
+        UserError: the database cannot be opened, the folder holds a training run, or the extra ``postgres``
+            is not installed.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     if (out / "run.json").exists():
@@ -248,13 +250,13 @@ def _begin_immediate(engine: sqlalchemy.Engine) -> None:
 
     @sqlalchemy.event.listens_for(engine, "connect")
     def connect(connection: sqlite3.Connection, record: object) -> None:
-        connection.isolation_level = None  # the driver begins no transactions itself
+        connection.isolation_level = None  # the driver itself begins no transactions
 
     @sqlalchemy.event.listens_for(engine, "begin")
     def begin(connection: sqlalchemy.Connection) -> None:
         connection.exec_driver_sql("BEGIN IMMEDIATE")
 
-    engine.dispose()  # connections from before
+    engine.dispose()  # closes earlier connections
 
 
 def _without_password(url: str) -> str:
@@ -268,7 +270,7 @@ def _without_password(url: str) -> str:
 
 
 def _database_error(error: BaseException | None) -> str | None:
-    """Return what a database says in the chain of an exception's causes; None if there is no such error."""
+    """Return the message of a database error among an exception's causes; None if there is none."""
     while error is not None:
         if isinstance(error, sqlalchemy.exc.SQLAlchemyError):
             return first_line(getattr(error, "orig", None) or error)
@@ -284,7 +286,7 @@ def _no_experimental_warnings() -> Iterator[None]:
 
 
 class SeededTPESampler(optuna.samplers.TPESampler):
-    """TPE that is seeded anew for each trial, so that a resumed study continues its sequence of values.
+    """TPE sampler that is reseeded for each trial, so that a resumed study continues its sequence of values.
 
     The seed is the number of the trial. A retried trial has the seed of the first try and takes no number
     in the sequence.
@@ -319,10 +321,10 @@ def open_study(
 ) -> optuna.Study:
     """Create a study, or load the one of that name.
 
-    A new study has one trial in its queue: the present hyper-parameters, as far as they lie in the space.
+    A new study queues one trial: the present hyper-parameters, as far as they lie in the space.
 
     Raises:
-        UserError: the study is of another task, or the database does not answer.
+        UserError: the study has another task, or the database does not answer.
     """
     with storage.errors():
         study = optuna.create_study(
@@ -346,7 +348,7 @@ def load_study(storage: Storage, name: str | None) -> tuple[optuna.Study, Task]:
     """Load a study and its task.
 
     Args:
-        storage: where it lies.
+        storage: database of the study.
         name: the study's name; None for the only one in the storage.
 
     Raises:

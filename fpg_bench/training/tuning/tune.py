@@ -64,7 +64,7 @@ def tune(
     backend: str = "loky",
     address: str | None = None,
 ) -> optuna.Study:
-    """Run trials of a study until enough of them are finished; resumes a study that exists.
+    """Run trials of a study until enough of them are finished; resume an existing study.
 
     A trial trains over several seeds. Its score is the mean over a suite's rivals and the seeds. The first
     trial has the present hyper-parameters, as far as they lie in the search space.
@@ -73,30 +73,30 @@ def tune(
         algorithm: ``ppo``, ``sac``, ``td3``, their variants, or ``package.module:Class``.
         env_id: ``FPG/AllyVsScripted-v0`` and the like.
         out: the study's folder.
-        n_trials: number of finished trials (complete or pruned) of the study, by all workers together.
-        n_jobs: number of workers. Each finishes the trial that it has begun, so that a study may have up to
-            ``n_jobs - 1`` more trials than asked for.
-        timeout: seconds after which no worker begins another trial.
+        n_trials: number of finished trials (complete or pruned) of the study, over all workers.
+        n_jobs: number of workers. Each finishes its current trial, so that a study may have up to
+            ``n_jobs - 1`` more trials than requested.
+        timeout: seconds after which no worker begins a new trial.
         study_name: name of the study; None for the algorithm and the id.
         storage: SQLAlchemy URL of a database; None for SQLite in the folder.
-        sampler: None for TPE, seeded by the trial's number. Only then does one worker repeat its values.
+        sampler: None for TPE, seeded by the trial's number; only this makes a single worker reproducible.
         pruner: None for asynchronous successive halving.
         n_seeds: number of training seeds of a trial.
-        steps: training budget of a seed; None for half of the hyper-parameter file's.
+        steps: training budget of a seed; None for half of that in the hyper-parameter file.
         space: YAML file of a search space; None for the shipped one.
         hyperparams: YAML file of the values that are not tuned; None for the shipped one.
-        suite: the suite on which a policy is scored; None for the id's.
-        rounds: per rival.
-        scenario, opponent, ally, path, planner, knowledge, jamming_types, reward, actions: of the games, see
-            :class:`fpg_bench.envs.core.SingleAgentGame`. A study stores them, so they are given by name.
-        backend: where workers run if there are several, ``loky`` or ``ray``.
-        address: of a Ray cluster.
+        suite: the suite on which a policy is scored; None for that of the environment.
+        rounds: number of rounds per rival.
+        scenario, opponent, ally, path, planner, knowledge, jamming_types, reward, actions: options of the
+            games, see :class:`fpg_bench.envs.core.SingleAgentGame`. A study stores them, so they are names.
+        backend: where several workers run, ``loky`` or ``ray``.
+        address: address of a Ray cluster.
 
     Returns:
         The study.
 
     Raises:
-        UserError: an argument is unknown or out of range, the study is of another task, or the database does
+        UserError: an argument is unknown or out of range, the study has another task, or the database does
             not answer.
         KeyboardInterrupt: stopped by the user. The running trial has been queued again.
     """
@@ -124,7 +124,7 @@ def tune(
         },
     )
     Objective(task)  # refuses an unsuitable search space
-    if pruner is None:  # at the earliest after half of a seed's budget: fast learners need not end best
+    if pruner is None:  # prunes from half of a seed's budget on: fast learners need not end best
         pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=N_EVALS // 2, reduction_factor=2)
     opened = open_storage(Path(out), storage)
     name = study_name or f"{algorithm} {task.env_id}"
@@ -132,7 +132,7 @@ def tune(
     with opened.errors():
         is_finished = count_finished(study) >= n_trials
     if is_finished:
-        _logger.info("this study was finished before; nothing was trained")
+        _logger.info("this study was already finished; nothing was trained")
     elif (n_jobs, backend, address) == (1, "loky", None):
         run_worker(study, opened, partial(Objective, task), n_trials, timeout)
     else:
@@ -165,10 +165,12 @@ def _work(
     n_trials: int,
     timeout: float | None,
 ) -> None:
-    """Run a worker in a process of its own."""
+    """Run a worker in a separate process."""
     print_messages()
     if storage is None and not (out / DATABASE).is_file():
-        raise UserError(f"{socket.gethostname()} does not see {out / DATABASE}; name a database by --storage")
+        raise UserError(
+            f"{socket.gethostname()} does not see {out / DATABASE}; set a database with --storage"
+        )
     opened = open_storage(out, storage)
     study = open_study(opened, study_name, task, sampler, pruner)
     run_worker(study, opened, partial(Objective, task), n_trials, timeout)

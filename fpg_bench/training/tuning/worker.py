@@ -1,4 +1,4 @@
-"""A worker: runs trials of a study until enough are finished, and gives back the one that is interrupted."""
+"""Worker that runs trials of a study until enough are finished, and requeues an interrupted trial."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.tuning.study import FINISHED, Storage, count_finished, retry
 
-MAX_FAILURES = 5  # in a row; then the search space is at fault
+MAX_FAILURES = 5  # in a row, after which the search space is considered wrong
 
 _logger = logging.getLogger(__name__)
 
@@ -27,15 +27,15 @@ def run_worker(
     n_trials: int,
     timeout: float | None = None,
 ) -> None:
-    """Run trials of a study in this process until enough are finished; others may do so at the same time.
+    """Run trials of a study in this process until enough are finished; other workers may run in parallel.
 
     Args:
         study: the study.
-        storage: where it lies.
+        storage: database of the study.
         make_objective: called with a function that the objective has to call often, and that raises
             KeyboardInterrupt after Ctrl-C; returns the objective.
         n_trials: number of finished trials of the study.
-        timeout: seconds after which no further trial begins.
+        timeout: seconds after which no new trial begins.
 
     Raises:
         UserError: the database does not answer, or every trial fails.
@@ -68,13 +68,13 @@ def run_worker(
         try:
             study.optimize(run, timeout=timeout, callbacks=callbacks)
         except KeyboardInterrupt:
-            with contextlib.suppress(Exception):  # without the database, the missing heartbeats will tell
+            with contextlib.suppress(Exception):  # without the database, missing heartbeats reveal it
                 trial = study.get_trials(deepcopy=False)[begun[-1]]
                 if trial.state == TrialState.FAIL:
                     retry(study, trial)
             raise
         except ValueError as error:
-            if "Cannot tell a" in str(error):  # Optuna's words about a trial that is not running any more
+            if "Cannot tell a" in str(error):  # Optuna's message for a trial that is no longer running
                 raise UserError(
                     f"trial {begun[-1]}: gave no heartbeat for long, so that another worker has queued it "
                     "again; run the same command again"
@@ -104,4 +104,4 @@ def _check_failures(study: optuna.Study, trial: FrozenTrial) -> None:
     """Raise UserError if the last trials have all failed."""
     errors = [t.user_attrs.get("error") for t in study.get_trials(deepcopy=False, states=FINISHED)]
     if len(errors) >= MAX_FAILURES and all(errors[-MAX_FAILURES:]):
-        raise UserError(f"{MAX_FAILURES} trials failed one after the other, the last: {errors[-1]}")
+        raise UserError(f"{MAX_FAILURES} trials in a row failed, the last: {errors[-1]}")

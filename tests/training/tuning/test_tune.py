@@ -78,7 +78,7 @@ def test_the_same_command_goes_on_and_another_space_is_refused(study, files, wor
     caplog.set_level(logging.INFO, "fpg_bench")
     tune("ppo", ENV_ID, files / "study", n_trials=3, **words)
     assert len(study.trials) == 3
-    assert caplog.messages[0] == "this study was finished before; nothing was trained"
+    assert caplog.messages[0] == "this study was already finished; nothing was trained"
     best = study.best_trial
     expected = f"3 finished trials, best: {best.value:.1f} (trial {best.number}): learning_rate "
     assert caplog.messages[1].startswith(expected)
@@ -143,7 +143,7 @@ def test_training_that_diverges_says_so(algorithm):
         ({"suite": "oponent-v1"}, "did you mean 'opponent-v1'"),
         ({"suite": "ally-v1"}, "measures the ally"),
         ({"ally": "exprt"}, "did you mean 'expert'"),
-        ({"ally": object()}, "give names instead of objects"),
+        ({"ally": object()}, "use names instead of objects"),
         ({"storage": "nonsense"}, "expected a URL"),
         ({"hyperparams": None, "space": "nowhere.yml"}, "cannot be read"),
         ({"space": "torn.yml"}, "did you mean 'learning_rate'"),
@@ -251,7 +251,7 @@ def test_two_workers_share_the_trials(tmp_path, words, monkeypatch):
 
 def test_a_worker_that_does_not_see_the_study_needs_a_database(tmp_path, words):
     task = make_task("ppo", ENV_ID, n_seeds=1, **words)
-    with pytest.raises(UserError, match=r"does not see .*study.db; name a database by --storage"):
+    with pytest.raises(UserError, match=r"does not see .*study.db; set a database with --storage"):
         _work(task, tmp_path, None, "study", None, None, 1, None)
 
 

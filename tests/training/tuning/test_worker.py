@@ -126,7 +126,7 @@ def test_a_space_in_which_every_trial_fails_ends_the_worker(tmp_path):
         trial.set_user_attr("error", "no such thing")
         raise optuna.TrialPruned
 
-    with pytest.raises(UserError, match="5 trials failed one after the other, the last: no such thing"):
+    with pytest.raises(UserError, match="5 trials in a row failed, the last: no such thing"):
         work(tmp_path, 20, objective)
     assert states(open_fake(tmp_path)[1]) == ["PRUNED"] * 5
 
