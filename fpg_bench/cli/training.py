@@ -415,7 +415,8 @@ def best_response(
     start: Annotated[
         str,
         typer.Option(
-            help="nothing, strongest (imitate the strongest known rival first), or nothing,strongest.",
+            help="Start of each training: nothing, strongest (imitate the strongest known rival first), or both, "
+            "nothing,strongest.",
             rich_help_panel=TRAINING,
         ),
     ] = "nothing",

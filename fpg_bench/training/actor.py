@@ -59,7 +59,7 @@ class Actor(nn.Module):
             self.penalty = nn.Buffer(torch.as_tensor(penalty))
             self.tables = [torch.from_numpy(each.rows) for each in self.choices.lists]
         self.features, self.lstm, self.networks = copy.deepcopy(_networks(policy))
-        # TD3's networks end in a tanh of their own.
+        # TD3's networks already end in a tanh.
         has_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
         self.squash = self.choices is None and bool(policy.squash_output) and not has_tanh
         self._set_normalization(model)

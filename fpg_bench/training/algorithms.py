@@ -38,7 +38,7 @@ class Algorithm:
     Attributes:
         name: name in tables and folders.
         base: name of its class, without stacked frames or variant; an algorithm without a hyper-parameter
-            file or search space of its own takes those of this name.
+            file or search space takes those of this name.
         kind: the class, a subclass of SB3's ``BaseAlgorithm``.
         frame_stack: number of stacked observations; None leaves it to the hyper-parameters.
         custom: True for a user's own class.
@@ -71,7 +71,7 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
             ``package.module:Class``, or a class.
 
     Raises:
-        UserError: no such algorithm, or a class that is no subclass of SB3's ``BaseAlgorithm``.
+        UserError: no such algorithm, or a class that is not a subclass of SB3's ``BaseAlgorithm``.
     """
     if isinstance(name, type):
         return _custom(f"{name.__module__}:{name.__qualname__}", name)

@@ -202,9 +202,8 @@ def best_responses(
         result = _check_same(file, "best responses", about)
     if missing := [name for name in names if name not in result["scripts"]]:
         result["scripts"] |= {name: target.evaluate(name) for name in missing}
-        write_json(
-            file, result | {"lowest": _lowest_return(result)}
-        )  # the folder is taken before any training
+        # The folder is taken before any training
+        write_json(file, result | {"lowest": _lowest_return(result)})
     for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
         config: Row = {
             "algorithm": name,
@@ -685,8 +684,8 @@ def _prioritized(config: ChampionConfig, agent: Path, population: list[str], fil
         copies = content["copies"]
         if list(copies) != population:
             raise UserError(f"{file}: holds another population; choose another folder")
-        most = max(copies_by_hardness(list(content["returns_per_step"].values()), config.priority))
-        if max(copies.values()) != most:
+        values = content["returns_per_step"].values()
+        if max(values) > min(values) and max(copies.values()) != config.priority:
             raise UserError(f"{file}: was drawn with another priority; choose another folder")
     else:
         scenario = game_scenario(GameOptions(**config.options))

@@ -230,7 +230,7 @@ def write_values(file: Path, best: Confirmed) -> None:
     """Write a trial's values into a file's entry of its id, with a comment on where they come from.
 
     Comments, keys that were not tuned and other ids stay. Ids that are YAML aliases of this one follow it.
-    An entry that is an alias itself, or missing, becomes one of its own.
+    An entry that is an alias itself, or missing, becomes a separate one.
 
     Raises:
         UserError: the file cannot be read, or its entry has a form that cannot be edited.
