@@ -415,8 +415,8 @@ def best_response(
     start: Annotated[
         str,
         typer.Option(
-            help="Start of each training: nothing, strongest (imitate the strongest known rival first), or both, "
-            "nothing,strongest.",
+            help="Start of each training: nothing, strongest (imitate the strongest known rival first), or "
+            "nothing,strongest for both.",
             rich_help_panel=TRAINING,
         ),
     ] = "nothing",

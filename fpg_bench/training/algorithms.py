@@ -38,7 +38,7 @@ class Algorithm:
     Attributes:
         name: name in tables and folders.
         base: name of its class, without stacked frames or variant; an algorithm without a hyper-parameter
-            file or search space takes those of this name.
+            file or search space uses those of the base.
         kind: the class, a subclass of SB3's ``BaseAlgorithm``.
         frame_stack: number of stacked observations; None leaves it to the hyper-parameters.
         custom: True for a user's own class.
