@@ -208,7 +208,7 @@ class CQL(OfflineAlgorithm, SAC):
     """SAC whose values are also lowered for actions outside the data; its targets have no entropy term.
 
     Args:
-        alpha: weight of that penalty.
+        alpha: weight of the conservative penalty.
         n_actions: number of actions per state that are drawn from each of three distributions: uniform, the
             policy, and the policy in the next state.
     """
@@ -268,7 +268,7 @@ class DiscreteCQL(OfflineAlgorithm, DQN):
     """DQN whose values are also lowered for choices that the data does not contain.
 
     Args:
-        alpha: weight of that penalty.
+        alpha: weight of the conservative penalty.
         tau: coefficient of the target network's update after each step.
     """
 

@@ -434,7 +434,7 @@ def _check_start(run: Path, about: dict[str, Any]) -> None:
         del expected["algorithm"]
     for key, value in (expected | {"normalize": about["hyperparameters"]["normalize"]}).items():
         if other.get(key) != value:
-            raise UserError(f"start {run}: {key} is {other.get(key)!r}, expected {value!r}")
+            raise UserError(f"start {run}: {key} is {other.get(key)!r} there, expected {value!r}")
 
 
 def _changed_fields(scenario: Scenario) -> dict[str, Any]:

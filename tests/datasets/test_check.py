@@ -77,10 +77,10 @@ def test_torn_and_missing_files_are_one_line(folder, file):
 
 def test_data_sets_of_other_rules_players_or_versions_are_refused(folder):
     rewrite(folder, version="0.1.0", scenario_sha256="0")
-    with pytest.raises(UserError, match=r"made by fpg-bench 0.1.0: scenario 'standard' is another one"):
+    with pytest.raises(UserError, match=r"made by fpg-bench 0.1.0: scenario 'standard' differs"):
         check_dataset(folder / "data")
     rewrite(folder, scenario_sha256=tiny().recipe()["scenario_sha256"], identities={})
-    with pytest.raises(UserError, match=r"made by fpg-bench 0.1.0: a player is another one"):
+    with pytest.raises(UserError, match=r"made by fpg-bench 0.1.0: a player differs"):
         check_dataset(folder / "data")
     rewrite(folder, spec={"name": "tiny-v0", "pace": 3})
     with pytest.raises(UserError, match=r"made by fpg-bench 0.1.0: unknown key 'pace'"):

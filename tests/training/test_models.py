@@ -52,7 +52,7 @@ def test_unknown_algorithms_are_refused(tmp_path, monkeypatch):
         ("ppo-stack0", "did you mean 'ppo-stack8'"),
         ("nowhere:Mine", "No module named 'nowhere'"),
         ("tests.training.own:Yours", "no attribute 'Yours'"),
-        ("tests.training.own:NoAlgorithm", "no subclass of stable_baselines3's BaseAlgorithm"),
+        ("tests.training.own:NoAlgorithm", "not a subclass of stable_baselines3's BaseAlgorithm"),
         (":Mine", "expected package.module:object"),
         ("torn_algorithm:Mine", "importing it failed: SyntaxError"),
     ):
