@@ -101,7 +101,6 @@ ALGORITHMS = {
     ),
     "maskable-ppo": ("MaskablePPO", "2006.14171", NO_MEMORY),
     "dqn": ("DQN", "1312.5602", SMALL_BUDGET),
-    "dqn-stack8": ("DQN, 8 stacked frames", "1312.5602", "It remembers the last eight steps only."),
     "qr-dqn": ("QR-DQN", "1710.10044", SMALL_BUDGET),
     "sac": ("SAC", "1801.01290", SMALL_BUDGET),
     "td3": ("TD3", "1802.09477", SMALL_BUDGET),
