@@ -75,7 +75,7 @@ GROUPS = {
     "ally-link": ("ally on a radio link", "ten scripted opponents, drawn anew every round"),
     "opponent-link": ("opponent on a radio link", "seven scripted allies, drawn anew every round"),
     "ally-link-population": (
-        "ally on a radio link, of a population",
+        "ally on a link, of a population",
         "twelve scripted opponents and those of the public population training-link-1; pupil of by-type",
     ),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
