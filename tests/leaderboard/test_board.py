@@ -306,13 +306,14 @@ def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulat
 
 def test_the_page_gets_the_first_policy_of_each_verified_entry_that_it_can_play(entered):
     board = make_board(entered)
-    assert not submitted_policies(board, entered)  # a product of matrices is no operator of the page
     seed = entered / "submissions/ally/linear/seed_0"
-    layers = [node("Gemm", ["observation", "w"], ["raw"]), node("Tanh", ["raw"], ["action"])]
-    policy = model(layers, [weights()])
     about = json.loads((seed / "agent.json").read_text())
-    (seed / "agent.json").write_text(json.dumps(about | {"policy_sha256": sha256(policy).hexdigest()}))
-    (seed / "policy.onnx").write_bytes(policy)
-    assert submitted_policies(board, entered) == {("ally", "linear"): policy_data(policy)}
+    for last, is_played in (("Tanh", True), ("Erf", False)):
+        layers = [node("Gemm", ["observation", "w"], ["raw"]), node(last, ["raw"], ["action"])]
+        policy = model(layers, [weights()])
+        (seed / "agent.json").write_text(json.dumps(about | {"policy_sha256": sha256(policy).hexdigest()}))
+        (seed / "policy.onnx").write_bytes(policy)
+        played = submitted_policies(board, entered)
+        assert played.get(("ally", "linear")) == (policy_data(policy) if is_played else None)
     (seed / "policy.onnx").write_bytes(b"no policy")
-    assert not submitted_policies(board, entered)
+    assert ("ally", "linear") not in submitted_policies(board, entered)

@@ -83,7 +83,7 @@ def test_invalid_imitation_is_refused_before_anything_is_written(tmp_path):
         ("ppo", {"teacher": "adaptive", "steps": 0}, "steps: expected a whole number above 0, got 0"),
         ("ppo", {"teacher": "adaptive", "learning_rate": "1e-3"}, "learning_rate: expected a number"),
         ("sac", {"teacher": "adaptive"}, "only PPO and the like without an LSTM can imitate, not SAC"),
-        ("recurrent-ppo", {"teacher": "adaptive"}, "RecurrentPPO can't"),
+        ("recurrent-ppo", {"teacher": "adaptive"}, "not RecurrentPPO"),
     ):
         options = {"env_id": OPPONENT, "path": "learned", "steps": 400}
         with pytest.raises(UserError, match=message):

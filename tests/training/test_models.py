@@ -111,7 +111,7 @@ def test_stacked_frames_come_from_the_name_or_the_file():
     assert load_hyperparameters("sac-stack3", ALLY).algorithm == load_hyperparameters("sac", ALLY).algorithm
     given = {"n_envs": 1, "n_timesteps": 1, "frame_stack": 4}
     assert load_hyperparameters("ppo", ALLY, given).frame_stack == 4
-    with pytest.raises(UserError, match="frame_stack: ppo-stack8 has 8, got 4"):
+    with pytest.raises(UserError, match="frame_stack: ppo-stack8 stacks 8, got 4"):
         load_hyperparameters("ppo-stack8", ALLY, given)
 
 

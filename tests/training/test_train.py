@@ -249,7 +249,9 @@ def test_each_seed_is_trained_once_and_a_failure_does_not_hold_up_the_others(tmp
     assert [line.split(":")[0] for line in lines] == ["seed_2"]
     for seed in (0, 2):
         assert load_agent(tmp_path / f"seed_{seed}" / "agent").about["training_seed"] == seed
-    with pytest.raises(UserError, match="seed_0: holds this run with 1,200 steps, and its budget stays"):
+    with pytest.raises(
+        UserError, match="seed_0: holds this run with 1,200 steps, and its budget cannot change"
+    ):
         train_several(tmp_path, [0, 2], steps=2400, n_jobs=1)
 
 

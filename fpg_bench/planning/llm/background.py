@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import threading
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -32,6 +33,9 @@ class BackgroundPlanner(BatchPlanner):
 
     Args:
         planner: the language model's planner.
+
+    Attributes:
+        flown: number of rounds flown on a plan of each status.
     """
 
     asks_language_model = True
@@ -41,6 +45,7 @@ class BackgroundPlanner(BatchPlanner):
         self.name, self.tier = f"{planner.name}-beside", planner.tier
         self._transcript = planner.transcript
         self._circle = Patrol("circle", planner.scenario)
+        self.flown: Counter[str] = Counter()
         self._games: dict[int, _Game] = {}
         self._lock = threading.Lock()  # guards the state shared with the thread:
         self._waiting: dict[int, Request] = {}  # by game, the one that has waited longest first
@@ -71,6 +76,7 @@ class BackgroundPlanner(BatchPlanner):
                 new.append((request, flown))
             game.path, game.is_planned = plan.waypoints, game.is_planned or plan.status != "held"
             plans.append(plan)
+        self.flown.update(plan.status for plan in plans)
         self._transcript.add_flown([flown for _, flown in new])
         self._submit([request for request, _ in new])
         return plans
