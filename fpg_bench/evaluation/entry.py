@@ -33,7 +33,7 @@ _MADE_BY = ("algorithm", "id", "scenario", "training_steps", "hyperparameters", 
 
 @dataclass(frozen=True)
 class EvaluatedPlayer:
-    """What is evaluated: a script, a planner, or one training seed of an agent.
+    """Player that is evaluated: a script, a planner, or one training seed of an agent.
 
     Attributes:
         name: its name in records and tables; agents of several training seeds share it.
