@@ -85,7 +85,7 @@ def run_match(
         planner: planner of the opponent's path, by the grammar of :func:`fpg_bench.planning.as_planner`.
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
         seed: seed of the match, a whole number in [0, 2^63).
-        out: file of the match, JSON lines that are only appended to; None: it is not kept.
+        out: file of the match, JSON lines; None: it is not kept.
         llm: options of the planner ``llm`` (see :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`),
             and ``server``, the profile of its endpoint.
         progress: called with a round's index and None before it is planned, and with the round after it.
@@ -93,8 +93,8 @@ def run_match(
         rounds: number of rounds of the match.
 
     Returns:
-        The rounds. Those that were in the file are played again, which costs nothing beside the planning
-        of a language model: its answers are taken from the file.
+        The rounds. Those in the file are simulated again and compared with it; no language model is asked
+        for them, since its answers are read from the file.
 
     Raises:
         UserError: an unknown planner, player or scenario, a file that holds another match, or rounds whose
@@ -120,7 +120,7 @@ def run_match(
 
 
 def replay_match(path: str | Path, *, allow: Collection[str] = ()) -> tuple[Match, list[Round]]:
-    """Replay a match from its file alone, without network, and compare it bit by bit.
+    """Replay a match from its file and check that every step is the same; no language model is asked.
 
     Args:
         path: the file.
@@ -233,7 +233,7 @@ def versions() -> dict[str, str]:
 
 
 class MatchFile:
-    """The append-only file of one match: its header, its rounds, and the rows that a planner adds.
+    """The file of one match: its header, its rounds, and the rows that a planner adds.
 
     Args:
         path: the file; it need not exist.
@@ -247,6 +247,8 @@ class MatchFile:
 
     def begin(self, match: Match) -> list[Row]:
         """Write the header, or check that it is that of the match; return the rounds in the file.
+
+        A file without rounds is begun anew, whatever its header.
 
         Raises:
             UserError: the file holds something else; the first difference is named.

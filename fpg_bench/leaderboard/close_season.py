@@ -55,13 +55,13 @@ _logger = logging.getLogger(__name__)
 CANDIDATES, SIZE = 24, 12
 ROUNDS = 60  # of each entry against each candidate
 PROFILE, PLAN, PROBE = "profile.jsonl", "plan.yml", "probe"
-# Groups of each side's candidates. In the first, the first script of PROBES leads the second by more.
+# Groups of each side's candidates. Against the first, the first script of PROBES leads the second by more.
 # Herders keep an ally hopping, so the best answer is to stay; aimers jam where it is, so it has to hop.
 # Herdable allies hop into a jammer that alternates between both halves of the band; evasive ones do not.
 GROUPS = {"opponent": ("herders", "aimers"), "ally": ("herdable", "evasive")}
 PROBES = {"opponent": ("idle", "expert"), "ally": ("alternate", "tone")}
 
-# Rewards of candidates. An ally that is rewarded for spending little never hops, as the script idle.
+# Rewards of candidates. Allies have no ally_cost: trained to save cost they never hop, like the script idle.
 REWARDS = {
     "opponent": ("zero_sum", "jamming", "overlap", "own", "ally_cost"),
     "ally": ("zero_sum", "jamming", "own", "overlap"),
@@ -77,7 +77,7 @@ GAMMAS = (0.9, 0.95, 0.8)
 # PPO's initial spread decides what an opponent learns: with a wide one, it learns to jam broadly.
 LOG_STDS = {"opponent": (-2.5, -1.5, -3.5), "ally": (-0.2, -1.0)}
 TARGETS = (1, 3, 1, 5)  # number of entries that a candidate is trained against
-FIRST_SEED, SEEDS = 300_000, 700_000  # training seeds reserved for candidates
+FIRST_SEED, SEEDS = 300_000, 700_000  # candidates have the training seeds from 300,000 to 999,999
 _PPO = {
     "policy": "MlpPolicy",
     "n_envs": 128,
@@ -282,7 +282,7 @@ def select_by_group(returns: np.ndarray, groups: Sequence[str], size: int) -> li
             per training seed of each entry.
         groups: the group of each candidate.
         size: number of candidates to select. Fewer are selected, with a warning, if the smallest group does
-            not have enough candidates.
+            not have enough candidates, or if the groups do not divide it.
 
     Returns:
         Their indices, group by group.
@@ -462,7 +462,7 @@ def close_season(
         KeyboardInterrupt: stopped by the user.
     """
     if (out / FILE).exists():
-        raise UserError(f"season: {out} is closed already; the next one has another number")
+        raise UserError(f"season: {out} is closed already; choose another number, name or folder")
     with contextlib.ExitStack() as locks:
         for side in sides:  # otherwise two processes would both fill a profile, which never becomes complete
             locks.enter_context(_lock(closing.work, side, f"is training candidates of the {side}"))

@@ -291,7 +291,7 @@ class Submission(SubmissionFile):
     def fingerprint(self) -> str:
         """SHA-256 of what was submitted: contents of ``submission.yaml``, policies and transcripts."""
         content = self.model_dump(include=set(SubmissionFile.model_fields))
-        for key in ("runs", "scenario"):  # entries keep the fingerprint that they had before there were these
+        for key in ("runs", "scenario"):  # added later: without them, the fingerprints before stay valid
             if content[key] == SubmissionFile.model_fields[key].default:
                 del content[key]
         content["policies"] = {policy.seed: policy.sha256 for policy in self.policies}
@@ -322,7 +322,7 @@ def read_about(content: Mapping[str, Any]) -> tuple[SubmissionFile, list[str]]:
 def _contradictions(content: Mapping[str, Any], about: SubmissionFile) -> Iterator[str]:
     """Yield problems of keys that do not fit together."""
     given = {key for key, value in content.items() if value is not None}
-    if about.track == "opponent" and "path" not in content:
+    if about.track == "opponent" and "path" not in given:
         yield "lacks 'path': pursuit or learned, which of the two tables it enters"
     if about.track in ("ally", "planner") and "path" in given:
         yield f"path: only allowed for the track opponent, not for {about.track}"
@@ -391,7 +391,7 @@ def load_submission(
         suites: the suites of the tracks; None: they are loaded when needed.
 
     Raises:
-        UserError: the first of its problems (see :func:`problems`).
+        UserError: the first of its problems (see :func:`read_submission`).
     """
     submission, lines = read_submission(Path(folder), inspect_onnx, suites)
     if submission is None:
@@ -602,13 +602,13 @@ def read_policies(
             rule = "each seed must be a separate training run"
             lines.append(f"{path.name}: holds the same policy as seed_{same[0]}; {rule}")
         policies.append(policy)
-    intact = [policy for policy in policies if _is_described(policy)] if inspect_onnx else []
+    intact = [policy for policy in policies if _has_stated_hash(policy)] if inspect_onnx else []
     for policy, wrong in zip(intact, check_policies([policy.model for policy in intact]), strict=True):
         lines += [f"seed_{policy.seed}/policy.onnx: {line}" for line in wrong]
     return tuple(policies), lines
 
 
-def _is_described(policy: Policy) -> bool:
+def _has_stated_hash(policy: Policy) -> bool:
     """Return True if ``agent.json`` has the hash of this policy, or could not be read."""
     return not policy.about or bool(policy.about.get("policy_sha256") == policy.sha256)
 
@@ -631,7 +631,7 @@ def read_policy(path: Path, seed: int | None, side: str | None) -> tuple[Policy 
     about, wrong = _read_agent(path / "agent.json", seed, side)
     model = (path / "policy.onnx").read_bytes()
     policy = Policy(seed or 0, about, model, hashlib.sha256(model).hexdigest())
-    if not _is_described(policy):
+    if not _has_stated_hash(policy):
         wrong.append("policy_sha256: does not match policy.onnx (truncated or modified file?)")
     return policy, lines + [f"/agent.json: {line}" for line in wrong]
 

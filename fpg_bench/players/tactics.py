@@ -151,7 +151,8 @@ def play_opponent(
 ) -> None:
     """Fill the actions of an opponent, which flies at the ally.
 
-    ``memory`` (n, 3): the step, and how often a check found the ally elsewhere than it was jammed.
+    ``memory`` (n, 3): the step, and how often a check found the ally elsewhere than it was jammed; the third
+    is unused.
     """
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]

@@ -67,6 +67,7 @@ def test_players_of_link_have_tables_of_their_own(tmp_path):
     assert (public_suite(submission), submission.board_track.key) == ("opponent-link-v1", "opponent-link")
     flying = only(write_submission(tmp_path / "flying", (), path="learned", **entry))
     assert "path: opponents in link must have the path pursuit" in flying
+    assert "lacks 'path'" in only(write_submission(tmp_path / "neither", (), path=None, **entry))
     planner = entry | {"name": "circle", "track": "planner", "script": "circle"}
     assert "scenario: planners play standard" in only(write_submission(tmp_path / "circle", (), **planner))
 

@@ -325,7 +325,7 @@ def test_one_side_can_be_trained_first(board, copied):
 @pytest.mark.slow
 def test_a_season_is_closed_once_and_in_a_folder_of_its_own(closed, board, tmp_path):
     season, work = closed
-    with pytest.raises(UserError, match="is closed already; the next one has another number"):
+    with pytest.raises(UserError, match="is closed already; choose another number"):
         close_tiny(board, work, season.folder)
     with pytest.raises(UserError, match=r"holds candidates of another closing .seed"):
         close_tiny(board, work, tmp_path / "season-2", name="2")

@@ -288,8 +288,8 @@ def _no_experimental_warnings() -> Iterator[None]:
 class SeededTPESampler(optuna.samplers.TPESampler):
     """TPE sampler that is reseeded for each trial, so that a resumed study continues its sequence of values.
 
-    The seed is the number of the trial. A retried trial has the seed of the first try and takes no number
-    in the sequence.
+    The seed is the number of earlier trials that are not retries. A retried trial has the seed of its first
+    try.
     """
 
     def before_trial(self, study: optuna.Study, trial: FrozenTrial) -> None:
