@@ -176,6 +176,14 @@ def test_policies_answer_as_onnxruntime_does(page, name):
     np.testing.assert_allclose(answers, expected, atol=1e-5)
 
 
+def test_the_game_offers_the_champions_and_knows_who_flies():
+    agents = {name: about for name, (about, _) in page_data.zoo_policies().items()}
+    assert agents["ally-champion/ppo-stack8"] == {"side": "ally", "flies": False}
+    for name in ("opponent-champion/ppo", "opponent-champion-2/ppo-stack8", "opponent-learned/ppo"):
+        assert agents[name] == {"side": "opponent", "flies": True}
+    assert agents["opponent-pursuit/ppo"] == {"side": "opponent", "flies": False}
+
+
 # What is no part of a side's 15 numbers.
 SECRET = {
     "ally": {"cleanSnr": -99, "covered": 7, "type": 2, "centre": 1, "known": 1, "age": 99, "lastCheck": 7},

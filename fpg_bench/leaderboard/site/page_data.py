@@ -6,7 +6,6 @@ Parts of the board for comparing entries, statistics and cross-play; rules and p
 from __future__ import annotations
 
 import base64
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -36,6 +35,7 @@ from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
+from fpg_bench.players.population import flight_of
 from fpg_bench.rendering.replay import scenario_data, script_json
 
 Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data
@@ -46,7 +46,7 @@ _OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
 _OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM", "ArgMax", "Sum"}
 _OPERATORS |= {"MatMul", "ReduceSum", "Abs", "Sqrt", "Mul", "Div", "Max"}
 # Groups of the zoo; all play the standard game, whatever they were trained on.
-_GROUPS = ("champion", "population", "scripted", "discrete", "pursuit", "learned", "planner")
+_GROUPS = ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner")
 
 
 def data_files(board: Board, submitted: Policies) -> dict[str, str]:
@@ -258,8 +258,8 @@ def zoo_policies() -> dict[str, tuple[Row, Row]]:
         policy = policy_data(path.read_bytes()) if side in SIDES and group in _GROUPS else None
         if policy is not None:
             about = read_json(path.parent / "agent.json", "agent")
-            flies = "learned" in json.dumps(about.get("scenario_fields") or {})
-            agents[name] = {"side": side, "flies": side == "opponent" and flies}, policy
+            flies = side == "opponent" and flight_of(about) == "learned"
+            agents[name] = {"side": side, "flies": flies}, policy
     return agents
 
 
