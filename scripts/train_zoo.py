@@ -18,7 +18,7 @@ from pathlib import Path
 
 from zoo_page import keep_curve, write_page
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import DUEL, SCRIPTED, sides_of
@@ -55,7 +55,7 @@ def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, n_jobs: int = 2) ->
         UserError: no agent has the name ``only``, or another process trains into ``runs``.
         KeyboardInterrupt: stopped by the user; the trainings have saved their checkpoints.
     """
-    whole(n_jobs, "n_jobs")
+    integer(n_jobs, "n_jobs")
     missing = [agent for agent in zoo.members(only) if not agent.shipped]
     by_run: dict[Path, list[ZooAgent]] = {}
     for agent in missing:

@@ -3,23 +3,23 @@
 import numpy as np
 import pytest
 
-from fpg_bench.common.checks import check_keys, flag, mapping, whole
+from fpg_bench.common.checks import check_keys, flag, integer, mapping
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.rows import RowFile
 from tests.programs import python
 
 
 def test_whole_numbers_are_taken():
-    assert [whole(value, "here") for value in (1, 7, np.int64(3))] == [1, 7, 3]
-    assert whole(0, "here", least=0) == 0
+    assert [integer(value, "here") for value in (1, 7, np.int64(3))] == [1, 7, 3]
+    assert integer(0, "here", least=0) == 0
     with pytest.raises(UserError, match="a whole number, 0 or more, got -1"):
-        whole(-1, "here", least=0)
+        integer(-1, "here", least=0)
 
 
 def test_other_kinds_are_refused():
     for value in (0, -1, 1.0, 1.5, "2", True, None, [1]):
         with pytest.raises(UserError, match=r"^here: expected a whole number above 0, got "):
-            whole(value, "here")
+            integer(value, "here")
     for check, value in ((flag, 1), (flag, "true"), (mapping, [1]), (mapping, None)):
         with pytest.raises(UserError, match=r"^here: expected "):
             check(value, "here")

@@ -10,7 +10,7 @@ import typer
 from fpg_bench.cli.completion import complete_dataset
 from fpg_bench.cli.evaluation import shown_progress
 from fpg_bench.cli.options import JobsOption, name_all, share, whole_number
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 
 app = typer.Typer(help="Make and check data sets for offline reinforcement learning.")
@@ -51,7 +51,7 @@ def make(
 
     Example: fpg-bench dataset make ally-expert-v0 --out datasets --steps 1e6
     """
-    need("datasets", "minari", "h5py", "PIL")
+    require_extra("datasets", "minari", "h5py", "PIL")
     from fpg_bench.datasets.make import make_dataset
     from fpg_bench.datasets.spec import load_spec
 
@@ -78,7 +78,7 @@ def check(
 
     Example: fpg-bench dataset check datasets --sample 1%
     """
-    need("datasets", "minari", "h5py", "PIL")
+    require_extra("datasets", "minari", "h5py", "PIL")
     from fpg_bench.datasets.check import check_dataset
     from fpg_bench.datasets.read import find_datasets
 

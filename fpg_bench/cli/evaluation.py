@@ -28,7 +28,7 @@ from fpg_bench.cli.options import (
     print_json,
 )
 from fpg_bench.common.errors import printable
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 
 
 def play(
@@ -149,7 +149,7 @@ def curves(
 
     Example: fpg-bench curves runs/ppo runs/sac --out curves.svg
     """
-    need("evaluate", "scipy", "matplotlib")
+    require_extra("evaluate", "scipy", "matplotlib")
     from fpg_bench.evaluation.curves import draw_curves, read_runs
     from fpg_bench.rendering.canvas import check_figure, write_figure
 

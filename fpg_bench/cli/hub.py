@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.completion import complete_player
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 
 app = typer.Typer(help="Share agents on the Hugging Face Hub.", no_args_is_help=True)
@@ -38,8 +38,8 @@ def push(
 
     Example: fpg-bench hub push runs/ppo_0 me/ppo-ally
     """
-    need("hub", "huggingface_hub")
-    need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
+    require_extra("hub", "huggingface_hub")
+    require_extra("evaluate", "onnx", "scipy", "matplotlib", "joblib")
     from fpg_bench.hub.push import push as push_agent
 
     name = push_agent(source, repository, private=private, revision=revision, results=results)
@@ -62,8 +62,8 @@ def pull(
 
     Example: fpg-bench hub pull me/ppo-ally --out agents/ppo
     """
-    need("hub", "huggingface_hub")
-    need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
+    require_extra("hub", "huggingface_hub")
+    require_extra("evaluate", "onnx", "scipy", "matplotlib", "joblib")
     from fpg_bench.hub.pull import keep
     from fpg_bench.players.hub import download, hub_name
     from fpg_bench.players.sandbox.process import forget_keys

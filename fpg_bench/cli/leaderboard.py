@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, share
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 
 submit = typer.Typer(help="Check a submission and play it.", no_args_is_help=True)
@@ -199,7 +199,7 @@ def build(
 
     Example: fpg-bench leaderboard build
     """
-    need("leaderboard", "jinja2")
+    require_extra("leaderboard", "jinja2")
     from fpg_bench.leaderboard.board import make_board
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.page_data import submitted_policies
@@ -265,7 +265,7 @@ def close_season(
 
     Example: fpg-bench leaderboard close-season 3 --work runs/season-3
     """
-    need("train", "torch")
+    require_extra("train", "torch")
     from fpg_bench.leaderboard import close_season as closing_season
     from fpg_bench.leaderboard.close_season import CANDIDATES, SIZE, make_closing
     from fpg_bench.players.agent import baselines_folder
@@ -299,7 +299,7 @@ def audit_season(
 
     Example: fpg-bench leaderboard audit-season season-2 --work runs/audit
     """
-    need("train", "torch")
+    require_extra("train", "torch")
     from fpg_bench.leaderboard import audit_season as auditing
     from fpg_bench.leaderboard.season import load_season, read_entries
 

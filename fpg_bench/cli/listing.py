@@ -11,7 +11,7 @@ import typer
 from fpg_bench.cli.completion import complete_id, complete_suite
 from fpg_bench.cli.options import JsonOption, PathOption, ScenarioOption, listed, name_all, print_json
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def zoo(
 
     Example: fpg-bench zoo
     """
-    need("evaluate", "scipy")
+    require_extra("evaluate", "scipy")
     from fpg_bench.evaluation.suite import load_suite
     from fpg_bench.evaluation.summary import summarise
     from fpg_bench.evaluation.table import number

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 
 app = typer.Typer(help="Run a small language model on this machine, for the planner llm.")
@@ -48,7 +48,7 @@ def serve(
     """
     from fpg_bench.planning.llm.local_server import LocalServer, model_file
 
-    need("local-llm", "xllamacpp")
+    require_extra("local-llm", "xllamacpp")
     file = model_file(model)
     server = LocalServer(file, threads, context, port)
     speed = f"reads {server.speed.reading:,.0f} and writes {server.speed.writing:,.0f} tokens a second"

@@ -28,7 +28,7 @@ from fpg_bench.cli.options import (
     llm_options,
 )
 from fpg_bench.common.errors import UserError, printable
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.match import Round
@@ -84,7 +84,7 @@ def run(
 
     Example: fpg-bench plan run --planner interceptor --ally expert --rounds 10
     """
-    need("video", "matplotlib")
+    require_extra("video", "matplotlib")
     from fpg_bench.evaluation.match import run_match
     from fpg_bench.evaluation.match_picture import draw_match, write_match_replay
 
@@ -165,7 +165,7 @@ def probe(
 
     Example: fpg-bench plan probe --deadline 60
     """
-    need("llm", "openai")
+    require_extra("llm", "openai")
     from rich.console import Console
 
     from fpg_bench.planning.llm.probe import probe as findings_of

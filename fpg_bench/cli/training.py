@@ -49,7 +49,7 @@ from fpg_bench.cli.options import (
     whole_number,
 )
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
 from fpg_bench.common.rows import Row
@@ -246,7 +246,7 @@ def offline(
     Example: fpg-bench offline td3-bc datasets/fpg/ally-mixed-v0 --out runs/td3_bc_0
     """
     check_writable(out)
-    need("offline", "minari", "h5py", "PIL", "torch", "stable_baselines3")
+    require_extra("offline", "minari", "h5py", "PIL", "torch", "stable_baselines3")
     from fpg_bench.datasets.read import open_dataset
     from fpg_bench.training.config import RunConfig
 

@@ -20,7 +20,7 @@ from fpg_bench.cli.options import (
     listed,
     steps_option,
 )
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 
 app = typer.Typer(help="Tune hyper-parameters with Optuna.")
 Folder = Annotated[Path, typer.Argument(help="Folder of the study.")]
@@ -75,7 +75,7 @@ def run(
 
     Example: fpg-bench tune run ppo FPG/AllyVsScripted-v0 --out runs/tune
     """
-    need("tune", "optuna", "plotly")
+    require_extra("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.tune import tune
 
     tune(
@@ -110,7 +110,7 @@ def report(out: Folder, storage: StorageOption = None, study_name: StudyNameOpti
 
     Example: fpg-bench tune report runs/tune
     """
-    need("tune", "optuna", "plotly")
+    require_extra("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.report import write_report
 
     typer.echo(f"written: {write_report(out, storage=storage, study_name=study_name)}")
@@ -138,7 +138,7 @@ def export(
 
     Example: fpg-bench tune export runs/tune my_ppo.yml
     """
-    need("tune", "optuna", "plotly")
+    require_extra("tune", "optuna", "plotly")
     from fpg_bench.training.tuning.export import export_values
 
     export_values(

@@ -9,14 +9,14 @@ from typing import Any
 from fpg_bench.common.errors import UserError, nearest
 
 
-def is_whole(value: object, least: int = 1) -> bool:
+def is_integer(value: object, least: int = 1) -> bool:
     """Return True for an integer of at least ``least``; a bool is not one."""
     return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
 
 
-def whole(value: object, where: str, least: int = 1) -> int:
+def integer(value: object, where: str, least: int = 1) -> int:
     """Return the value if it is an integer of at least ``least``; raise UserError otherwise."""
-    if not isinstance(value, Integral) or not is_whole(value, least):
+    if not isinstance(value, Integral) or not is_integer(value, least):
         bound = "a whole number above 0" if least == 1 else f"a whole number, {least} or more"
         raise UserError(f"{where}: expected {bound}, got {value!r}")
     return int(value)

@@ -1,7 +1,7 @@
 """Optional dependencies: a missing package is one clear line that names its extra.
 
 The core plays the game: environments, scripts, shipped agents, ``play``. Everything else is in an extra of
-``pyproject.toml``; code that needs a package of an extra calls :func:`need` before its work begins.
+``pyproject.toml``; code that needs a package of an extra calls :func:`require_extra` before its work begins.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from fpg_bench.common.errors import UserError
 
 
-def need(extra: str, *packages: str) -> None:
+def require_extra(extra: str, *packages: str) -> None:
     """Check that packages of an extra can be imported, without importing them.
 
     Args:

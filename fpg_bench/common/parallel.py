@@ -20,9 +20,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest, one_line
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.imports import described
 
 _logger = logging.getLogger(__name__)
@@ -112,11 +112,11 @@ def run_jobs(
         KeyboardInterrupt: stopped by the user. Finished results are kept, and running jobs were given time
             to save their state.
     """
-    whole(n_jobs, "n_jobs")
+    integer(n_jobs, "n_jobs")
     if backend not in BACKENDS:
         raise UserError(f"backend: unknown {backend!r}{nearest(backend, BACKENDS)}")
     if backend == "ray":
-        need("ray", "ray")
+        require_extra("ray", "ray")
     elif address is not None:
         raise UserError("address: names a Ray cluster; add --backend ray")
     failed: dict[str, str] = {}
@@ -213,7 +213,7 @@ def _missing(job: Job, backend: str) -> str | None:
 
 def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
     """Run calls in processes of this machine."""
-    need("evaluate", "joblib")
+    require_extra("evaluate", "joblib")
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.backend import resource_tracker

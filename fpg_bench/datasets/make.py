@@ -17,7 +17,7 @@ import minari
 import numpy as np
 from minari.serialization import serialize_space
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, check_writable, read_json, write_json
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
@@ -69,7 +69,7 @@ def make_dataset(
             else, another version or another number of steps of this data set for instance.
         OSError: a file cannot be written.
     """
-    whole(rounds_per_part, "rounds_per_part")
+    integer(rounds_per_part, "rounds_per_part")
     root = (datasets_root() if out is None else Path(out)).absolute()
     folder, unfinished = (root / NAMESPACE / name for name in (spec.name, f".{spec.name}.partial"))
     recipe = {**spec.recipe(), "rounds_per_part": rounds_per_part}

@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 
-need("train", "stable_baselines3")
+require_extra("train", "stable_baselines3")
 
 import time
 from collections.abc import Sequence

@@ -7,9 +7,9 @@ For users of PettingZoo who want one policy to learn both sides. To train a sing
 
 from __future__ import annotations
 
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 
-need("supersuit", "supersuit", "stable_baselines3")
+require_extra("supersuit", "supersuit", "stable_baselines3")
 
 import itertools
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ import supersuit
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.envs.core import first_seeds
 from fpg_bench.envs.pettingzoo_env import FPGParallelEnv, parallel_env
 from fpg_bench.envs.two_player import DuelOptions
@@ -112,7 +112,7 @@ def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Unpac
     Raises:
         UserError: an unknown option, a value out of range, or options that exclude each other.
     """
-    whole(n_envs, "n_envs")
+    integer(n_envs, "n_envs")
     copies = supersuit.pettingzoo_env_to_vec_env_v1(parallel_env(**options))
     venv = supersuit.concat_vec_envs_v1(copies, n_envs, base_class="stable_baselines3")
     return VecMonitor(SuperSuitVecEnv(venv, seed))

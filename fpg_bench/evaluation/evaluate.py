@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pydantic
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
@@ -152,7 +152,7 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
 
 def with_matches(suite: Suite, matches: int | None) -> Suite:
     """Return the suite with another number of matches; raises UserError for an invalid number."""
-    return suite if matches is None else dataclasses.replace(suite, matches=whole(matches, "matches"))
+    return suite if matches is None else dataclasses.replace(suite, matches=integer(matches, "matches"))
 
 
 class _ResultsFile(Strict):

@@ -124,17 +124,18 @@ def replay_match(path: str | Path, *, allow: Collection[str] = ()) -> tuple[Matc
 
     Args:
         path: the file.
-        allow: the ``package.module:object`` that the file may name; code is never run on a file's word.
+        allow: the ``package.module:object`` and agents of the Hub that the file may name; neither is run on a
+            file's word.
 
     Raises:
-        UserError: not the file of a match, one that names code which is not allowed, or a round or an attempt
-            that is missing or was changed; the message names it.
+        UserError: not the file of a match, one that names a player which is not allowed, or a round or an
+            attempt that is missing or was changed; the message names it.
     """
     file = MatchFile(Path(path))
     match, rows = file.read()
     for name in (match.planner, match.ally, match.opponent):
         if ":" in name and name not in allow:
-            raise UserError(f"match {path}: would run {name}; if you trust that code, add --allow {name}")
+            raise UserError(f"match {path}: would run {name}; if you trust it, add --allow {name}")
     planner = _replayed_planner(match, file.path)
     players = {side: as_player(getattr(match, side), side, match.scenario) for side in SIDES}
     return match, list(_rounds(match, planner, players, file, rows))

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 
-need("evaluate", "scipy", "matplotlib")  # here, so that nothing is played before
+require_extra("evaluate", "scipy", "matplotlib")  # here, so that nothing is played before
 
 FEW_SEEDS = 3  # fewer training seeds are marked: their spread is hardly known
 TRAINING_SEEDS, MATCHES = "training seeds", "matches"

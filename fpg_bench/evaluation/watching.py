@@ -9,9 +9,9 @@ from typing import Unpack
 
 import numpy as np
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.envs.two_player import DuelOptions, make_duel
 from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, make_match
 from fpg_bench.game.names import JAMMING_TYPES
@@ -76,7 +76,7 @@ def watch(
         OSError: the file cannot be written.
     """
     for name, value in (("rounds", rounds), ("every", every)):
-        whole(value, name)
+        integer(value, name)
     target = None if out is None else _checked_target(Path(out), overwrite)
     duel = make_duel(**game)
     names = {"ally": player_name(ally), "opponent": player_name(opponent)}
@@ -104,7 +104,7 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
             f"out: {path} exists already; choose another name, or use --overwrite (overwrite=True)"
         )
     if suffix != ".html":
-        need("video", "matplotlib", "PIL")
+        require_extra("video", "matplotlib", "PIL")
     if suffix == ".mp4":
         from fpg_bench.rendering.film import check_mp4
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.checks import is_whole, whole
+from fpg_bench.common.checks import integer, is_integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.game import step as kernel
 from fpg_bench.game.flight import LEARNED, PURSUIT
@@ -53,8 +53,8 @@ class GameBatch:
     def __init__(self, scenario: Scenario, games: int = 1, threads: int | None = None) -> None:
         threads = min(2, os.cpu_count() or 1) if threads is None else threads
         self.scenario = scenario
-        self.count = whole(games, "games")
-        self.threads = whole(threads, "threads")
+        self.count = integer(games, "games")
+        self.threads = integer(threads, "threads")
         self._rules = rules_record(scenario)
         self._radio = radio_record(scenario)
         self.games = np.zeros(self.count, GAME)
@@ -265,7 +265,7 @@ def check_seeds(seeds: Seeds, count: int) -> np.ndarray:
     if isinstance(seeds, Sequence | np.ndarray):
         each = list(seeds)
     else:
-        each = [int(seeds) + i for i in range(count)] if is_whole(seeds, least=0) else []
-    if len(each) != count or not all(is_whole(seed, least=0) and seed <= MAX_SEED for seed in each):
+        each = [int(seeds) + i for i in range(count)] if is_integer(seeds, least=0) else []
+    if len(each) != count or not all(is_integer(seed, least=0) and seed <= MAX_SEED for seed in each):
         raise UserError(f"seed: expected a whole number in [0, 2^63) or {count} of them, got {seeds!r}")
     return np.array(each, np.uint64)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.common.checks import check_keys, flag, is_whole
+from fpg_bench.common.checks import check_keys, flag, is_integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml
 from fpg_bench.game.names import JAMMING_TYPES
@@ -64,7 +64,7 @@ def _entry(where: str, content: dict[str, Any]) -> KnowledgeEntry:
     check_keys(content, _KEYS, where, needed=_KEYS)
     spectrum, candidates = content["spectrum"], content["candidates"]
     check_keys(spectrum, _SPECTRUM, f"{where}: spectrum", needed=_SPECTRUM)
-    if candidates != "all" and not is_whole(candidates):
+    if candidates != "all" and not is_integer(candidates):
         raise UserError(f"{where}: candidates: expected 'all' or a whole number above 0, got {candidates!r}")
     spacing = spectrum["spacing_mhz"]
     return KnowledgeEntry(

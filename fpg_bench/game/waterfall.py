@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import (
@@ -84,7 +84,7 @@ class Waterfall:
                 f"observation: a waterfall of {bins} bins of bandwidth_mhz {s.bandwidth_mhz:g}, at most "
                 f"{MOST_BINS:,} are allowed"
             )
-        self.shape = whole(history, "history"), bins
+        self.shape = integer(history, "history"), bins
         edges = np.linspace(-1, 1, bins + 1)
         half = np.maximum(np.array(s.footprint_half_widths_mhz) / band_half, _TOLERANCE)
         spacing = np.full(TYPES, _NO_TEETH)

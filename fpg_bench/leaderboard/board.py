@@ -189,7 +189,7 @@ class Figures:
         by_group: scores over each group of rivals of the suite that ranks the track; empty if it has none.
         first_rounds: return of the first round of the first training seed, by role and rival.
         units: by role.
-        seeds: the score of each training seed.
+        by_seed: scores by training seed.
         training_seeds: 0 for scripts and planners.
         is_late: entered or changed after the season was closed.
         has_few_seeds: it has training seeds, but fewer than three.
@@ -209,7 +209,7 @@ class Figures:
     by_group: Mapping[str, Score]
     first_rounds: Mapping[str, Mapping[str, float]]
     units: Mapping[str, UnitScores]
-    seeds: Mapping[int, float]
+    by_seed: Mapping[int, float]
     training_seeds: int
     has_few_seeds: bool
     seeds_gap: SeedsGap | None
@@ -640,7 +640,7 @@ def _make_figures(
         by_group={name: _score(interval) for name, interval in ranking.by_group.items()},
         first_rounds={role: first_returns(summary.records) for role, summary in summaries.items()},
         units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC_SEEDS},
-        seeds={
+        by_seed={
             seed: round_finite(score) for seed, score in ranking.seed_scores().items() if seed is not None
         },
         training_seeds=public.training_seeds,

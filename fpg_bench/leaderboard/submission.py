@@ -18,9 +18,9 @@ from urllib.parse import urlsplit
 from annotated_types import Ge, Le, Len
 from pydantic import AfterValidator, PlainValidator
 
-from fpg_bench.common.checks import is_whole
+from fpg_bench.common.checks import is_integer
 from fpg_bench.common.errors import UserError, meant, nearest
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import ACTION_MODES, NAMED
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
@@ -41,7 +41,7 @@ from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder, check_about
 from fpg_bench.players.sandbox.client import AGENT_FILES, Policy, check_policies
 
-need("evaluate", "onnx", "scipy", "matplotlib", "joblib")
+require_extra("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 
 ABOUT = "submission.yaml"
 PATHS = ("pursuit", "learned")
@@ -670,7 +670,7 @@ def _is_offline(value: object) -> bool:
 
 
 def _is_steps(value: object) -> TypeGuard[int]:
-    return isinstance(value, int) and is_whole(value, 0) and value <= MOST_STEPS
+    return isinstance(value, int) and is_integer(value, 0) and value <= MOST_STEPS
 
 
 def _is_finite(value: object) -> bool:

@@ -17,7 +17,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.ids import DUEL
 from fpg_bench.envs.core import JointGame
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv
@@ -189,7 +189,7 @@ def check_learner(name: str) -> None:
     if name not in LEARNERS:
         raise UserError(f"learner: expected torch or jax, got {name!r}{nearest(name, LEARNERS)}")
     if name == "jax":
-        need("fast", "jax", "optax")
+        require_extra("fast", "jax", "optax")
 
 
 def play_deterministic(

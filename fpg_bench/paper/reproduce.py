@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
@@ -58,7 +58,7 @@ def reproduce(
     budget, out = _budget(budget), Path(out)
     check_writable(out)
     check_learner(learner)
-    count = whole(budget.seeds if n_seeds is None else n_seeds, "n_seeds")
+    count = integer(budget.seeds if n_seeds is None else n_seeds, "n_seeds")
     seeds = range(first_seed, first_seed + count)
     file = RunFile(out, scenario, budget.name)
     conditions = _conditions(target, scenario, budget, llm)

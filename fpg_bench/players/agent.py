@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError, first_line
-from fpg_bench.common.extras import has, need
+from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS, find_env, sides_of
 from fpg_bench.game.scenario import STANDARD
@@ -307,7 +307,7 @@ def stripped(model: bytes) -> bytes:
     Raises:
         UserError: not an ONNX file, or the package ``onnx`` is not installed.
     """
-    need("evaluate", "onnx")
+    require_extra("evaluate", "onnx")
     import onnx
 
     try:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from fpg_bench.common.errors import UserError, first_line
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.players.sandbox.client import AGENT_FILES
 from fpg_bench.version import __version__
 
@@ -111,7 +111,7 @@ def client() -> HfApi:
     Raises:
         UserError: the extra ``hub`` is not installed, or the variable holds no token.
     """
-    need("hub", "huggingface_hub", "onnx")
+    require_extra("hub", "huggingface_hub", "onnx")
     from huggingface_hub import HfApi
 
     token = os.environ.get("HF_TOKEN", "").strip()

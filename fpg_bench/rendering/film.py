@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import track
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.rendering.picture import HEIGHT, WIDTH, Picture
 from fpg_bench.rendering.recording import Recording
@@ -25,7 +25,7 @@ def check_mp4() -> None:
     Raises:
         UserError: the encoder is not installed.
     """
-    need("video", "imageio_ffmpeg")
+    require_extra("video", "imageio_ffmpeg")
     import imageio_ffmpeg
 
     try:

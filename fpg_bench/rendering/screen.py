@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.extras import has, need
+from fpg_bench.common.extras import has, require_extra
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.rendering.recording import Recording
 
@@ -44,7 +44,7 @@ class Screen:
         if mode is not None and mode not in RENDER_MODES:
             raise UserError(f"render_mode: expected None, 'rgb_array' or 'human', got {mode!r}")
         if mode is not None:
-            need("video", *RENDER_MODES[mode])
+            require_extra("video", *RENDER_MODES[mode])
         self._batch, self._mode = batch, mode
 
     def record(self, begin: bool = False) -> None:

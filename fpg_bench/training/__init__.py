@@ -1,5 +1,5 @@
 """Training with Stable-Baselines3, and the export of what was trained."""
 
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 
-need("train", "torch", "stable_baselines3", "sb3_contrib", "onnx", "onnxscript", "tensorboard")
+require_extra("train", "torch", "stable_baselines3", "sb3_contrib", "onnx", "onnxscript", "tensorboard")

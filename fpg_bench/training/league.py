@@ -19,7 +19,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import Field as Constraint
 
-from fpg_bench.common.checks import mapping, whole
+from fpg_bench.common.checks import integer, mapping
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_own_folder, read_json, read_yaml, write_json, write_whole
 from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env, sides_of
@@ -157,7 +157,8 @@ def best_responses(
         reward: reward of the responses: ``zero_sum``, to lower the player's return, or any other of
             :class:`fpg_bench.envs.core.SingleAgentGame`.
         side: side of the player; None takes that of the agent or the script.
-        scenario: the scenario; None takes that of the agent's training.
+        scenario: a scenario to play instead of that of the agent's training, on the same path and with the
+            same knowledge base and jamming types.
         path: flight path of the opponent; None chooses it as described above.
         actions: action mode of the responses; None for continuous.
         search: number of scripts with random constants to evaluate in addition to the scripts.
@@ -180,10 +181,10 @@ def best_responses(
     if unknown := [each for each in starts if each not in STARTS]:
         raise UserError(f"start: expected nothing or strongest, got {unknown[0]!r}")
     for name, value in (("n_seeds", n_seeds), *(("steps", budget) for budget in budgets)):
-        whole(value, name)
+        integer(value, name)
     if hyperparams is not None and len(algorithms) > 1:
         raise UserError("hyperparams: belong to one algorithm, but several are named; name one")
-    whole(search, "search", least=0)
+    integer(search, "search", least=0)
     target = _find_target(agent, side, scenario, path)
     env_id, file = policy_env(other_side(target.side)).id, Path(out) / RESULT
     about = {
@@ -305,7 +306,7 @@ def _find_target(
     if side not in SIDES:
         raise UserError(f"side: expected ally or opponent, got {side!r}")
     player = as_player(agent, side, STANDARD)
-    about = getattr(player, "about", {}) if scenario is None else {}  # empty for a script
+    about = getattr(player, "about", {})  # empty for a script
     own = mapping(about.get("options") or {}, f"agent {agent}: agent.json: options")
     options: dict[str, Any] = {
         key: own[key] for key in ("scenario", "knowledge", "jamming_types") if key in own
@@ -315,7 +316,7 @@ def _find_target(
     fields = about.get("scenario_fields") or {}
     game = GameOptions(path=path or flight_of(about), **options)
     played = game_scenario(game)
-    if about:
+    if about and scenario is None:
         same = {key: fields.get(key, getattr(STANDARD, key)) for key in ("opponent_path", "rounds_per_match")}
         if dataclasses.replace(played, **same).hash != about["scenario"]:
             raise UserError(
@@ -395,7 +396,7 @@ def selfplay(
         KeyboardInterrupt: stopped by the user.
     """
     for name, value in (("generations", generations), ("pool", pool)):
-        whole(value, name)
+        integer(value, name)
     game = GameOptions(scenario=scenario, path=path, knowledge=knowledge, jamming_types=jamming_types)
     league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, game)
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})

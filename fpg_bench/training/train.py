@@ -20,7 +20,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from torch.distributions import Distribution
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
 from fpg_bench.common.ids import DUEL
@@ -237,7 +237,7 @@ class _Run:
         self.parameters = load_hyperparameters(
             self.algorithm, config.id, config.hyperparams, path=options.get("path"), actions=config.actions
         )
-        budget = self.parameters.n_timesteps if config.steps is None else whole(config.steps, "steps")
+        budget = self.parameters.n_timesteps if config.steps is None else integer(config.steps, "steps")
         if not budget:
             raise UserError(
                 f"steps: {self.algorithm.name} has no hyper-parameter file with a budget; give the steps"

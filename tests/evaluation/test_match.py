@@ -181,7 +181,7 @@ def test_a_planner_of_ones_own_by_name(file, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     played = play(file, "matches_mine:Mine")
     assert lines(file)[0]["planner"] == "matches_mine:Mine"
-    with pytest.raises(UserError, match="would run matches_mine:Mine; if you trust that code, add --allow"):
+    with pytest.raises(UserError, match="would run matches_mine:Mine; if you trust it, add --allow"):
         replay_match(file)
     again = replay_match(file, allow=["matches_mine:Mine"])[1]
     assert [x.row for x in again] == [x.row for x in played]

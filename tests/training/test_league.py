@@ -292,6 +292,9 @@ def test_the_game_is_that_of_the_agent_s_training(env_id, options, scenario, pat
     assert (result["path"], result["scenario"]) == (path, scenario.hash)
     assert league.game_scenario(configs[0].game) == scenario
     assert configs[0].sides == ({"ally": "opponent", "opponent": "ally"}[result["side"]],)
+    with pytest.raises(KeyboardInterrupt):
+        respond(agent, tmp_path / "figures", scenario="figures")
+    assert configs[1].game == dataclasses.replace(configs[0].game, scenario="figures")
 
 
 @pytest.mark.slow

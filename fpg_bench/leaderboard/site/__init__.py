@@ -1,5 +1,5 @@
 """Static site of the leaderboard, made from a board; it needs no server and no other host."""
 
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 
-need("leaderboard", "jinja2")
+require_extra("leaderboard", "jinja2")

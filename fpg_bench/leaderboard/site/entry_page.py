@@ -120,7 +120,7 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
     planner = figures.planner
     charted = [figures.worst.score, *figures.scores.values()]
     charted += [score for scores in figures.by_rival.values() for score in scores.values()]
-    charted += [Score(value) for value in figures.seeds.values()]
+    charted += [Score(value) for value in figures.by_seed.values()]
     charted += [] if planner is None else planner.curve
     return FiguresView(
         role=ROLES[role].label.lower(),

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from fpg_bench.common.errors import printable
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.strict_json import read_plain
 from fpg_bench.planning.llm.servers import Endpoint
 
@@ -114,7 +114,7 @@ class Client:
     sleep = staticmethod(asyncio.sleep)
 
     def __init__(self, endpoint: Endpoint, deadline_s: float | None = None) -> None:
-        need("llm", "openai")
+        require_extra("llm", "openai")
         _tls_context()  # imports the package, which takes a second that no deadline should have to cover
         self.endpoint, self.deadline_s = endpoint, deadline_s or endpoint.deadline_s
         self.dropped: set[str] = set()

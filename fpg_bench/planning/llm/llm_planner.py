@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.llm.answers import answer_schema, points_in, read_answer, uselessness
@@ -108,7 +108,7 @@ class LLMPlanner(BatchPlanner):
         mode = mode or ("live" if transcript is None else "record")
         self.transcript = Transcript(transcript, mode, chain)
         self.budget = Budget(calls, tokens, seconds)
-        self.concurrency, self.sampling_seed = concurrency, whole(sampling_seed, "sampling_seed", 0)
+        self.concurrency, self.sampling_seed = concurrency, integer(sampling_seed, "sampling_seed", 0)
         self._circle = Patrol("circle", scenario)
         self._is_answered = False  # any call of this planner
         self._client: Client | None = None

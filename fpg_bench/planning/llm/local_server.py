@@ -23,7 +23,7 @@ from pathlib import Path
 import platformdirs
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.strict_json import read_plain
 
@@ -209,7 +209,7 @@ class LocalServer:
     """
 
     def __init__(self, file: Path, threads: int | None = None, context: int = CONTEXT, port: int = 0) -> None:
-        need("local-llm", "xllamacpp")
+        require_extra("local-llm", "xllamacpp")
         self.file = file
         self.threads = threads or min(free_cores(), _MOST_THREADS)
         self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115  as long as the server

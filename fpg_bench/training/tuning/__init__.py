@@ -1,5 +1,5 @@
 """Hyper-parameter tuning with Optuna: search, retrain the best trials on fresh seeds, export their values."""
 
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 
-need("tune", "optuna", "plotly")
+require_extra("tune", "optuna", "plotly")

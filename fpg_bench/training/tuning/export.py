@@ -17,7 +17,7 @@ import numpy as np
 import optuna
 import yaml
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.imports import reason
@@ -107,13 +107,13 @@ def export_values(
         The trials that could be trained on all seeds, best first.
 
     Raises:
-        UserError: there is no study or no complete trial, the database does not answer, the file cannot be
+        UserError: there is no study or no complete trial, the database fails, the file cannot be
             written, no trial could be retrained, or the best one scores less on the fresh seeds than the
             present values.
     """
     for name, value in (("n_best", n_best), ("n_seeds", n_seeds), ("steps", steps)):
         if value is not None:
-            whole(value, name)
+            integer(value, name)
     check_writable(Path(file))
     opened = open_storage(Path(out), storage, must_exist=True)
     study, task = load_study(opened, study_name)

@@ -42,7 +42,7 @@ def write_report(out: str | Path, *, study_name: str | None = None, storage: str
         The page.
 
     Raises:
-        UserError: there is no study or no complete trial, or the database does not answer.
+        UserError: there is no study or no complete trial, or the database fails.
     """
     opened = open_storage(Path(out), storage, must_exist=True)
     study, task = load_study(opened, study_name)

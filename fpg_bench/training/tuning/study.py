@@ -16,9 +16,9 @@ import sqlalchemy
 from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, first_line, nearest
-from fpg_bench.common.extras import need
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.ids import find_env
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.evaluation.suite import load_suite, suite_of
@@ -110,7 +110,7 @@ def make_task(
     """
     for name, value in (("n_seeds", n_seeds), ("steps", steps), ("rounds", rounds)):
         if value is not None:
-            whole(value, name)
+            integer(value, name)
     env = find_env(env_id)
     options = _storable(
         {name: value for name, value in (options or {}).items() if value is not None}, "options"
@@ -190,7 +190,7 @@ class Storage(RDBStorage):
         except Exception as error:
             if down := _database_error(error):
                 raise UserError(
-                    f"{self.where}: does not answer ({down}); bring it up and run the same command again, "
+                    f"{self.where}: the database failed ({down}); once it works, run the same command again, "
                     "finished trials are kept"
                 ) from error
             raise
@@ -232,7 +232,7 @@ def open_storage(out: Path, url: str | None = None, *, must_exist: bool = False)
     else:
         where = f"storage {_without_password(url)}"
         if url.startswith("postgresql+psycopg:"):
-            need("postgres", "psycopg")
+            require_extra("postgres", "psycopg")
     for attempt in range(_CREATION_ATTEMPTS):
         try:
             return Storage(url, where)
@@ -324,7 +324,7 @@ def open_study(
     A new study queues one trial: the present hyper-parameters, as far as they lie in the space.
 
     Raises:
-        UserError: the study has another task, or the database does not answer.
+        UserError: the study has another task, or the database fails.
     """
     with storage.errors():
         study = optuna.create_study(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import optuna
 
-from fpg_bench.common.checks import whole
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
@@ -100,8 +100,8 @@ def tune(
             not answer.
         KeyboardInterrupt: stopped by the user. The running trial has been queued again.
     """
-    whole(n_trials, "n_trials")
-    whole(n_jobs, "n_jobs")
+    integer(n_trials, "n_trials")
+    integer(n_jobs, "n_jobs")
     task = make_task(
         algorithm,
         env_id,

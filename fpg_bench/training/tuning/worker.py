@@ -38,7 +38,7 @@ def run_worker(
         timeout: seconds after which no new trial begins.
 
     Raises:
-        UserError: the database does not answer, or every trial fails.
+        UserError: the database fails, or every trial fails.
         KeyboardInterrupt: stopped by the user. The running trial has been queued again.
     """
     begun: list[int] = []

@@ -57,7 +57,7 @@ def test_a_server_that_goes_down_ends_the_worker_with_a_line_and_finished_trials
         return highest_x(trial)
 
     with pytest.raises(
-        UserError, match=r"tuner@127.*does not answer \(.*\); bring it up and run the same"
+        UserError, match=r"tuner@127.*the database failed \(.*\); once it works, run the same"
     ) as error:
         work(tmp_path, 5, objective, url=server.url)
     assert "\n" not in str(error.value)

@@ -37,7 +37,7 @@ def test_a_database_that_fails_later_is_one_line(tmp_path):
             connection.execute(sqlalchemy.text("DROP TABLE trials"))
         return 1.0
 
-    with pytest.raises(UserError, match=r"does not answer \(no such table.*\); bring it up and run the same"):
+    with pytest.raises(UserError, match=r"the database failed \(no such table.*\); once it works, run"):
         work(tmp_path, 1, objective)
 
 
