@@ -2,23 +2,26 @@
 
 python scripts/train_best_responses.py [ally/ally-champion ...] [--n-jobs 2]     run it again to resume
 
-Responses to each entry's first training seed are trained by one or more recipes: to an ally for what it
-loses, to an opponent for what the response itself earns. Each has a row in
-leaderboard/results/best_responses.jsonl, with its recipe and the entry's return per step against it. The
-strongest response to an entry becomes an agent folder baselines/suites/responses-v2/<side>/<entry>, and a
-rival in the suite of best responses of its track, such as baselines/suites/ally-responses-v2.yml.
+The full search of fpg-bench best-response finds responses to each entry's first training seed: to an ally
+for what it loses, to an opponent for what the response itself earns. One more response to each opponent is
+trained for what the opponent loses ("spite"). Each has a row in leaderboard/results/best_responses.jsonl,
+with its budget, seconds and the entry's return per step against it. The strongest response to an entry, spite
+aside, becomes an agent folder baselines/suites/responses-v2/<side>/<entry>, and a rival in the suite of best
+responses of its track, such as baselines/suites/ally-responses-v2.yml.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -33,9 +36,8 @@ from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
-from fpg_bench.training.league import best_responses, response_folder
+from fpg_bench.training.league import FULL_SEARCH, best_responses, response_folder
 
-RECIPES = ("ppo-stack8:1500000:discrete",)  # algorithm:steps:actions
 # The first trained entries of each table, by what they earned among the unseen of season 1.
 TARGETS = (
     "ally/ally-discrete-ppo-stack8",
@@ -55,13 +57,20 @@ TARGETS = (
 # Reward of the responses by the side of the entry: an ally's lowest return is what anybody can do to it, an
 # opponent's is taken against allies that play for themselves.
 REWARDS = {"ally": "zero_sum", "opponent": "own"}
-CONTINUOUS = "continuous"
+# One response to each opponent is paid for what the opponent loses, whatever that costs an ally.
+SPITE: dict[str, Any] = {
+    "algorithm": "ppo-stack8",
+    "steps": 1_500_000,
+    "actions": "discrete",
+    "n_seeds": 1,
+    "reward": "zero_sum",
+}
 SCENARIO = "standard"  # the scenario of the entries that responses are trained against
 MATCHES = 25  # per rival in the suites
 FOLDER = "responses-v2"
-_ROW_KEYS = ("algorithm", "steps", "actions", "start", "training_seed", "reward", "return", "earned")
+_KIND = ("algorithm", "steps", "actions", "start", "reward")  # keys that tell kinds of responses apart
+_ROW_KEYS = (*_KIND, "training_seed", "seconds", "return", "earned")
 PURSUIT = "pursuit"  # path of tracks without one
-Recipe = tuple[str, int, str]  # algorithm, steps, action mode
 _HEAD = "# Best responses to single entries of the board. Made by: python scripts/train_best_responses.py\n"
 
 
@@ -95,12 +104,22 @@ class Target:
         """Name of the strongest response as a player."""
         return f"{FOLDER}/{self.side}/{self.slug}"
 
-    def is_done(self, recipes: Sequence[Recipe], seeds: int, file: RowFile) -> bool:
-        """Return True if there is a row for each response to this very policy, and the strongest agent."""
+    @property
+    def calls(self) -> list[dict[str, Any]]:
+        """Arguments of the calls of best_responses that find its responses."""
+        spite = [SPITE] if self.side == "opponent" else []
+        return [*({**call, "reward": REWARDS[self.side]} for call in FULL_SEARCH), *spite]
+
+    def rows(self, file: RowFile) -> list[Row]:
+        """Return the rows of responses to this very policy."""
         own = {"track": self.track, "slug": self.slug, "policy_sha256": self.sha256, "protocol": PROTOCOL}
-        rows = Counter(recipe_of(row) for row in file.read() if own.items() <= row.items())
+        return [row for row in file.read() if own.items() <= row.items()]
+
+    def is_done(self, file: RowFile) -> bool:
+        """Return True if there is a row for each response, and the strongest agent."""
+        rows = Counter(kind_of(row) for row in self.rows(file))
         has_agent = (suites_folder() / self.response / "agent.json").is_file()
-        return has_agent and all(rows[recipe] >= seeds for recipe in recipes)
+        return has_agent and all(rows[kind_of(call)] >= call["n_seeds"] for call in self.calls)
 
 
 def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
@@ -115,49 +134,44 @@ def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
                 )
 
 
-def parse_recipe(text: str) -> Recipe:
-    """Return the recipe of ``ppo:500000`` or ``ppo:500000:discrete``; raises UserError for any other text."""
-    algorithm, _, rest = text.partition(":")
-    steps, _, actions = rest.partition(":")
-    if not steps.isdecimal() or ":" in actions:
-        raise UserError(f"recipe {text!r}: expected algorithm:steps, as ppo:500000")
-    return algorithm, int(steps), actions or CONTINUOUS
+def kind_of(response: Row) -> tuple[Any, ...]:
+    """Return what tells a response, or the call that trains it, from those of other kinds."""
+    return tuple(response.get(key, "nothing" if key == "start" else None) for key in _KIND)
 
 
-def recipe_of(row: Row) -> Recipe:
-    """Return the recipe of a response's row."""
-    return row["algorithm"], row["steps"], row.get("actions", CONTINUOUS)
-
-
-def train_responses(target: Target, recipes: Sequence[Recipe], seeds: int, out: Path) -> list[Row]:
+def train_responses(target: Target, out: Path) -> list[Row]:
     """Train the missing responses to a target, and return the results of all of them."""
-    result: Row = {}
-    for algorithm, steps, actions in recipes:  # each result includes the former ones
-        result = best_responses(
+    results: dict[str, Row] = {}
+    for call in target.calls:  # each result of a reward includes the former ones
+        results[call["reward"]] = best_responses(
             target.agent,
-            out,
-            algorithm=algorithm,
-            steps=steps,
-            n_seeds=seeds,
-            reward=REWARDS[target.side],
-            actions=actions,
+            out / call["reward"],
             side=target.side,
             scenario=SCENARIO,
             path=target.path,
             progress=False,
+            **call,
         )
-    return list(result["responses"])
+    return [response for result in results.values() for response in result["responses"]]
 
 
 def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> None:
-    """Replace the rows of these responses to a target, and copy its strongest one to the suites."""
-    strongest = min(responses, key=lambda response: response["return"])
-    agent = out / response_folder(strongest) / "agent"
-    for name in ("policy.onnx", "agent.json"):
-        write_whole(suites_folder() / target.response / name, (agent / name).read_bytes())
-    made = {recipe_of(response) for response in responses}
+    """Replace the rows of these responses to a target, and copy the strongest to the suites.
+
+    An agent that is there stays if it is stronger.
+    """
+    known = [row["return"] for row in target.rows(file) if row["reward"] == REWARDS[target.side]]
+    strongest = min(
+        (response for response in responses if response["reward"] == REWARDS[target.side]),
+        key=lambda response: response["return"],
+    )
+    if strongest["return"] <= min(known, default=math.inf):
+        agent = out / strongest["reward"] / response_folder(strongest) / "agent"
+        for name in ("policy.onnx", "agent.json"):
+            write_whole(suites_folder() / target.response / name, (agent / name).read_bytes())
+    made = {kind_of(response) for response in responses}
     own = (target.track, target.slug)
-    rows = [row for row in file.read() if (row["track"], row["slug"]) != own or recipe_of(row) not in made]
+    rows = [row for row in file.read() if (row["track"], row["slug"]) != own or kind_of(row) not in made]
     for response in responses:
         rows.append(
             {
@@ -205,22 +219,17 @@ def main() -> int:
     parser.add_argument(
         "entries", nargs="*", default=TARGETS, help="entries of the board; default: the first of each table"
     )
-    parser.add_argument(
-        "--recipe", action="append", help=f"algorithm:steps[:actions]; default: {' '.join(RECIPES)}"
-    )
-    parser.add_argument("--n-seeds", type=int, default=1, help="responses of each recipe")
     parser.add_argument("--n-jobs", type=int, default=2, help="entries at once, one thread each")
     parser.add_argument("--board", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
     parser.add_argument("--runs", type=Path, default=Path("runs/best_responses"), help="the runs' folders")
     options = parser.parse_args()
-    recipes = [parse_recipe(text) for text in options.recipe or RECIPES]
     file = RowFile(options.board / "results" / "best_responses.jsonl")
     jobs = [
         Job(
             target.name,
-            partial(train_responses, target, recipes, options.n_seeds, out),
+            partial(train_responses, target, out),
             partial(keep, target, file, out),
-            partial(target.is_done, recipes, options.n_seeds, file),
+            partial(target.is_done, file),
         )
         for target in targets(options.board, options.entries)
         for out in [(options.runs / target.name).absolute()]

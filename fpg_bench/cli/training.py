@@ -463,7 +463,7 @@ def best_response(
         "actions": actions,
         "search": search,
     }
-    for one in [{"n_seeds": 2, **each} for each in FULL_SEARCH] if full else [search_options]:
+    for one in FULL_SEARCH if full else [search_options]:
         row = respond(agent, out, side=side, scenario=scenario, path=listed(path), reward=reward, **one)
     for response in row["responses"]:
         print_line(

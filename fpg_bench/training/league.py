@@ -113,10 +113,10 @@ def _check_same(file: Path, kind: str, about: Mapping[str, Any]) -> dict[str, An
 # every player, so the search combines SAC with few steps and random scripts, PPO with stacked frames and with
 # discrete actions, and PPO that first imitates the strongest response of these.
 FULL_SEARCH: tuple[dict[str, Any], ...] = (
-    {"algorithm": "sac", "steps": 200_000, "search": 100},
-    {"algorithm": "ppo-stack8", "steps": 3_000_000},
-    {"algorithm": "ppo-stack8", "steps": 3_000_000, "actions": "discrete"},
-    {"algorithm": "ppo-stack8", "steps": 3_000_000, "start": "strongest"},
+    {"algorithm": "sac", "steps": 200_000, "n_seeds": 2, "search": 100},
+    {"algorithm": "ppo-stack8", "steps": 3_000_000, "n_seeds": 2},
+    {"algorithm": "ppo-stack8", "steps": 3_000_000, "n_seeds": 2, "actions": "discrete"},
+    {"algorithm": "ppo-stack8", "steps": 3_000_000, "n_seeds": 2, "start": "strongest"},
 )
 
 
@@ -166,11 +166,11 @@ def best_responses(
 
     Returns:
         The content of ``best_responses.json``: the player, the game, ``responses`` (how each was made, the
-        player's ``return`` per step and ``score`` against it, ``earned``, the response's own return per step,
-        and the ``measures``; also ``n_resumes`` if its training was resumed, as its policy then differs from
-        that of an uninterrupted training), the same for the other side's ``scripts``, and ``lowest``, the
-        lowest return and against whom. It is an upper bound of the player's worst return: another response
-        may find a lower one.
+        ``seconds`` of its training, the player's ``return`` per step and ``score`` against it, ``earned``,
+        the response's own return per step, and the ``measures``; also ``n_resumes`` if its training was
+        resumed, as its policy then differs from that of an uninterrupted training), the same for the other
+        side's ``scripts``, and ``lowest``, the lowest return and against whom. It is an upper bound of the
+        player's worst return: another response may find a lower one.
 
     Raises:
         UserError: no such player, a player whose training scenario no longer exists, or a folder with other
@@ -226,9 +226,9 @@ def best_responses(
             game = dataclasses.replace(target.game, reward=reward, actions=actions)
             run = RunConfig(name, env_id, seed, budget, values, game, against=agent)
             response = train(run, run_folder.path, evaluations=0, progress=progress, resume=True)
-            n_resumes = run_folder.read().get("part", 0)
-            resumed = {"n_resumes": n_resumes} if n_resumes else {}
-            result["responses"].append(config | resumed | target.evaluate(str(response)))
+            ran = run_folder.read()
+            cost = {"seconds": ran["seconds"]} | ({"n_resumes": ran["part"]} if ran.get("part") else {})
+            result["responses"].append(config | cost | target.evaluate(str(response)))
         result["lowest"] = _lowest_return(result)
         write_json(file, result)
     return result

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import identity, load_suite
 from fpg_bench.leaderboard.tracks import TRACKS, TrackSuites
 from fpg_bench.leaderboard.verification import verify
@@ -26,6 +25,8 @@ def script(board, in_process, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "train_best_responses", module)
     spec.loader.exec_module(module)
     monkeypatch.setattr(module, "run_jobs", lambda jobs, workers: run(jobs))
+    monkeypatch.setattr(module, "FULL_SEARCH", ({"algorithm": "ppo", "steps": 400, "n_seeds": 2},))
+    monkeypatch.setattr(module, "SPITE", module.SPITE | {"algorithm": "ppo", "steps": 400})
     enter(board, "ally", "linear", seeds=(3, 1))
     enter(board, "ally", "wise", script="expert")
     enter(board, "opponent", "flying", seeds=(5,), path="learned")
@@ -55,24 +56,24 @@ def rows_of(board):
 def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board, small_suites, capsys):
     def begun(*words):
         capsys.readouterr()
-        assert script("--recipe", "ppo:400", *words) == 0
+        assert script(*words) == 0
         return [line for line in capsys.readouterr().out.splitlines() if "begins" in line]
 
     both = "ally/linear", "opponent/flying"
-    assert begun(*both) == ["ally/linear: begins", "opponent/flying: begins"]
-    assert begun("--n-seeds", "2", "ally/linear") == ["ally/linear: begins"]
+    assert begun("ally/linear") == ["ally/linear: begins"]
+    assert begun(*both) == ["opponent/flying: begins"]
     assert begun(*both) == []
-    assert begun("opponent/flying", "--recipe", "ppo:400:discrete") == ["opponent/flying: begins"]
-    *rows, discrete = rows_of(board)
-    assert (discrete["slug"], discrete["actions"]) == ("flying", "discrete")
-    assert [row["reward"] for row in (*rows, discrete)] == ["zero_sum", "zero_sum", "own", "own"]
-    assert [(row["track"], row["slug"], row["steps"], row["training_seed"]) for row in rows] == [
-        ("ally", "linear", 400, 0),
-        ("ally", "linear", 400, 1),
-        ("opponent-learned", "flying", 400, 0),
+    rows = rows_of(board)
+    keys = "track", "slug", "steps", "actions", "training_seed", "reward"
+    assert [tuple(row.get(key) for key in keys) for row in rows] == [
+        ("ally", "linear", 400, None, 0, "zero_sum"),
+        ("ally", "linear", 400, None, 1, "zero_sum"),
+        ("opponent-learned", "flying", 400, None, 0, "own"),
+        ("opponent-learned", "flying", 400, None, 1, "own"),
+        ("opponent-learned", "flying", 400, "discrete", 0, "zero_sum"),
     ]
     assert all(row["agent"].endswith("seed_1") for row in rows[:2])
-    assert all(0 <= row["jammed"] <= 1 for row in rows)
+    assert all(0 <= row["jammed"] <= 1 and row["seconds"] > 0 for row in rows)
     strongest = min(rows[:2], key=lambda row: row["return"])
     about = json.loads((small_suites / "suites/responses-v2/ally/linear/agent.json").read_text())
     assert about["training_seed"] == strongest["training_seed"]
@@ -91,7 +92,12 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
     assert head["summary"]["worst"]["responses"]["rival"] == "response to linear"
 
 
-def test_what_is_no_recipe_is_told(script):
-    for text in ("ppo", "ppo:x", "ppo:400:discrete:more"):
-        with pytest.raises(UserError, match=f"recipe '{text}': expected algorithm:steps, as ppo:500000"):
-            script("--recipe", text)
+def test_a_stronger_response_of_an_earlier_search_stays(script, board, small_suites):
+    script("ally/linear")
+    policy = small_suites / "suites/responses-v2/ally/linear/policy.onnx"
+    stronger = rows_of(board)[0] | {"steps": 800, "return": -100.0}
+    (board / "results/best_responses.jsonl").write_text(json.dumps(stronger) + "\n")
+    policy.write_bytes(b"stronger")
+    script("ally/linear")
+    assert policy.read_bytes() == b"stronger"
+    assert [row["steps"] for row in rows_of(board)] == [800, 400, 400]
