@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import OFFLINE
+from fpg_bench.common.ids import DUEL, OFFLINE
 from fpg_bench.common.imports import imported
 
 # Of one side, with shipped hyper-parameters.
@@ -59,6 +60,12 @@ class Algorithm:
     def offline(self) -> bool:
         """True if it learns from a data set."""
         return self.base in OFFLINE
+
+    def check_sides(self, env_id: str, sides: Sequence[str]) -> None:
+        """Raise UserError if it trains both sides and the id has one, or the other way round."""
+        if self.joint != (len(sides) == 2):
+            scope = "both sides, in" if self.joint else "one side, not both, as in"
+            raise UserError(f"{self.name}: trains {scope} {DUEL}; got {env_id}")
 
 
 def find_algorithm(name: str | type[Any]) -> Algorithm:

@@ -23,7 +23,6 @@ from torch.distributions import Distribution
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
-from fpg_bench.common.ids import DUEL
 from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import SingleAgentGame
@@ -227,9 +226,7 @@ class _Run:
     def __init__(self, config: RunConfig, folder: RunFolder) -> None:
         self.algorithm, self.folder = find_algorithm(config.algorithm), folder
         self.sides = config.sides
-        if self.algorithm.joint != (len(self.sides) == 2):
-            scope = "both sides, in" if self.algorithm.joint else "one side, not both, as in"
-            raise UserError(f"{self.algorithm.name}: trains {scope} {DUEL}; got {config.env_id}")
+        self.algorithm.check_sides(config.env_id, self.sides)
         if self.algorithm.offline != (config.dataset is not None):
             how = "offline ALGORITHM DATASET" if self.algorithm.offline else "train ALGORITHM ID"
             raise UserError(f"{self.algorithm.name}: is trained by fpg-bench {how}")

@@ -23,7 +23,7 @@ from fpg_bench.players.player import Player
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.models import make_games, make_model, tells_divergence
+from fpg_bench.training.models import by_side, make_games, make_model, tells_divergence
 from fpg_bench.training.tuning.space import format_values, merge_values, suggest
 from fpg_bench.training.tuning.study import Task
 
@@ -52,6 +52,7 @@ class Objective:
     def __init__(self, task: Task, check_stop: Callable[[], None] = lambda: None) -> None:
         torch.set_num_threads(1)
         self._task, self._check_stop = task, check_stop
+        self._sides = sides_of(task.env_id)
         first = {name: values.first() for name, values in task.space.items()}
         games = self._model(first, task.seeds[0]).get_env()
         self._evaluator = PolicyEvaluator(task.suite, task.rounds, games.unwrapped.core.scenario)  # type: ignore[union-attr]
@@ -114,16 +115,17 @@ class Objective:
     ) -> np.ndarray:
         """Return the scores ``(rivals, matches)`` of the policy of one training seed."""
         model = self._model(values, seed)
+        scored = by_side(model, self._sides)[self._evaluator.suite.side]
         try:
             callback = _TrialCallback(
                 self._task.steps,
-                lambda part: evaluate(part, self._scores(ActorPlayer(model))),
+                lambda part: evaluate(part, self._scores(ActorPlayer(scored))),
                 self._check_stop,
             )
             model.learn(self._task.steps, callback=callback)
-            return self._scores(OnnxPlayer(export_onnx(model), {"algorithm": self._task.algorithm}))
+            return self._scores(OnnxPlayer(export_onnx(scored), {"algorithm": self._task.algorithm}))
         except ValueError as error:
-            if tells_divergence(error, sides_of(self._task.env_id)):
+            if tells_divergence(error, self._sides):
                 raise Diverged("training diverged to NaN or infinity") from error
             raise
         finally:

@@ -19,7 +19,7 @@ from optuna.trial import FrozenTrial, TrialState
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, first_line, nearest
 from fpg_bench.common.extras import require_extra
-from fpg_bench.common.ids import find_env
+from fpg_bench.common.ids import DUEL, find_env, sides_of
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.evaluation.suite import load_suite, suite_of
 from fpg_bench.training.algorithms import find_algorithm
@@ -111,27 +111,31 @@ def make_task(
     for name, value in (("n_seeds", n_seeds), ("steps", steps), ("rounds", rounds)):
         if value is not None:
             integer(value, name)
-    env = find_env(env_id)
+    registered, sides = find_algorithm(algorithm), sides_of(env_id)
+    registered.check_sides(env_id, sides)
     options = _storable(
         {name: value for name, value in (options or {}).items() if value is not None}, "options"
     )
-    actions = env.action_mode(options.get("actions"))
+    if len(sides) == 2:
+        env_id, actions = DUEL, "continuous"
+    else:
+        env = find_env(env_id)
+        env_id, actions = env.id, env.action_mode(options.get("actions"))
     if actions != "continuous":
         options["actions"] = actions
-    registered = find_algorithm(algorithm)
     parameters = load_hyperparameters(
-        registered, env.id, hyperparams, path=options.get("path"), actions=actions
+        registered, env_id, hyperparams, path=options.get("path"), actions=actions
     )
     if not (parameters.n_timesteps or steps):
         raise UserError(f"steps: {registered.name} has no hyper-parameter file with a budget; give the steps")
     entry = parameters.entry() | {"n_timesteps": parameters.n_timesteps or steps}
-    name = suite or suite_of(env.id, options)
+    name = suite or suite_of(env_id, options, sides[0])
     scoring = load_suite(name)
-    if scoring.side != env.side:
-        raise UserError(f"suite {name}: measures the {scoring.side}; in {env.id} the {env.side} learns")
+    if scoring.side not in sides:
+        raise UserError(f"suite {name}: measures the {scoring.side}; in {env_id} the {sides[0]} learns")
     return Task(
         algorithm=algorithm,
-        env_id=env.id,
+        env_id=env_id,
         options=options,
         steps=steps or max(1, entry["n_timesteps"] // 2),
         n_seeds=n_seeds,

@@ -12,8 +12,11 @@ import yaml
 from optuna.trial import TrialState
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.statistics import mean_interval
+from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.training.export import export_onnx
 from fpg_bench.training.tuning.export import FRESH_SEED, export_values
 from fpg_bench.training.tuning.objective import Diverged, Objective
 from fpg_bench.training.tuning.report import write_report
@@ -111,6 +114,21 @@ def test_a_policy_is_scored_in_the_scenario_that_is_tuned_on(words, files):
     assert len({Objective(t).train(values, [7]).value for t in (task, other)}) == 2
 
 
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+def test_both_sides_are_trained_and_that_of_the_suite_is_scored(side):
+    task = make_task("maddpg", "fpg_bench:FPG/duel_v0", n_seeds=1, steps=960, suite=f"{side}-v1", rounds=2)
+    assert (task.env_id, make_task("maddpg", "FPG/duel_v0", n_seeds=1).suite) == ("FPG/duel_v0", "ally-v1")
+    values = {"learning_starts": 200, "batch_size": 16, "policy_kwargs.net_arch": [8]}
+    objective, models = Objective(task), []
+    make = objective._model
+    objective._model = lambda *given: models.append(make(*given)) or models[-1]
+    score = objective.train(values, [7])
+    trained = dict(zip(("ally", "opponent"), models[-1].players, strict=True))
+    evaluator = PolicyEvaluator(f"{side}-v1", 2, side=side)
+    played = evaluator.score(OnnxPlayer(export_onnx(trained[side]), {"algorithm": "maddpg"}))
+    assert score.value == pytest.approx(played["score"], abs=1e-3)
+
+
 def test_pruning_stops_training(words):
     task = make_task("ppo", ENV_ID, n_seeds=2, **words)
     steps = []
@@ -142,6 +160,8 @@ def test_training_that_diverges_says_so(algorithm):
         *(({name: 0}, f"^{name}: ") for name in ("n_trials", "n_jobs", "n_seeds", "steps", "rounds")),
         ({"suite": "oponent-v1"}, "did you mean 'opponent-v1'"),
         ({"suite": "ally-v1"}, "measures the ally"),
+        ({"algorithm": "maddpg"}, "maddpg: trains both sides, in FPG/duel_v0; got"),
+        ({"env_id": "FPG/duel_v0"}, "ppo: trains one side, not both"),
         ({"ally": "exprt"}, "did you mean 'expert'"),
         ({"ally": object()}, "use names instead of objects"),
         ({"storage": "nonsense"}, "expected a URL"),
