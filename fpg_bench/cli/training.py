@@ -467,7 +467,8 @@ def best_response(
         row = respond(agent, out, side=side, scenario=scenario, path=listed(path), reward=reward, **one)
     for response in row["responses"]:
         print_line(
-            f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}"
+            f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}; "
+            f"{response['seconds'] / 60:.1f} min"
         )
     scripts = row["scripts"]
     strongest = min(scripts, key=lambda name: scripts[name]["return"])
