@@ -1,6 +1,7 @@
 """Train best responses to trained entries of the board, and make public suites of the strongest.
 
 python scripts/train_best_responses.py [ally/ally-champion ...] [--n-jobs 2]     run it again to resume
+python scripts/train_best_responses.py --table      the rows as the tables of docs/results/champions.md
 
 The full search of fpg-bench best-response finds responses to each entry's first training seed: to an ally
 for what it loses, to an opponent for what the response itself earns. One more response to each opponent is
@@ -36,7 +37,7 @@ from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
-from fpg_bench.training.league import FULL_SEARCH, best_responses, response_folder
+from fpg_bench.training.league import FULL_SEARCH, best_responses, response_folder, response_label
 
 # The first trained entries of each table, by what they earned among the unseen of season 1.
 TARGETS = (
@@ -69,7 +70,8 @@ SCENARIO = "standard"  # the scenario of the entries that responses are trained 
 MATCHES = 25  # per rival in the suites
 FOLDER = "responses-v2"
 _KIND = ("algorithm", "steps", "actions", "start", "reward")  # keys that tell kinds of responses apart
-_ROW_KEYS = (*_KIND, "training_seed", "seconds", "return", "earned")
+_ROW_KEYS = (*_KIND, "script", "training_seed", "seconds", "return", "earned")
+SCRIPT = "script"  # algorithm in the row of the strongest script
 PURSUIT = "pursuit"  # path of tracks without one
 _HEAD = "# Best responses to single entries of the board. Made by: python scripts/train_best_responses.py\n"
 
@@ -140,7 +142,7 @@ def kind_of(response: Row) -> tuple[Any, ...]:
 
 
 def train_responses(target: Target, out: Path) -> list[Row]:
-    """Train the missing responses to a target, and return the results of all of them."""
+    """Train the missing responses to a target; return their results, and that of the strongest script."""
     results: dict[str, Row] = {}
     for call in target.calls:  # each result of a reward includes the former ones
         results[call["reward"]] = best_responses(
@@ -152,7 +154,10 @@ def train_responses(target: Target, out: Path) -> list[Row]:
             progress=False,
             **call,
         )
-    return [response for result in results.values() for response in result["responses"]]
+    scripts = results[REWARDS[target.side]]["scripts"]
+    name = min(scripts, key=lambda name: scripts[name]["return"])
+    strongest = {"algorithm": SCRIPT, "script": name, "reward": REWARDS[target.side], **scripts[name]}
+    return [strongest, *(response for result in results.values() for response in result["responses"])]
 
 
 def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> None:
@@ -160,11 +165,12 @@ def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> 
 
     An agent that is there stays if it is stronger.
     """
-    known = [row["return"] for row in target.rows(file) if row["reward"] == REWARDS[target.side]]
-    strongest = min(
-        (response for response in responses if response["reward"] == REWARDS[target.side]),
-        key=lambda response: response["return"],
+    earlier, found = (
+        [row for row in rows if row["reward"] == REWARDS[target.side] and row["algorithm"] != SCRIPT]
+        for rows in (target.rows(file), responses)
     )
+    known = [row["return"] for row in earlier]
+    strongest = min(found, key=lambda response: response["return"])
     if strongest["return"] <= min(known, default=math.inf):
         agent = out / strongest["reward"] / response_folder(strongest) / "agent"
         for name in ("policy.onnx", "agent.json"):
@@ -213,6 +219,40 @@ def _rival(target: Target, other_side: str) -> dict[str, str]:
     return {"name": f"response to {target.slug}", other_side: target.response, "path": path}
 
 
+def table(side: str, board: Path, file: RowFile) -> Iterator[str]:
+    """Yield the lines of a table of a side's targets: the lowest return by kind of response and overall."""
+    strongest = {"algorithm": SCRIPT, "reward": REWARDS[side]}
+    calls = [{**call, "reward": REWARDS[side]} for call in FULL_SEARCH]
+    titles = {kind_of(strongest): "strongest script"} | {kind_of(call): _title(call) for call in calls}
+    if side == "opponent":
+        titles[kind_of(SPITE)] = f"paid for the loss: {_title(SPITE)}"
+    yield f"| entry | {' | '.join(titles.values())} | lowest known |"
+    yield "| --- |" + " --- |" * (len(titles) + 1)
+    for target in targets(board, TARGETS):
+        if target.side != side:
+            continue
+        rows = target.rows(file)
+        cells = [_cell([row for row in rows if kind_of(row) == kind]) for kind in titles]
+        known = [row["return"] for row in rows if row["reward"] == REWARDS[side]]
+        lowest = f"**{min(known):.1f}**" if known else "-"
+        yield f"| `{target.slug}` | {' | '.join(cells)} | {lowest} |"
+
+
+def _title(call: Row) -> str:
+    """Return the title of a kind of response."""
+    return response_label({"start": "nothing", **call, "training_seed": 0}).removesuffix(", seed 0")
+
+
+def _cell(rows: Sequence[Row]) -> str:
+    """Return the lowest return of responses, with the script's name or the minutes of a training."""
+    if not rows:
+        return "-"
+    lowest = min(rows, key=lambda row: row["return"])
+    minutes = [row["seconds"] / 60 for row in rows if "seconds" in row]
+    note = f"{min(minutes):.1f} min" if minutes else f"`{lowest['script']}`"
+    return f"{lowest['return']:.1f} ({note})"
+
+
 def main() -> int:
     """Train what is missing; returns 0 if all went well."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -222,8 +262,14 @@ def main() -> int:
     parser.add_argument("--n-jobs", type=int, default=2, help="entries at once, one thread each")
     parser.add_argument("--board", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
     parser.add_argument("--runs", type=Path, default=Path("runs/best_responses"), help="the runs' folders")
+    parser.add_argument(
+        "--table", action="store_true", help="print the tables of the rows, and train nothing"
+    )
     options = parser.parse_args()
     file = RowFile(options.board / "results" / "best_responses.jsonl")
+    if options.table:
+        print("\n\n".join("\n".join(table(side, options.board, file)) for side in SIDES))
+        return 0
     jobs = [
         Job(
             target.name,

@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.suite import identity, load_suite
+from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard.tracks import TRACKS, TrackSuites
 from fpg_bench.leaderboard.verification import verify
+from fpg_bench.training.league import evaluate_against
 from tests.leaderboard.entering import enter
 
 pytestmark = pytest.mark.slow
@@ -53,6 +56,13 @@ def rows_of(board):
     return list(map(json.loads, (board / "results/best_responses.jsonl").read_text().splitlines()))
 
 
+def split(rows):
+    """Rows of scripts and rows of trained responses."""
+    return [
+        [row for row in rows if (row["algorithm"] == "script") == is_script] for is_script in (True, False)
+    ]
+
+
 def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board, small_suites, capsys):
     def begun(*words):
         capsys.readouterr()
@@ -63,7 +73,14 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
     assert begun("ally/linear") == ["ally/linear: begins"]
     assert begun(*both) == ["opponent/flying: begins"]
     assert begun(*both) == []
-    rows = rows_of(board)
+    scripts, rows = split(rows_of(board))
+    assert [(row["slug"], row["reward"]) for row in scripts] == [("linear", "zero_sum"), ("flying", "own")]
+    against = {
+        name: evaluate_against(rows[0]["agent"], {name: name}, "ally", STANDARD, 100).reward.value
+        for name in SCRIPTED["opponent"]
+    }
+    assert scripts[0]["script"] == min(against, key=lambda name: against[name])
+    assert scripts[0]["return"] == pytest.approx(min(against.values()), abs=1e-4)
     keys = "track", "slug", "steps", "actions", "training_seed", "reward"
     assert [tuple(row.get(key) for key in keys) for row in rows] == [
         ("ally", "linear", 400, None, 0, "zero_sum"),
@@ -95,9 +112,23 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
 def test_a_stronger_response_of_an_earlier_search_stays(script, board, small_suites):
     script("ally/linear")
     policy = small_suites / "suites/responses-v2/ally/linear/policy.onnx"
-    stronger = rows_of(board)[0] | {"steps": 800, "return": -100.0}
+    stronger = split(rows_of(board))[1][0] | {"steps": 800, "return": -100.0}
     (board / "results/best_responses.jsonl").write_text(json.dumps(stronger) + "\n")
     policy.write_bytes(b"stronger")
     script("ally/linear")
     assert policy.read_bytes() == b"stronger"
-    assert [row["steps"] for row in rows_of(board)] == [800, 400, 400]
+    assert [row["steps"] for row in split(rows_of(board))[1]] == [800, 400, 400]
+
+
+def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(script, board, monkeypatch, capsys):
+    script("ally/linear")
+    monkeypatch.setattr(sys.modules["train_best_responses"], "TARGETS", ("ally/linear",))
+    capsys.readouterr()
+    script("--table")
+    head, _, line, *opponents = capsys.readouterr().out.splitlines()
+    assert head == "| entry | strongest script | ppo, 400 steps | lowest known |"
+    (met,), responses = split(rows_of(board))
+    by_script, lowest = f"{met['return']:.1f}", f"{min(row['return'] for row in responses):.1f}"
+    known = min((met, *responses), key=lambda row: row["return"])["return"]
+    assert line == f"| `linear` | {by_script} (`{met['script']}`) | {lowest} (0.0 min) | **{known:.1f}** |"
+    assert len(opponents) == 3  # a blank line, and a table without entries
