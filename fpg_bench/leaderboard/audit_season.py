@@ -82,10 +82,13 @@ def check_entries(season: Season, entries: list[SeasonEntry]) -> None:
     """Raise UserError where a season's seed does not follow from the board's entries."""
     by_name = {entry.name: entry for entry in entries}
     for name, hashes in season.entries.items():
-        if name not in by_name:
-            raise UserError(f"season {season.name}: was closed over the entry {name}, which is missing")
-        if list(by_name[name].hashes) != hashes:
-            raise UserError(f"season {season.name}: the entry {name} has changed since it was closed")
+        present = by_name.get(name)
+        if present is None or list(present.hashes) != hashes:
+            what = "is missing" if present is None else "has changed"
+            raise UserError(
+                f"season {season.name}: the entry {name}, which it was closed over, {what}; audit the season "
+                "at the commit that added it"
+            )
     label = season.name if season.number is None else season_label(season.number, season.scenario)
     if season_seed(season.protocol, label, [by_name[name] for name in season.entries]) != season.seed:
         raise UserError(f"season {season.name}: its seed does not follow from its entries")

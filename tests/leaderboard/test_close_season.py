@@ -408,7 +408,9 @@ def test_missing_and_late_entries_are_named(season, board):
     entries = read_entries(board)
     check_entries(season, entries)
     assert late_entries(season, entries) == []
-    with pytest.raises(UserError, match="over the entry ally/expert, which is missing"):
+    with pytest.raises(
+        UserError, match="the entry ally/expert, which it was closed over, is missing; audit the season"
+    ):
         check_entries(season, [entry for entry in entries if entry.name != "ally/expert"])
     others = {name: hashes for name, hashes in season.entries.items() if name != "ally/expert"}
     other = season.model_copy(update={"entries": others})
