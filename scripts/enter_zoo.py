@@ -89,11 +89,12 @@ CHAMPIONS = {
     "opponent-champion-2-pursuit": ("opponent-champion-2", "opponent-pursuit"),
 }
 NO_MEMORY = "It has no memory: it acts on the present observation alone."
+EIGHT_STEPS = "It remembers the last eight steps only."
 SMALL_BUDGET = "It has no memory, and its budget of steps is much smaller than PPO's."
 # Title, paper on arXiv, and limitations.
 ALGORITHMS = {
     "ppo": ("PPO", "1707.06347", NO_MEMORY),
-    "ppo-stack8": ("PPO, 8 stacked frames", "1707.06347", "It remembers the last eight steps only."),
+    "ppo-stack8": ("PPO, 8 stacked frames", "1707.06347", EIGHT_STEPS),
     "recurrent-ppo": (
         "Recurrent PPO",
         "1707.06347",
@@ -101,6 +102,7 @@ ALGORITHMS = {
     ),
     "maskable-ppo": ("MaskablePPO", "2006.14171", NO_MEMORY),
     "dqn": ("DQN", "1312.5602", SMALL_BUDGET),
+    "dqn-stack8": ("DQN, 8 stacked frames", "1312.5602", EIGHT_STEPS),
     "qr-dqn": ("QR-DQN", "1710.10044", SMALL_BUDGET),
     "sac": ("SAC", "1801.01290", SMALL_BUDGET),
     "td3": ("TD3", "1802.09477", SMALL_BUDGET),

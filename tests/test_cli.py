@@ -99,6 +99,9 @@ def test_lists_name_all_that_can_be_named():
     for named in (*OBSERVED.values(), *CHOSEN.values()):
         assert ", ".join(f"{index} {name}" for index, name in enumerate(named)) in text
     assert [env_id for env_id in ENVS if env_id not in text] == []
+    single = fpg("envs", "FPG/OpponentVsScripted-v0").stdout
+    assert single.splitlines()[:3] == lists["envs"].stdout.splitlines()[9:12]
+    assert "FPG/OpponentVsScriptedDiscrete-v0" in single.splitlines()[3]
     text = lists["players"].stdout.replace(",", " ").replace(":", " ")
     assert {*SCRIPTED["ally"], *SCRIPTED["opponent"], *PLANNERS, *PATHS} <= set(text.split())
     assert "tier history" in text

@@ -10,11 +10,11 @@ import typer
 
 from fpg_bench.cli.completion import complete_id, complete_suite
 from fpg_bench.cli.options import JsonOption, PathOption, ScenarioOption, listed, name_all, print_json
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 
 if TYPE_CHECKING:
+    from fpg_bench.common.ids import EnvConfig
     from fpg_bench.evaluation.suite import Suite
     from fpg_bench.evaluation.summary import Summary
     from fpg_bench.evaluation.zoo import ZooAgent
@@ -25,7 +25,7 @@ def envs(
         str | None,
         typer.Argument(
             metavar="[ID]",
-            help="An id with discrete actions, to list its choices. Default: list all ids.",
+            help="A single id; with discrete actions, its choices are listed. Default: list all ids.",
             autocompletion=complete_id,
         ),
     ] = None,
@@ -43,13 +43,8 @@ def envs(
     if env_id is not None:
         _print_choices(env_id, path, scenario)
         return
-    for group in ENVS.values():
-        flown = f"planned by {group.planner}" if group.planner else group.path
-        typer.echo(f"{group.id}\n    {group.about}")
-        typer.echo(
-            f"    you play: {group.side}; {group.other_side}: {group.other}; opponent's path: {flown}; "
-            f"rounds a match: {group.rounds_per_match}"
-        )
+    for config in ENVS.values():
+        _print_env(config)
     typer.echo("Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry.")
     typer.echo("A round: 300 steps of 1 s. All numbers lie in [-1, 1]; scales: docs/reference/rules.md")
     for side in SIDES:
@@ -62,15 +57,27 @@ def envs(
     )
 
 
+def _print_env(config: EnvConfig) -> None:
+    """Print an id with its defaults."""
+    flown = f"planned by {config.planner}" if config.planner else config.path
+    typer.echo(f"{config.id}\n    {config.about}")
+    typer.echo(
+        f"    you play: {config.side}; {config.other_side}: {config.other}; opponent's path: {flown}; "
+        f"rounds a match: {config.rounds_per_match}"
+    )
+
+
 def _print_choices(env_id: str, path: str | None, scenario: str | None) -> None:
-    """Print each choice of an id with its name and its nine floats."""
+    """Print each choice of an id with its name and its nine floats; the defaults of an id without choices."""
     from fpg_bench.common.ids import find_env, id_with
     from fpg_bench.game.choices import Choices
     from fpg_bench.game.scenario import as_scenario
 
     config = find_env(env_id)
     if config.actions == "continuous":
-        raise UserError(f"envs: {config.id} has no choices; {id_with(config.id, 'discrete')} has")
+        _print_env(config)
+        typer.echo(f"    actions: nine floats; as a list of choices: {id_with(config.id, 'discrete')}")
+        return
     played = as_scenario(scenario, opponent_path=listed(path) or config.path)
     for of in Choices(config.side, config.actions, played).lists:
         typer.echo(f"{of.name}: {len(of)}")
