@@ -78,6 +78,10 @@ GROUPS = {
         "ally on a link, of a population",
         "twelve scripted opponents and those of the public population training-link-1; pupil of by-type",
     ),
+    "opponent-link-population": (
+        "opponent on a link, of a population",
+        "seven scripted allies and those of the public population training-link-1, drawn anew every round",
+    ),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
