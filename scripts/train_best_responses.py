@@ -173,8 +173,10 @@ def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> 
     strongest = min(found, key=lambda response: response["return"])
     if strongest["return"] <= min(known, default=math.inf):
         agent = out / strongest["reward"] / response_folder(strongest) / "agent"
-        for name in ("policy.onnx", "agent.json"):
-            write_whole(suites_folder() / target.response / name, (agent / name).read_bytes())
+        published = suites_folder() / target.response
+        write_whole(published / "policy.onnx", (agent / "policy.onnx").read_bytes())
+        about = (agent / "agent.json").read_text().replace(f"{out}/", "")  # a teacher's path
+        write_whole(published / "agent.json", about)
     made = {kind_of(response) for response in responses}
     own = (target.track, target.slug)
     rows = [row for row in file.read() if (row["track"], row["slug"]) != own or kind_of(row) not in made]

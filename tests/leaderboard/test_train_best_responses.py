@@ -120,6 +120,27 @@ def test_a_stronger_response_of_an_earlier_search_stays(script, board, small_sui
     assert [row["steps"] for row in split(rows_of(board))[1]] == [800, 400, 400]
 
 
+def test_a_published_response_names_no_path_of_this_machine(script, small_suites, tmp_path, monkeypatch):
+    module, kind = sys.modules["train_best_responses"], {"algorithm": "ppo", "steps": 400, "n_seeds": 1}
+    monkeypatch.setattr(module, "FULL_SEARCH", (kind, kind | {"start": "strongest"}))
+    monkeypatch.setattr(
+        "fpg_bench.training.league._strongest_player",
+        lambda result, out: str(out / "nothing-ppo-400/seed_0/agent"),
+    )
+    keep = module.keep
+
+    def keep_the_pupil(*given):
+        *others, rows = given
+        keep(*others, [row | {"return": -99.0} if row.get("start") == "strongest" else row for row in rows])
+
+    monkeypatch.setattr(module, "keep", keep_the_pupil)
+    script("ally/linear")
+    text = (small_suites / "suites/responses-v2/ally/linear/agent.json").read_text()
+    teacher = json.loads(text)["hyperparameters"]["imitate"]["teacher"]
+    assert teacher == "zero_sum/nothing-ppo-400/seed_0/agent"
+    assert str(tmp_path / "ally") not in text  # the folder of its runs
+
+
 def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(script, board, monkeypatch, capsys):
     script("ally/linear")
     monkeypatch.setattr(sys.modules["train_best_responses"], "TARGETS", ("ally/linear",))
