@@ -110,13 +110,19 @@ def _check_same(file: Path, kind: str, about: Mapping[str, Any]) -> dict[str, An
 # Best responses
 
 # Arguments of the calls of best_responses in a full search. No kind of response finds the lowest return of
-# every player, so the search combines SAC with few steps and random scripts, PPO with stacked frames and with
-# discrete actions, and PPO that first imitates the strongest response of these.
+# every player, so the search combines SAC with few steps and random scripts, PPO with stacked frames, with
+# discrete actions as well, and the same once more that first imitates the strongest response of these.
+_DISCRETE: dict[str, Any] = {
+    "algorithm": "ppo-stack8",
+    "steps": 3_000_000,
+    "n_seeds": 2,
+    "actions": "discrete",
+}
 FULL_SEARCH: tuple[dict[str, Any], ...] = (
     {"algorithm": "sac", "steps": 200_000, "n_seeds": 2, "search": 100},
     {"algorithm": "ppo-stack8", "steps": 3_000_000, "n_seeds": 2},
-    {"algorithm": "ppo-stack8", "steps": 3_000_000, "n_seeds": 2, "actions": "discrete"},
-    {"algorithm": "ppo-stack8", "steps": 3_000_000, "n_seeds": 2, "start": "strongest"},
+    _DISCRETE,
+    _DISCRETE | {"start": "strongest"},
 )
 
 

@@ -134,7 +134,7 @@ def test_the_full_search_tries_every_kind_of_response_with_two_seeds(tmp_path, m
     best_response("expert", tmp_path / "out", full=True)
     assert [call["algorithm"] for call in calls] == ["sac", "ppo-stack8", "ppo-stack8", "ppo-stack8"]
     assert {call["n_seeds"] for call in calls} == {2}
-    assert [call.get("actions") for call in calls] == [None, None, "discrete", None]
+    assert [call.get("actions") for call in calls] == [None, None, "discrete", "discrete"]
     assert calls[0]["search"] == 100
     assert calls[3]["start"] == "strongest"
 
