@@ -1,14 +1,15 @@
 """Train best responses to trained entries of the board, and make public suites of the strongest.
 
 python scripts/train_best_responses.py [ally/ally-champion ...] [--n-jobs 2]     run it again to resume
-python scripts/train_best_responses.py --table      the rows as the tables of docs/results/champions.md
+python scripts/train_best_responses.py --table                           print the rows as tables
 
 The full search of fpg-bench best-response finds responses to each entry's first training seed: to an ally
 for what it loses, to an opponent for what the response itself earns. One more response to each opponent is
 trained for what the opponent loses ("spite"). Each has a row in leaderboard/results/best_responses.jsonl,
-with its budget, seconds and the entry's return per step against it. The strongest response to an entry, spite
-aside, becomes an agent folder baselines/suites/responses-v2/<side>/<entry>, and a rival in the suite of best
-responses of its track, such as baselines/suites/ally-responses-v2.yml.
+with its budget, seconds and the entry's return per step against it, and so has the strongest script. The
+strongest response to an entry, spite aside, becomes an agent folder
+baselines/suites/responses-v2/<side>/<entry>, and a rival in the suite of best responses of its track, such
+as baselines/suites/ally-responses-v2.yml.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from typing import Any
 import yaml
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_json, write_whole
+from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import PROTOCOL
@@ -161,23 +162,23 @@ def train_responses(target: Target, out: Path) -> list[Row]:
 
 
 def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> None:
-    """Replace the rows of these responses to a target, and copy the strongest to the suites.
+    """Replace the rows of these kinds of responses to a target, and copy the strongest to the suites.
 
-    An agent that is there stays if it is stronger.
+    An agent that is there stays if it is a stronger response of another kind.
     """
-    earlier, found = (
-        [row for row in rows if row["reward"] == REWARDS[target.side] and row["algorithm"] != SCRIPT]
-        for rows in (target.rows(file), responses)
-    )
-    known = [row["return"] for row in earlier]
-    strongest = min(found, key=lambda response: response["return"])
-    if strongest["return"] <= min(known, default=math.inf):
-        agent = out / strongest["reward"] / response_folder(strongest) / "agent"
-        published = suites_folder() / target.response
-        write_whole(published / "policy.onnx", (agent / "policy.onnx").read_bytes())
-        about = (agent / "agent.json").read_text().replace(f"{out}/", "")  # a teacher's path
-        write_whole(published / "agent.json", about)
     made = {kind_of(response) for response in responses}
+    others = [row for row in target.rows(file) if kind_of(row) not in made]
+    known = [row["return"] for row in others if _is_rival(row, target)]
+    strongest = min((row for row in responses if _is_rival(row, target)), key=lambda row: row["return"])
+    published = suites_folder() / target.response
+    if strongest["return"] <= min(known, default=math.inf) or not (published / "agent.json").is_file():
+        agent = out / strongest["reward"] / response_folder(strongest) / "agent"
+        about = read_json(agent / "agent.json", "agent")
+        imitation = about["hyperparameters"].get("imitate") or {}
+        if Path(imitation.get("teacher", "")).is_absolute():  # another response, which is not published
+            imitation["teacher"] = "/".join(Path(imitation["teacher"]).parts[-3:-1])
+        write_whole(published / "policy.onnx", (agent / "policy.onnx").read_bytes())
+        write_json(published / "agent.json", about)
     own = (target.track, target.slug)
     rows = [row for row in file.read() if (row["track"], row["slug"]) != own or kind_of(row) not in made]
     for response in responses:
@@ -194,6 +195,11 @@ def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> 
         )
     rows.sort(key=lambda row: (row["track"], row["slug"]))
     write_whole(file.path, "".join(json.dumps(row) + "\n" for row in rows))
+
+
+def _is_rival(row: Row, target: Target) -> bool:
+    """Return True for a trained response that may become a rival: no script, and no spite."""
+    return row["reward"] == REWARDS[target.side] and row["algorithm"] != SCRIPT
 
 
 def write_suites(board: Path) -> Iterator[Path]:
@@ -250,8 +256,8 @@ def _cell(rows: Sequence[Row]) -> str:
     if not rows:
         return "-"
     lowest = min(rows, key=lambda row: row["return"])
-    minutes = [row["seconds"] / 60 for row in rows if "seconds" in row]
-    note = f"{min(minutes):.1f} min" if minutes else f"`{lowest['script']}`"
+    is_script = lowest["algorithm"] == SCRIPT
+    note = f"`{lowest['script']}`" if is_script else f"{lowest['seconds'] / 60:.1f} min"
     return f"{lowest['return']:.1f} ({note})"
 
 

@@ -32,7 +32,7 @@ def envs(
     path: PathOption = None,
     scenario: ScenarioOption = None,
 ) -> None:
-    """List the environment ids with their defaults, observations and actions, or the choices of one id.
+    """List the environment ids with their defaults, observations and actions, or print a single id.
 
     Example: fpg-bench envs FPG/OpponentVsScriptedDiscrete-v0
     """
@@ -41,7 +41,7 @@ def envs(
     from fpg_bench.players.player import SIDES
 
     if env_id is not None:
-        _print_choices(env_id, path, scenario)
+        _print_id(env_id, path, scenario)
         return
     for config in ENVS.values():
         _print_env(config)
@@ -67,7 +67,7 @@ def _print_env(config: EnvConfig) -> None:
     )
 
 
-def _print_choices(env_id: str, path: str | None, scenario: str | None) -> None:
+def _print_id(env_id: str, path: str | None, scenario: str | None) -> None:
     """Print each choice of an id with its name and its nine floats; the defaults of an id without choices."""
     from fpg_bench.common.ids import find_env, id_with
     from fpg_bench.game.choices import Choices

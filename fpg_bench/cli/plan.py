@@ -140,7 +140,8 @@ def run(
 def replay(
     file: Annotated[Path, typer.Argument(help="File written by plan run.")],
     allow: Annotated[
-        list[str] | None, typer.Option(help="Code that the file may load: package.module:object.")
+        list[str] | None,
+        typer.Option(help="What the file may load: package.module:object, or an agent of the Hub."),
     ] = None,
 ) -> None:
     """Replay a match from its file, without a network, and check that it is identical to the bit.

@@ -440,8 +440,9 @@ def best_response(
     full: Annotated[
         bool,
         typer.Option(
-            help="Run the full search instead: SAC, PPO with stacked frames (continuous, discrete, and from "
-            "the strongest), two seeds each, and 100 scripts with random constants; about an hour.",
+            help="Run the full search instead: SAC, PPO with stacked frames (continuous, discrete, and "
+            "discrete from the strongest), two seeds each, and 100 scripts with random constants; about an "
+            "hour.",
             rich_help_panel=TRAINING,
         ),
     ] = False,

@@ -57,7 +57,10 @@ def run(
         Path | None, typer.Option(help="Hyper-parameters to use instead of the default ones, a YAML file.")
     ] = None,
     suite: Annotated[
-        str | None, typer.Option(help="Suite that scores a policy. Default: that of the environment.")
+        str | None,
+        typer.Option(
+            help="Suite that scores a policy. Default: that of the environment; in the duel the ally's."
+        ),
     ] = None,
     rounds: Annotated[int, typer.Option(min=1, help="Number of rounds per rival.")] = 100,
     storage: StorageOption = None,

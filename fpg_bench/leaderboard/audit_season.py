@@ -79,7 +79,7 @@ def audit_season(
 
 
 def check_entries(season: Season, entries: list[SeasonEntry]) -> None:
-    """Raise UserError where a season's seed does not follow from the board's entries."""
+    """Raise UserError where an entry is missing or has changed, or the seed does not follow from them."""
     by_name = {entry.name: entry for entry in entries}
     for name, hashes in season.entries.items():
         present = by_name.get(name)

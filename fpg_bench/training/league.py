@@ -110,8 +110,8 @@ def _check_same(file: Path, kind: str, about: Mapping[str, Any]) -> dict[str, An
 # Best responses
 
 # Arguments of the calls of best_responses in a full search. No kind of response finds the lowest return of
-# every player, so the search combines SAC with few steps and random scripts, PPO with stacked frames, with
-# discrete actions as well, and the same once more that first imitates the strongest response of these.
+# every player, so the search has four: SAC with few steps, and random scripts; PPO with stacked frames; the
+# same with discrete actions; and that as a pupil of the strongest response of these.
 _DISCRETE: dict[str, Any] = {
     "algorithm": "ppo-stack8",
     "steps": 3_000_000,

@@ -78,11 +78,11 @@ def test_entries_are_ranked_and_marked(entered):
         assert of.score.value == pytest.approx(ally.scale.score(of.measures["return"]), rel=1e-4)
         worst = of.worst
         assert worst.score.value == pytest.approx(ally.scale.score(worst.return_per_step.value), rel=1e-4)
-    seeds = figures["linear"].seeds
+    seeds = figures["linear"].by_seed
     assert list(seeds) == [0, 2, 10]
     assert sum(seeds.values()) / 3 == pytest.approx(figures["linear"].score.value, rel=1e-4)
     assert seeds[0] == pytest.approx(figures["few"].score.value)
-    assert wise.seeds == {}
+    assert wise.by_seed == {}
     value, share = ally.improvement.value, ally.profiles.share
     assert ally.improvement.names == tuple(share) == tuple(entry.slug for entry in ally.entries)
     assert value[0][0] is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 import json
 import logging
@@ -412,6 +413,9 @@ def test_missing_and_late_entries_are_named(season, board):
         UserError, match="the entry ally/expert, which it was closed over, is missing; audit the season"
     ):
         check_entries(season, [entry for entry in entries if entry.name != "ally/expert"])
+    changed = [dataclasses.replace(entry, hashes=("0" * 64,)) for entry in entries]
+    with pytest.raises(UserError, match="which it was closed over, has changed; audit the season"):
+        check_entries(season, changed)
     others = {name: hashes for name, hashes in season.entries.items() if name != "ally/expert"}
     other = season.model_copy(update={"entries": others})
     assert late_entries(other, entries) == ["ally/expert"]

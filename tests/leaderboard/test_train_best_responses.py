@@ -122,7 +122,8 @@ def test_a_stronger_response_of_an_earlier_search_stays(script, board, small_sui
 
 def test_a_published_response_names_no_path_of_this_machine(script, small_suites, tmp_path, monkeypatch):
     module, kind = sys.modules["train_best_responses"], {"algorithm": "ppo", "steps": 400, "n_seeds": 1}
-    monkeypatch.setattr(module, "FULL_SEARCH", (kind, kind | {"start": "strongest"}))
+    pupil = kind | {"start": "strongest", "actions": "discrete"}
+    monkeypatch.setattr(module, "FULL_SEARCH", (kind, pupil))
     monkeypatch.setattr(
         "fpg_bench.training.league._strongest_player",
         lambda result, out: str(out / "nothing-ppo-400/seed_0/agent"),
@@ -137,13 +138,16 @@ def test_a_published_response_names_no_path_of_this_machine(script, small_suites
     script("ally/linear")
     text = (small_suites / "suites/responses-v2/ally/linear/agent.json").read_text()
     teacher = json.loads(text)["hyperparameters"]["imitate"]["teacher"]
-    assert teacher == "zero_sum/nothing-ppo-400/seed_0/agent"
+    assert teacher == "nothing-ppo-400/seed_0"
     assert str(tmp_path / "ally") not in text  # the folder of its runs
 
 
-def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(script, board, monkeypatch, capsys):
+def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(
+    script, board, small_suites, monkeypatch, capsys
+):
+    module = sys.modules["train_best_responses"]
+    monkeypatch.setattr(module, "TARGETS", ("ally/linear", "opponent/flying"))
     script("ally/linear")
-    monkeypatch.setattr(sys.modules["train_best_responses"], "TARGETS", ("ally/linear",))
     capsys.readouterr()
     script("--table")
     head, _, line, *opponents = capsys.readouterr().out.splitlines()
@@ -152,4 +156,20 @@ def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(script, board, 
     by_script, lowest = f"{met['return']:.1f}", f"{min(row['return'] for row in responses):.1f}"
     known = min((met, *responses), key=lambda row: row["return"])["return"]
     assert line == f"| `linear` | {by_script} (`{met['script']}`) | {lowest} (0.0 min) | **{known:.1f}** |"
-    assert len(opponents) == 3  # a blank line, and a table without entries
+    assert opponents[-1] == "| `flying` | - | - | - | - |"
+    keep = module.keep
+
+    def keep_much_spite(*given):
+        *others, rows = given
+        keep(*others, [row | {"return": -99.0} if row["reward"] == "zero_sum" else row for row in rows])
+
+    monkeypatch.setattr(module, "keep", keep_much_spite)
+    script("opponent/flying")
+    about = json.loads((small_suites / "suites/responses-v2/opponent/flying/agent.json").read_text())
+    assert about["options"]["reward"] == "own"
+    capsys.readouterr()
+    script("--table")
+    head, _, line = capsys.readouterr().out.splitlines()[-3:]
+    assert head.endswith("| ppo, 400 steps | paid for the loss: ppo discrete, 400 steps | lowest known |")
+    rows = [row for row in rows_of(board) if row["slug"] == "flying" and row["reward"] == "own"]
+    assert line.endswith(f"| -99.0 (0.0 min) | **{min(row['return'] for row in rows):.1f}** |")

@@ -117,7 +117,7 @@ def make_task(
         {name: value for name, value in (options or {}).items() if value is not None}, "options"
     )
     if len(sides) == 2:
-        env_id, actions = DUEL, "continuous"
+        env_id, actions = DUEL, options.pop("actions", "continuous")
     else:
         env = find_env(env_id)
         env_id, actions = env.id, env.action_mode(options.get("actions"))

@@ -70,8 +70,9 @@ def tune(
     trial has the present hyper-parameters, as far as they lie in the search space.
 
     Args:
-        algorithm: ``ppo``, ``sac``, ``td3``, their variants, or ``package.module:Class``.
-        env_id: ``FPG/AllyVsScripted-v0`` and the like.
+        algorithm: ``ppo``, ``sac``, ``td3``, their variants, or ``package.module:Class``; ``maddpg`` in the
+            duel.
+        env_id: ``FPG/AllyVsScripted-v0`` and the like, or ``FPG/duel_v0``.
         out: the study's folder.
         n_trials: number of finished trials (complete or pruned) of the study, over all workers.
         n_jobs: number of workers. Each finishes its current trial, so that a study may have up to
@@ -85,7 +86,8 @@ def tune(
         steps: training budget of a seed; None for half of that in the hyper-parameter file.
         space: YAML file of a search space; None for the shipped one.
         hyperparams: YAML file of the values that are not tuned; None for the shipped one.
-        suite: the suite on which a policy is scored; None for that of the environment.
+        suite: the suite on which a policy is scored; None for that of the environment. In the duel it decides
+            which side is scored; None for the ally's.
         rounds: number of rounds per rival.
         scenario, opponent, ally, path, planner, knowledge, jamming_types, reward, actions: options of the
             games, see :class:`fpg_bench.envs.core.SingleAgentGame`. A study stores them, so they are names.
@@ -96,8 +98,8 @@ def tune(
         The study.
 
     Raises:
-        UserError: an argument is unknown or out of range, the study has another task, or the database does
-            not answer.
+        UserError: an argument is unknown or out of range, the study has another task, or the database
+            fails.
         KeyboardInterrupt: stopped by the user. The running trial has been queued again.
     """
     integer(n_trials, "n_trials")
