@@ -180,7 +180,7 @@ def _figures(
         },
         first_rounds={role: dict.fromkeys(scores, 1234.5) for role, scores in by_rival.items()},
         units=_units(by_rival, kind),
-        seeds={} if kind == "script" else {k: score + k - 2 for k in range(5)},
+        by_seed={} if kind == "script" else {k: score + k - 2 for k in range(5)},
         training_seeds=0 if kind == "script" else 5,
         has_few_seeds=index % 4 == 1,
         seeds_gap=SeedsGap(7.25, True) if index == 2 else SeedsGap(-1.0, False),
