@@ -89,11 +89,16 @@ def test_an_algorithm_without_a_space():
         load_space("mine:Own")
 
 
+def id_of(algorithm):
+    """An id that an algorithm can be trained in."""
+    return "FPG/duel_v0" if algorithm == "maddpg" else "FPG/AllyVsScripted-v0"
+
+
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "recurrent-ppo", "ppo-stack8", "maddpg"])
 def test_shipped_spaces_hold_names_that_their_algorithms_know(algorithm, monkeypatch):
     monkeypatch.setattr("fpg_bench.training.tuning.objective.PolicyEvaluator", lambda *words: None)
-    env_id = "FPG/duel_v0" if algorithm == "maddpg" else "FPG/AllyVsScripted-v0"
+    env_id = id_of(algorithm)
     task = make_task(algorithm, env_id, n_seeds=2)
     Objective(task)
     half = load_hyperparameters(algorithm, env_id).n_timesteps // 2
@@ -105,7 +110,7 @@ def test_what_is_shipped_lies_in_the_space_but_for_little():
         is_discrete = file.stem in ("dqn", "ppo-discrete")
         options = {"actions": "discrete"} if is_discrete else None
         algorithm = file.stem.removesuffix("-discrete")
-        env_id = "FPG/duel_v0" if algorithm == "maddpg" else "FPG/AllyVsScripted-v0"
+        env_id = id_of(algorithm)
         task = make_task(algorithm, env_id, n_seeds=2, options=options)
         missing = task.space.keys() - to_params(task.space, task.hyperparameters).keys()
         assert len(missing) <= 3, missing
