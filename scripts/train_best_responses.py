@@ -40,7 +40,7 @@ from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.league import FULL_SEARCH, best_responses, response_folder, response_label
 
-# The first trained entries of each table, by what they earned among the unseen of season 1.
+# The first trained entries of each table, at most five, by what they earned among the unseen of season 2.
 TARGETS = (
     "ally/ally-discrete-ppo-stack8",
     "ally/ally-champion",
@@ -48,10 +48,10 @@ TARGETS = (
     "ally/ally-scripted-discrete-recurrent-ppo",
     "ally/ally-scripted-ppo-stack8",
     "opponent/opponent-champion-2-pursuit",
+    "opponent/opponent-discrete-dqn-stack8",
     "opponent/opponent-discrete-ppo-stack8",
-    "opponent/opponent-pursuit-td3",
-    "opponent/opponent-pursuit-sac",
     "opponent/opponent-pursuit-ppo",
+    "opponent/opponent-pursuit-td3",
     "opponent/opponent-champion-2",
     "opponent/opponent-champion",
     "opponent/opponent-learned-ppo",
@@ -228,22 +228,27 @@ def _rival(target: Target, other_side: str) -> dict[str, str]:
 
 
 def table(side: str, board: Path, file: RowFile) -> Iterator[str]:
-    """Yield the lines of a table of a side's targets: the lowest return by kind of response and overall."""
+    """Yield the lines of a table of a side's targets: the lowest return by kind of response and overall.
+
+    Kinds of responses that an earlier search has left have a column, too.
+    """
+    found = {target.slug: target.rows(file) for target in targets(board, TARGETS) if target.side == side}
     strongest = {"algorithm": SCRIPT, "reward": REWARDS[side]}
     calls = [{**call, "reward": REWARDS[side]} for call in FULL_SEARCH]
-    titles = {kind_of(strongest): "strongest script"} | {kind_of(call): _title(call) for call in calls}
+    titles = {kind_of(call): _title(call) for call in calls}
     if side == "opponent":
         titles[kind_of(SPITE)] = f"paid for the loss: {_title(SPITE)}"
+    earlier = {
+        kind_of(row): _title(row) for rows in found.values() for row in rows if row["algorithm"] != SCRIPT
+    }
+    titles = {kind_of(strongest): "strongest script"} | (earlier | titles)
     yield f"| entry | {' | '.join(titles.values())} | lowest known |"
     yield "| --- |" + " --- |" * (len(titles) + 1)
-    for target in targets(board, TARGETS):
-        if target.side != side:
-            continue
-        rows = target.rows(file)
+    for slug, rows in found.items():
         cells = [_cell([row for row in rows if kind_of(row) == kind]) for kind in titles]
         known = [row["return"] for row in rows if row["reward"] == REWARDS[side]]
         lowest = f"**{min(known):.1f}**" if known else "-"
-        yield f"| `{target.slug}` | {' | '.join(cells)} | {lowest} |"
+        yield f"| `{slug}` | {' | '.join(cells)} | {lowest} |"
 
 
 def _title(call: Row) -> str:

@@ -109,7 +109,8 @@ def test_responses_become_rows_agents_and_suites_and_are_made_once(script, board
     assert head["summary"]["worst"]["responses"]["rival"] == "response to linear"
 
 
-def test_a_stronger_response_of_an_earlier_search_stays(script, board, small_suites):
+def test_a_stronger_response_of_an_earlier_search_stays(script, board, small_suites, monkeypatch, capsys):
+    monkeypatch.setattr(sys.modules["train_best_responses"], "TARGETS", ("ally/linear",))
     script("ally/linear")
     policy = small_suites / "suites/responses-v2/ally/linear/policy.onnx"
     stronger = split(rows_of(board))[1][0] | {"steps": 800, "return": -100.0}
@@ -118,6 +119,11 @@ def test_a_stronger_response_of_an_earlier_search_stays(script, board, small_sui
     script("ally/linear")
     assert policy.read_bytes() == b"stronger"
     assert [row["steps"] for row in split(rows_of(board))[1]] == [800, 400, 400]
+    capsys.readouterr()
+    script("--table")
+    head, _, line = capsys.readouterr().out.splitlines()[:3]
+    assert head == "| entry | strongest script | ppo, 800 steps | ppo, 400 steps | lowest known |"
+    assert "| -100.0 (0.0 min) | -" in line
 
 
 def test_a_published_response_names_no_path_of_this_machine(script, small_suites, tmp_path, monkeypatch):
