@@ -230,7 +230,8 @@ def _rival(target: Target, other_side: str) -> dict[str, str]:
 def table(side: str, board: Path, file: RowFile) -> Iterator[str]:
     """Yield the lines of a table of a side's targets: the lowest return by kind of response and overall.
 
-    Kinds of responses that an earlier search has left have a column, too.
+    In brackets are the script's name, or the minutes of the training. Kinds of responses that an earlier
+    search has left have a column, too.
     """
     found = {target.slug: target.rows(file) for target in targets(board, TARGETS) if target.side == side}
     strongest = {"algorithm": SCRIPT, "reward": REWARDS[side]}
@@ -257,12 +258,11 @@ def _title(call: Row) -> str:
 
 
 def _cell(rows: Sequence[Row]) -> str:
-    """Return the lowest return of responses, with the script's name or the minutes of a training."""
+    """Return the lowest return of responses, with the script's name or the minutes of the training."""
     if not rows:
         return "-"
     lowest = min(rows, key=lambda row: row["return"])
-    is_script = lowest["algorithm"] == SCRIPT
-    note = f"`{lowest['script']}`" if is_script else f"{lowest['seconds'] / 60:.1f} min"
+    note = f"`{lowest['script']}`" if lowest["algorithm"] == SCRIPT else f"{lowest['seconds'] / 60:.1f}"
     return f"{lowest['return']:.1f} ({note})"
 
 

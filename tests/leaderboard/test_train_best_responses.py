@@ -123,7 +123,7 @@ def test_a_stronger_response_of_an_earlier_search_stays(script, board, small_sui
     script("--table")
     head, _, line = capsys.readouterr().out.splitlines()[:3]
     assert head == "| entry | strongest script | ppo, 800 steps | ppo, 400 steps | lowest known |"
-    assert "| -100.0 (0.0 min) | -" in line
+    assert "| -100.0 (0.0) | -" in line
 
 
 def test_a_published_response_names_no_path_of_this_machine(script, small_suites, tmp_path, monkeypatch):
@@ -161,7 +161,7 @@ def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(
     (met,), responses = split(rows_of(board))
     by_script, lowest = f"{met['return']:.1f}", f"{min(row['return'] for row in responses):.1f}"
     known = min((met, *responses), key=lambda row: row["return"])["return"]
-    assert line == f"| `linear` | {by_script} (`{met['script']}`) | {lowest} (0.0 min) | **{known:.1f}** |"
+    assert line == f"| `linear` | {by_script} (`{met['script']}`) | {lowest} (0.0) | **{known:.1f}** |"
     assert opponents[-1] == "| `flying` | - | - | - | - |"
     keep = module.keep
 
@@ -178,4 +178,4 @@ def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(
     head, _, line = capsys.readouterr().out.splitlines()[-3:]
     assert head.endswith("| ppo, 400 steps | paid for the loss: ppo discrete, 400 steps | lowest known |")
     rows = [row for row in rows_of(board) if row["slug"] == "flying" and row["reward"] == "own"]
-    assert line.endswith(f"| -99.0 (0.0 min) | **{min(row['return'] for row in rows):.1f}** |")
+    assert line.endswith(f"| -99.0 (0.0) | **{min(row['return'] for row in rows):.1f}** |")
