@@ -35,7 +35,7 @@ HASHES = {
     "ally-paper-v1": "a7be5dd53db0a6f75a04c360701e2abcf13d926a628cace8b63e6322842c1216",
     "ally-planner-v1": "9542ff8bb4e492ff7b4f8fb7e1af000b7c1a4072183944a56703fef411a857bf",
     "ally-responses-v1": "925e5b7f5cf4358f40e731c5538c97b4de25e0efffa60b38fcbb00cbfe5066ac",
-    "ally-responses-v2": "17b1bfa5fb14e64d5425b2a35b6efc7142f3f715c30def45d43f8d5603a00d4b",
+    "ally-responses-v2": "adb17d5ae6fa9b03b67da85f95de91019022a3e0ee2147009ee4944805d087f0",
     "ally-season-1": "da468645b77eeceb515c26611e21e4f1687e0066e7a88aaf2275d9e04ba0359a",
     "ally-season-2": "a88cb669523f8d28ebd70e6fc5c8806edeba1551632713c02005de9a52982025",
     "ally-shifted-v1": "f4f4d87ca97c752544bb2e1b50fa2a01bdf7fb3aa47e8535bc2b1533cd87a804",
