@@ -85,12 +85,16 @@ GROUPS = {
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
-# Champion and track by the entry's name.
+# Champion, role and track by the entry's folder.
 CHAMPIONS = {
-    "ally-champion": ("ally-champion", "ally"),
-    "opponent-champion": ("opponent-champion", "opponent-learned"),
-    "opponent-champion-2": ("opponent-champion-2", "opponent-learned"),
-    "opponent-champion-2-pursuit": ("opponent-champion-2", "opponent-pursuit"),
+    "ally-champion": ("ally-champion", "ally champion", "ally"),
+    "opponent-champion": ("opponent-champion", "opponent champion", "opponent-learned"),
+    "opponent-champion-2": ("opponent-champion-2", "second opponent champion", "opponent-learned"),
+    "opponent-champion-2-pursuit": (
+        "opponent-champion-2",
+        "second opponent champion, in pursuit",
+        "opponent-pursuit",
+    ),
 }
 NO_MEMORY = "It has no memory: it acts on the present observation alone."
 EIGHT_STEPS = "It remembers the last eight steps only."
@@ -196,10 +200,9 @@ def agents() -> dict[str, str]:
 def champions() -> dict[str, str]:
     """Return the submissions of all shipped champions by track and name."""
     entries = {}
-    for slug, (name, key) in CHAMPIONS.items():
+    for slug, (name, role, key) in CHAMPIONS.items():
         track = TRACKS[key]
         for folder in sorted((baselines_folder() / "agents" / name).glob("*")):
-            role = slug.replace("-", " ")
             text = f"Made to be hard to beat; trained by python scripts/train_champions.py --only {name}."
             saw = "scripts, agents of the zoo, and those who had learned to beat it"
             entries[f"{track.side}/{slug}"] = trained(folder, track, role, saw, text)
