@@ -110,8 +110,7 @@ class Target:
     @property
     def calls(self) -> list[dict[str, Any]]:
         """Arguments of the calls of best_responses that find its responses."""
-        spite = [SPITE] if self.side == "opponent" else []
-        return [*({**call, "reward": REWARDS[self.side]} for call in FULL_SEARCH), *spite]
+        return calls_of(self.side)
 
     def rows(self, file: RowFile) -> list[Row]:
         """Return the rows of responses to this very policy."""
@@ -135,6 +134,12 @@ def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
                 yield Target(
                     entry.board_track.key, entry.track, entry.slug, agent, sha256, entry.path or PURSUIT
                 )
+
+
+def calls_of(side: str) -> list[dict[str, Any]]:
+    """Return the arguments of the calls of best_responses that find responses to a side's entries."""
+    spite = [SPITE] if side == "opponent" else []
+    return [*({**call, "reward": REWARDS[side]} for call in FULL_SEARCH), *spite]
 
 
 def kind_of(response: Row) -> tuple[Any, ...]:
@@ -234,15 +239,9 @@ def table(side: str, board: Path, file: RowFile) -> Iterator[str]:
     search has left have a column, too.
     """
     found = {target.slug: target.rows(file) for target in targets(board, TARGETS) if target.side == side}
-    strongest = {"algorithm": SCRIPT, "reward": REWARDS[side]}
-    calls = [{**call, "reward": REWARDS[side]} for call in FULL_SEARCH]
-    titles = {kind_of(call): _title(call) for call in calls}
-    if side == "opponent":
-        titles[kind_of(SPITE)] = f"paid for the loss: {_title(SPITE)}"
-    earlier = {
-        kind_of(row): _title(row) for rows in found.values() for row in rows if row["algorithm"] != SCRIPT
-    }
-    titles = {kind_of(strongest): "strongest script"} | (earlier | titles)
+    trained = [row for rows in found.values() for row in rows if row["algorithm"] != SCRIPT]
+    titles = {kind_of({"algorithm": SCRIPT, "reward": REWARDS[side]}): "strongest script"}
+    titles |= {kind_of(each): _title(each, side) for each in (*trained, *calls_of(side))}
     yield f"| entry | {' | '.join(titles.values())} | lowest known |"
     yield "| --- |" + " --- |" * (len(titles) + 1)
     for slug, rows in found.items():
@@ -252,9 +251,11 @@ def table(side: str, board: Path, file: RowFile) -> Iterator[str]:
         yield f"| `{slug}` | {' | '.join(cells)} | {lowest} |"
 
 
-def _title(call: Row) -> str:
-    """Return the title of a kind of response."""
-    return response_label({"start": "nothing", **call, "training_seed": 0}).removesuffix(", seed 0")
+def _title(call: Row, side: str) -> str:
+    """Return the title of a kind of response to a side's entries."""
+    paid = "" if call["reward"] == REWARDS[side] else "paid for the loss: "
+    label = response_label({"start": "nothing", **call, "training_seed": 0})
+    return paid + label.removesuffix(", seed 0")
 
 
 def _cell(rows: Sequence[Row]) -> str:

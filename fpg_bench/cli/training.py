@@ -441,8 +441,8 @@ def best_response(
         bool,
         typer.Option(
             help="Run the full search instead: SAC, PPO with stacked frames (continuous, discrete, and "
-            "discrete from the strongest), two seeds each, and 100 scripts with random constants; about an "
-            "hour.",
+            "discrete from the strongest), two seeds each, and 100 scripts with random constants; about "
+            "half an hour.",
             rich_help_panel=TRAINING,
         ),
     ] = False,
