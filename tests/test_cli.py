@@ -80,6 +80,7 @@ def test_a_shell_can_complete_what_can_be_named():
     assert completion.complete_id("FPG/OpponentVsS") == [
         f"FPG/OpponentVsScripted{mode}-v0" for mode in ("", "Discrete", "MultiDiscrete")
     ]
+    assert completion.complete_id("FPG/d") == ["FPG/duel_v0"]
     assert completion.complete_suite("planner-v") == ["planner-v1"]
     assert completion.complete_algorithm("pp") == ["ppo", "ppo-fast", "ppo-stack8"]
     named = {
@@ -102,6 +103,11 @@ def test_lists_name_all_that_can_be_named():
     single = fpg("envs", "FPG/OpponentVsScripted-v0").stdout
     assert single.splitlines()[:3] == lists["envs"].stdout.splitlines()[9:12]
     assert "FPG/OpponentVsScriptedDiscrete-v0" in single.splitlines()[3]
+    assert fpg("envs", "FPG/duel_v0").stdout.strip() in lists["envs"].stdout.splitlines()
+    for plain in ([], ["FPG/OpponentVsScripted-v0"]):  # nothing that a path would change
+        refused = fpg("envs", *plain, "--path", "circle")
+        assert (refused.returncode, refused.stdout) == (2, "")
+        assert "choices of an id" in refused.stderr
     text = lists["players"].stdout.replace(",", " ").replace(":", " ")
     assert {*SCRIPTED["ally"], *SCRIPTED["opponent"], *PLANNERS, *PATHS} <= set(text.split())
     assert "tier history" in text

@@ -10,6 +10,7 @@ import typer
 
 from fpg_bench.cli.completion import complete_id, complete_suite
 from fpg_bench.cli.options import JsonOption, PathOption, ScenarioOption, listed, name_all, print_json
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from fpg_bench.evaluation.suite import Suite
     from fpg_bench.evaluation.summary import Summary
     from fpg_bench.evaluation.zoo import ZooAgent
+
+_BOTH_SIDES = "Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry."
 
 
 def envs(
@@ -43,9 +46,10 @@ def envs(
     if env_id is not None:
         _print_id(env_id, path, scenario)
         return
+    _refuse_options(path, scenario)
     for config in ENVS.values():
         _print_env(config)
-    typer.echo("Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry.")
+    typer.echo(_BOTH_SIDES)
     typer.echo("A round: 300 steps of 1 s. All numbers lie in [-1, 1]; scales: docs/reference/rules.md")
     for side in SIDES:
         name_all(f"{side} sees", (f"{k} {name}" for k, name in enumerate(OBSERVED[side])))
@@ -55,6 +59,12 @@ def envs(
         "FPG/AllyVsScriptedDiscrete-v0;\n    fpg-bench envs ID lists them.\n"
         "The ally's spectrum in place of the numbers: observation='waterfall'."
     )
+
+
+def _refuse_options(path: str | None, scenario: str | None) -> None:
+    """Raise UserError if an option is given where no choices are listed."""
+    if path is not None or scenario is not None:
+        raise UserError("--path and --scenario change the choices of an id with discrete actions alone")
 
 
 def _print_env(config: EnvConfig) -> None:
@@ -69,12 +79,17 @@ def _print_env(config: EnvConfig) -> None:
 
 def _print_id(env_id: str, path: str | None, scenario: str | None) -> None:
     """Print each choice of an id with its name and its nine floats; the defaults of an id without choices."""
-    from fpg_bench.common.ids import find_env, id_with
+    from fpg_bench.common.ids import find_env, id_with, sides_of
     from fpg_bench.game.choices import Choices
     from fpg_bench.game.scenario import as_scenario
 
+    if len(sides_of(env_id)) > 1:
+        _refuse_options(path, scenario)
+        typer.echo(_BOTH_SIDES)
+        return
     config = find_env(env_id)
     if config.actions == "continuous":
+        _refuse_options(path, scenario)
         _print_env(config)
         typer.echo(f"    actions: nine floats; as a list of choices: {id_with(config.id, 'discrete')}")
         return
