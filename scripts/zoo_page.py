@@ -117,12 +117,12 @@ def _section(zoo: Zoo, group: ZooGroup) -> str:
 def _description(group: ZooGroup, suites: Sequence[Suite]) -> str:
     options = "".join(f", {key} {_option(value)}" for key, value in group.options.items())
     evaluated = "; ".join(
-        f"`{suite.name}` ({suite.hash[:12]}): {len(suite.rivals)} rivals, {suite.matches} matches each"
+        f"`{suite.name}` ({suite.hash[:12]}): {len(suite.rivals)} rivals, {suite.matches} matches each, "
+        f"{suite.scale.description}"
         for suite in suites
     )
-    scale = suites[0].scale.description.capitalize()
     note = f" {group.note}" if group.note else ""
-    return f"Trained on `{group.id}`{options}; evaluated on {evaluated}. {scale}.{note}"
+    return f"Trained on `{group.id}`{options}; evaluated on {evaluated}.{note}"
 
 
 def _option(value: Any) -> str:
