@@ -38,7 +38,13 @@ from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
-from fpg_bench.training.league import FULL_SEARCH, best_responses, response_folder, response_label
+from fpg_bench.training.league import (
+    FULL_SEARCH,
+    RESPONSE_REWARDS,
+    best_responses,
+    response_folder,
+    response_label,
+)
 
 # The first trained entries of each table, at most five, by what they earned among the unseen of season 2.
 TARGETS = (
@@ -56,9 +62,6 @@ TARGETS = (
     "opponent/opponent-champion",
     "opponent/opponent-learned-ppo",
 )
-# Reward of the responses by the side of the entry: an ally's lowest return is what anybody can do to it, an
-# opponent's is taken against allies that play for themselves.
-REWARDS = {"ally": "zero_sum", "opponent": "own"}
 # One response to each opponent is paid for what the opponent loses, whatever that costs an ally.
 SPITE: dict[str, Any] = {
     "algorithm": "ppo-stack8",
@@ -139,7 +142,7 @@ def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
 def calls_of(side: str) -> list[dict[str, Any]]:
     """Return the arguments of the calls of best_responses that find responses to a side's entries."""
     spite = [SPITE] if side == "opponent" else []
-    return [*({**call, "reward": REWARDS[side]} for call in FULL_SEARCH), *spite]
+    return [*({**call, "reward": RESPONSE_REWARDS[side]} for call in FULL_SEARCH), *spite]
 
 
 def kind_of(response: Row) -> tuple[Any, ...]:
@@ -160,9 +163,10 @@ def train_responses(target: Target, out: Path) -> list[Row]:
             progress=False,
             **call,
         )
-    scripts = results[REWARDS[target.side]]["scripts"]
+    reward = RESPONSE_REWARDS[target.side]
+    scripts = results[reward]["scripts"]
     name = min(scripts, key=lambda name: scripts[name]["return"])
-    strongest = {"algorithm": SCRIPT, "script": name, "reward": REWARDS[target.side], **scripts[name]}
+    strongest = {"algorithm": SCRIPT, "script": name, "reward": reward, **scripts[name]}
     return [strongest, *(response for result in results.values() for response in result["responses"])]
 
 
@@ -204,7 +208,7 @@ def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> 
 
 def _is_rival(row: Row, target: Target) -> bool:
     """Return True for a trained response that may become a rival: no script, and no spite."""
-    return row["reward"] == REWARDS[target.side] and row["algorithm"] != SCRIPT
+    return row["reward"] == RESPONSE_REWARDS[target.side] and row["algorithm"] != SCRIPT
 
 
 def write_suites(board: Path) -> Iterator[Path]:
@@ -240,20 +244,20 @@ def table(side: str, board: Path, file: RowFile) -> Iterator[str]:
     """
     found = {target.slug: target.rows(file) for target in targets(board, TARGETS) if target.side == side}
     trained = [row for rows in found.values() for row in rows if row["algorithm"] != SCRIPT]
-    titles = {kind_of({"algorithm": SCRIPT, "reward": REWARDS[side]}): "strongest script"}
+    titles = {kind_of({"algorithm": SCRIPT, "reward": RESPONSE_REWARDS[side]}): "strongest script"}
     titles |= {kind_of(each): _title(each, side) for each in (*trained, *calls_of(side))}
     yield f"| entry | {' | '.join(titles.values())} | lowest known |"
     yield "| --- |" + " --- |" * (len(titles) + 1)
     for slug, rows in found.items():
         cells = [_cell([row for row in rows if kind_of(row) == kind]) for kind in titles]
-        known = [row["return"] for row in rows if row["reward"] == REWARDS[side]]
+        known = [row["return"] for row in rows if row["reward"] == RESPONSE_REWARDS[side]]
         lowest = f"**{min(known):.1f}**" if known else "-"
         yield f"| `{slug}` | {' | '.join(cells)} | {lowest} |"
 
 
 def _title(call: Row, side: str) -> str:
     """Return the title of a kind of response to a side's entries."""
-    paid = "" if call["reward"] == REWARDS[side] else "paid for the loss: "
+    paid = "" if call["reward"] == RESPONSE_REWARDS[side] else "paid for the loss: "
     label = response_label({"start": "nothing", **call, "training_seed": 0})
     return paid + label.removesuffix(", seed 0")
 

@@ -422,12 +422,13 @@ def best_response(
     ] = "nothing",
     hyperparams: HyperparamsOption = None,
     reward: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="zero_sum: lower the player's return; own: raise the response's return.",
+            help="zero_sum: lower the player's return; own: raise the response's return. Default: zero_sum "
+            "against an ally, own against an opponent.",
             rich_help_panel=TRAINING,
         ),
-    ] = "zero_sum",
+    ] = None,
     actions: ActionsOption = None,
     search: Annotated[
         int,
@@ -476,7 +477,8 @@ def best_response(
     met = scripts[strongest]
     print_line(f"strongest script, {strongest}: {met['return']:.2f} per step, jammed {_percent(met)}")
     print_line(f"{agent}: lowest {row['lowest']['return']:.2f} per step, against {row['lowest']['against']}")
-    if row["lowest"]["against"] == strongest:
+    paid_for_loss = all(response["reward"] == "zero_sum" for response in row["responses"])
+    if row["lowest"]["against"] == strongest and paid_for_loss:
         print_line(
             f"{strongest} is stronger than these responses: they are not best responses yet; raise --steps"
         )

@@ -48,6 +48,9 @@ T = TypeVar("T", str, int)
 RESULT = "best_responses.json"
 ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
 STARTS = ("nothing", "strongest")
+# Reward of best responses by the side of the player: an ally's lowest return is what anybody can do to it, an
+# opponent's is taken against allies that play for themselves.
+RESPONSE_REWARDS = {"ally": "zero_sum", "opponent": "own"}
 MATCHES = 100  # against each player, in the evaluation of best responses and generations
 SEED_STRIDE = 1000  # generation g of self-play with seed k has training seed 1000 k + g
 RESPONDER_SEED = 1_000_000  # first training seed of the responders to champions
@@ -135,7 +138,7 @@ def best_responses(
     n_seeds: int = 3,
     start: str | Sequence[str] = "nothing",
     hyperparams: Hyperparams = None,
-    reward: str = "zero_sum",
+    reward: str | None = None,
     side: str | None = None,
     scenario: str | Path | None = None,
     path: str | Sequence[str] | None = None,
@@ -161,7 +164,8 @@ def best_responses(
             has the lowest return of the player so far; or both, one after the other.
         hyperparams: hyper-parameters of a single algorithm.
         reward: reward of the responses: ``zero_sum``, to lower the player's return, or any other of
-            :class:`fpg_bench.envs.core.SingleAgentGame`.
+            :class:`fpg_bench.envs.core.SingleAgentGame`; None for ``zero_sum`` against an ally and ``own``
+            against an opponent.
         side: side of the player; None takes that of the agent or the script.
         scenario: a scenario to play instead of that of the agent's training, on the same path and with the
             same knowledge base and jamming types.
@@ -192,6 +196,7 @@ def best_responses(
         raise UserError("hyperparams: belong to one algorithm, but several are named; name one")
     integer(search, "search", least=0)
     target = _find_target(agent, side, scenario, path)
+    reward = reward or RESPONSE_REWARDS[target.side]
     env_id, file = policy_env(other_side(target.side)).id, Path(out) / RESULT
     about = {
         "side": target.side,

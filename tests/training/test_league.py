@@ -163,6 +163,15 @@ def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result
 
 
 @pytest.mark.slow
+def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys):
+    best_response("tone", tmp_path / "out", steps="400", n_seeds=1, hyperparams=settings("ppo"))
+    result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
+    assert [row["reward"] for row in result["responses"]] == ["own"]
+    assert result["lowest"]["against"] in result["scripts"]
+    assert "not best responses" not in capsys.readouterr().out  # it was not paid for the opponent's loss
+
+
+@pytest.mark.slow
 def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, result):
     out = ally.parent.parent / "responses"
     assert json.loads((out / "best_responses.json").read_text()) == result
