@@ -49,7 +49,7 @@ class PackagedModel:
         name: of the model's file, without its suffix.
         package, version, wheel_sha256: of the package's wheel.
         member, sha256: the file inside the wheel.
-        megabytes: its size.
+        megabytes: size of that file.
         about: its description and licence.
     """
 
