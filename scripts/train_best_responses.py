@@ -110,11 +110,6 @@ class Target:
         """Name of the strongest response as a player."""
         return f"{FOLDER}/{self.side}/{self.slug}"
 
-    @property
-    def calls(self) -> list[dict[str, Any]]:
-        """Arguments of the calls of best_responses that find its responses."""
-        return calls_of(self.side)
-
     def rows(self, file: RowFile) -> list[Row]:
         """Return the rows of responses to this very policy."""
         own = {"track": self.track, "slug": self.slug, "policy_sha256": self.sha256, "protocol": PROTOCOL}
@@ -124,7 +119,7 @@ class Target:
         """Return True if there is a row for each response, and the strongest agent."""
         rows = Counter(kind_of(row) for row in self.rows(file))
         has_agent = (suites_folder() / self.response / "agent.json").is_file()
-        return has_agent and all(rows[kind_of(call)] >= call["n_seeds"] for call in self.calls)
+        return has_agent and all(rows[kind_of(call)] >= call["n_seeds"] for call in calls_of(self.side))
 
 
 def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
@@ -153,7 +148,7 @@ def kind_of(response: Row) -> tuple[Any, ...]:
 def train_responses(target: Target, out: Path) -> list[Row]:
     """Train the missing responses to a target; return their results, and that of the strongest script."""
     results: dict[str, Row] = {}
-    for call in target.calls:  # each result of a reward includes the former ones
+    for call in calls_of(target.side):  # each result of a reward includes the former ones
         results[call["reward"]] = best_responses(
             target.agent,
             out / call["reward"],

@@ -9,9 +9,9 @@ from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, NAMED, OFFLINE, id_wi
 
 
 def complete_player(incomplete: str) -> list[str]:
-    """Return the scripts and shipped agents that begin so, groups of training seeds before their members.
+    """Return the scripts and shipped agents with this prefix, groups of training seeds before their members.
 
-    Folders are completed by the shell itself, where no name begins so.
+    Folders are completed by the shell itself, where no name has the prefix.
     """
     from fpg_bench.players.agent import baselines_folder
 
@@ -24,29 +24,29 @@ def complete_player(incomplete: str) -> list[str]:
 
 
 def complete_id(incomplete: str) -> list[str]:
-    """Return the environment ids that begin so."""
+    """Return the environment ids with this prefix."""
     ids = (id_with(env_id, mode) for mode in ACTION_MODES for env_id in ENVS)
     return _beginning(incomplete, [DUEL, *ids])
 
 
 def complete_suite(incomplete: str) -> list[str]:
-    """Return the suites that begin so."""
+    """Return the suites with this prefix."""
     return _beginning(incomplete, _shipped("suites"))
 
 
 def complete_dataset(incomplete: str) -> list[str]:
-    """Return the data sets that begin so."""
+    """Return the data sets with this prefix."""
     return _beginning(incomplete, _shipped("datasets"))
 
 
 def complete_algorithm(incomplete: str) -> list[str]:
-    """Return the algorithms with shipped hyper-parameters that begin so."""
+    """Return the algorithms with this prefix that have shipped hyper-parameters."""
     names = (name for name in _shipped("hyperparams") if not re.search("-(learned|discrete)", name))
     return _beginning(incomplete, (name for name in names if name not in OFFLINE))
 
 
 def complete_offline(incomplete: str) -> list[str]:
-    """Return the algorithms that learn from data sets and begin so."""
+    """Return the algorithms with this prefix that learn from data sets."""
     return _beginning(incomplete, OFFLINE)
 
 

@@ -39,14 +39,29 @@ def envs(
 
     Example: fpg-bench envs FPG/OpponentVsScriptedDiscrete-v0
     """
+    from fpg_bench.common.ids import find_env, id_with, sides_of
+
+    is_duel = env_id is not None and len(sides_of(env_id)) > 1
+    config = None if env_id is None or is_duel else find_env(env_id)
+    if config is not None and config.actions != "continuous":
+        _print_choices(config, path, scenario)
+    elif path is not None or scenario is not None:
+        raise UserError("--path and --scenario change the choices of an id with discrete actions alone")
+    elif config is not None:
+        _print_env(config)
+        typer.echo(f"    actions: nine floats; as a list of choices: {id_with(config.id, 'discrete')}")
+    elif is_duel:
+        typer.echo(_BOTH_SIDES)
+    else:
+        _print_all_envs()
+
+
+def _print_all_envs() -> None:
+    """Print all ids, and what the sides observe and choose."""
     from fpg_bench.common.ids import ENVS
     from fpg_bench.game.names import CHOSEN, OBSERVED
     from fpg_bench.players.player import SIDES
 
-    if env_id is not None:
-        _print_id(env_id, path, scenario)
-        return
-    _refuse_options(path, scenario)
     for config in ENVS.values():
         _print_env(config)
     typer.echo(_BOTH_SIDES)
@@ -61,12 +76,6 @@ def envs(
     )
 
 
-def _refuse_options(path: str | None, scenario: str | None) -> None:
-    """Raise UserError if an option is given where no choices are listed."""
-    if path is not None or scenario is not None:
-        raise UserError("--path and --scenario change the choices of an id with discrete actions alone")
-
-
 def _print_env(config: EnvConfig) -> None:
     """Print an id with its defaults."""
     flown = f"planned by {config.planner}" if config.planner else config.path
@@ -77,22 +86,11 @@ def _print_env(config: EnvConfig) -> None:
     )
 
 
-def _print_id(env_id: str, path: str | None, scenario: str | None) -> None:
-    """Print each choice of an id with its name and its nine floats; the defaults of an id without choices."""
-    from fpg_bench.common.ids import find_env, id_with, sides_of
+def _print_choices(config: EnvConfig, path: str | None, scenario: str | None) -> None:
+    """Print each choice of an id with discrete actions, with its name and its nine floats."""
     from fpg_bench.game.choices import Choices
     from fpg_bench.game.scenario import as_scenario
 
-    if len(sides_of(env_id)) > 1:
-        _refuse_options(path, scenario)
-        typer.echo(_BOTH_SIDES)
-        return
-    config = find_env(env_id)
-    if config.actions == "continuous":
-        _refuse_options(path, scenario)
-        _print_env(config)
-        typer.echo(f"    actions: nine floats; as a list of choices: {id_with(config.id, 'discrete')}")
-        return
     played = as_scenario(scenario, opponent_path=listed(path) or config.path)
     for of in Choices(config.side, config.actions, played).lists:
         typer.echo(f"{of.name}: {len(of)}")

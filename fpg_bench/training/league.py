@@ -196,7 +196,7 @@ def best_responses(
         raise UserError("hyperparams: belong to one algorithm, but several are named; name one")
     integer(search, "search", least=0)
     target = _find_target(agent, side, scenario, path)
-    reward = reward or RESPONSE_REWARDS[target.side]
+    reward = RESPONSE_REWARDS[target.side] if reward is None else reward
     env_id, file = policy_env(other_side(target.side)).id, Path(out) / RESULT
     about = {
         "side": target.side,
