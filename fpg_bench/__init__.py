@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fpg_bench.envs.two_player import make_duel
     from fpg_bench.evaluation.evaluate import evaluate
     from fpg_bench.game.scenario import Scenario, preset
+    from fpg_bench.game.spec import GameSpec
     from fpg_bench.players.agent import load_agent, write_agent
     from fpg_bench.training.export import export_agent
 
@@ -29,6 +30,7 @@ _HOMES = {
     "Scenario": "fpg_bench.game.scenario",
     "preset": "fpg_bench.game.scenario",
     "make_duel": "fpg_bench.envs.two_player",
+    "GameSpec": "fpg_bench.game.spec",
     "make_sb3": "fpg_bench.envs.sb3_vec_env",
     "supersuit_vec_env": "fpg_bench.envs.supersuit_bridge",
     "evaluate": "fpg_bench.evaluation.evaluate",
@@ -38,6 +40,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "GameSpec",
     "Scenario",
     "UserError",
     "__version__",

@@ -13,12 +13,12 @@ from pathlib import Path
 import yaml
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_json, write_whole
+from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import NAMED
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.submission import seed_folders
 from fpg_bench.leaderboard.tracks import TRACKS, Track
-from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.agent import baselines_folder, read_card
 
 AUTHORS = ["fpg-bench maintainers"]
 # Track by the public suite of a group. Agents of other scenarios are not entered.
@@ -212,17 +212,17 @@ def champions() -> dict[str, str]:
 def trained(folder: Path, track: Track, role: str, saw: str, description: str) -> str:
     """Return the submission of an algorithm, with the mean hours of a seed at the speed of its last stage."""
     title, paper, unable = ALGORITHMS[folder.name]
-    agents = [read_json(seed / "agent.json", "agent") for seed in seed_folders(folder).values()]
-    hours = [agent["seconds"] / agent["steps_done"] * agent["training_steps"] / 3600 for agent in agents]
+    cards = [read_card(seed) for seed in seed_folders(folder).values()]
+    hours = [(card.seconds or 0) / (card.steps_done or 1) * card.training_steps / 3600 for card in cards]
     return entry(
         f"{title} ({role})",
         title,
         track,
         reference=f"https://arxiv.org/abs/{paper}",
         training={
-            "steps": agents[0]["training_steps"],
+            "steps": cards[0].training_steps,
             "hours": round(sum(hours) / len(hours), 3),
-            "seeds": [agent["training_seed"] for agent in agents],
+            "seeds": [card.training_seed for card in cards],
         },
         saw=f"{saw[0].upper()}{saw[1:]}.",
         unable=unable,

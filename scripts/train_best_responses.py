@@ -28,7 +28,7 @@ from typing import Any
 import yaml
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_json, write_json, write_whole
+from fpg_bench.common.files import write_whole
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import PROTOCOL
@@ -36,7 +36,7 @@ from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.folders import short_path, submission_folders
 from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import TRACKS
-from fpg_bench.players.agent import suites_folder
+from fpg_bench.players.agent import read_card, suites_folder
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.league import (
     FULL_SEARCH,
@@ -177,12 +177,11 @@ def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> 
     published = suites_folder() / target.response
     if strongest["return"] <= min(known, default=math.inf) or not (published / "agent.json").is_file():
         agent = out / strongest["reward"] / response_folder(strongest) / "agent"
-        about = read_json(agent / "agent.json", "agent")
-        imitation = about["hyperparameters"].get("imitate") or {}
+        card = read_card(agent)
+        imitation = card.hyperparameters.get("imitate") or {}
         if Path(imitation.get("teacher", "")).is_absolute():  # another response, which is not published
             imitation["teacher"] = "/".join(Path(imitation["teacher"]).parts[-3:-1])
-        write_whole(published / "policy.onnx", (agent / "policy.onnx").read_bytes())
-        write_json(published / "agent.json", about)
+        card.write(published, (agent / "policy.onnx").read_bytes())
     own = (target.track, target.slug)
     rows = [row for row in file.read() if (row["track"], row["slug"]) != own or kind_of(row) not in made]
     for response in responses:
@@ -226,8 +225,7 @@ def write_suites(board: Path) -> Iterator[Path]:
 
 def _rival(target: Target, other_side: str) -> dict[str, str]:
     """Return a response as a rival, on the flight path of its training."""
-    about = read_json(suites_folder() / target.response / "agent.json", "agent")
-    path = (about.get("scenario_fields") or {}).get("opponent_path", PURSUIT)
+    path = read_card(suites_folder() / target.response).scenario_fields.get("opponent_path", PURSUIT)
     return {"name": f"response to {target.slug}", other_side: target.response, "path": path}
 
 

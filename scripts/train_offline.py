@@ -54,7 +54,7 @@ TRANSITIONS = 300_000
 def suite_for(name: str) -> Suite:
     """Return the suite that measures the agents of a data set."""
     spec = load_spec(name)
-    return load_suite(suite_of(spec.env_id, spec.env_options))
+    return load_suite(suite_of(spec.game))
 
 
 def missing(rows: RowFile, seeds: list[int]) -> list[tuple[str, str, int | None]]:

@@ -31,7 +31,7 @@ from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.players.agent import load_agent
-from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
 
@@ -84,11 +84,9 @@ def run_config(agent: ZooAgent) -> RunConfig:
     """Return the run that trains an agent."""
     group = agent.group
     suite = None if group.id == DUEL else group.suites[0]
-    game = GameOptions.parse(group.options, f"zoo: {group.name}: options")
     return RunConfig(
-        *(agent.algorithm, group.id, agent.seed, agent.steps),
+        *(agent.algorithm, group.game, agent.seed, agent.steps),
         hyperparams=group.hyperparams.get(agent.algorithm),
-        game=game,
         suite=suite,
     )
 
@@ -112,11 +110,13 @@ def ship(agent: ZooAgent, run: Path) -> None:
         UserError: the agent is damaged, or of another budget or seed than the zoo's.
     """
     folder = RunFolder(run).agent_of(agent.group.side, sides_of(agent.group.id))
-    about = load_agent(folder).about
+    card = load_agent(folder).card
+    assert card is not None
+    made = {"id": card.game.id, "training_steps": card.training_steps, "training_seed": card.training_seed}
     expected = {"id": agent.group.id, "training_steps": agent.steps, "training_seed": agent.seed}
     for key, value in expected.items():
-        if about[key] != value:
-            raise UserError(f"run {run}: {key} is {about[key]!r}, the zoo asks for {value!r}; remove it")
+        if made[key] != value:
+            raise UserError(f"run {run}: {key} is {made[key]!r}, the zoo asks for {value!r}; remove it")
     for name in ("policy.onnx", "agent.json"):
         write_whole(agent.folder / name, (folder / name).read_bytes())
 

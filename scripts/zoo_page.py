@@ -170,9 +170,9 @@ def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summar
 
 def _training(zoo: Zoo, group: ZooGroup, algorithm: str) -> tuple[str, str]:
     """Return an algorithm's training steps, and the minutes of its fastest training."""
-    abouts = [agent.about() for agent in zoo.members(f"{group.name}/{algorithm}") if agent.shipped]
-    seconds = [about["seconds"] for about in abouts if "seconds" in about]
-    steps = f"{np.mean([about['training_steps'] for about in abouts]) / 1e6:.3g}M"
+    cards = [agent.card() for agent in zoo.members(f"{group.name}/{algorithm}") if agent.shipped]
+    seconds = [card.seconds for card in cards if card.seconds is not None]
+    steps = f"{np.mean([card.training_steps for card in cards]) / 1e6:.3g}M"
     return steps, number(min(seconds) / 60 if seconds else None)
 
 

@@ -46,7 +46,7 @@ def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
     assert actions.shape == (3, 9)
     if name in DISCRETE:
         rows = Choices("ally", "discrete", STANDARD).lists[0].rows
-        assert agent.about["actions"] == "discrete"
+        assert agent.card.game.actions == "discrete"
         assert agent.row_wise
         assert (actions[:, None] == rows).all(2).any(1).all()
 

@@ -77,7 +77,7 @@ def test_every_shipped_agent_plays_as_its_records_say(group):
     for member in SHIPPED.members(group.name):
         if not member.shipped:
             continue
-        about = load_agent(member.name).about
+        about = load_agent(member.name).card.to_dict()
         assert (about["id"], about["training_seed"]) == (group.id, member.seed), member.name
         assert about["training_steps"] == member.steps, member.name
         for suite in suites if not member.seed else ():  # the first seed of each algorithm is played
@@ -158,7 +158,7 @@ def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     assert (tiny / "scores/small/curves.svg").is_file()
     for member in zoo.members():
         suite = load_suite(member.group.suites[0])
-        assert load_agent(member.folder).about["side"] == member.group.side == suite.side
+        assert load_agent(member.folder).card.side == member.group.side == suite.side
         records = [x for x in zoo.read_records(member.group, suite) if x.training_seed == member.seed]
         played = [first_returns(member, suite, rival) for rival in suite.rivals]
         assert played == [record.returns[:2] for record in records]

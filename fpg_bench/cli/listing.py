@@ -150,7 +150,7 @@ def zoo(
 
 def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[dict[str, Any]]:
     """Yield one row for all training seeds of an algorithm, or one per seed if ``every``."""
-    steps = agents[0].about()["training_steps"]
+    steps = agents[0].card().training_steps
     if not every:
         score = None if summary is None else summary.score
         yield {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 import zipfile
 from pathlib import Path
@@ -175,9 +174,13 @@ def train(
     """
     check_writable(out)  # before the seconds that the imports take
     from fpg_bench.evaluation.zoo import load_zoo
-    from fpg_bench.training.config import GameOptions, RunConfig
+    from fpg_bench.game.spec import GameSpec
+    from fpg_bench.training.config import RunConfig
 
-    game = GameOptions(
+    from_zoo = against == ZOO and opponent is None and ally is None
+    game = GameSpec.of(
+        env_id,
+        against=None if from_zoo else listed(against),
         scenario=scenario,
         opponent=listed(opponent),
         ally=listed(ally),
@@ -190,19 +193,16 @@ def train(
         observation=observation,
         history=history,
     )
-    if against == ZOO and opponent is None and ally is None:
-        mixture = load_zoo().mixture(env_id, game.path, game.scenario)
-        game, against = dataclasses.replace(game, **mixture), None
+    if from_zoo:
+        game = load_zoo().mixture(game)
     llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
     config = RunConfig(
         algorithm,
-        env_id,
+        game,
         seed or 0,
         steps,
         hyperparams,
-        game,
         suite=suite,
-        against=listed(against),
         start=start,
         transcript=transcript,
         llm=llm,
@@ -551,7 +551,7 @@ def _print_exported(agent: Path, difference: float | None) -> None:
 
 def _agent_of(run: Path, side: str | None) -> tuple[Path, float | None]:
     """Return the folder of a run's agent, and the difference from the model, measured at the export."""
-    from fpg_bench.players.agent import load_agent
+    from fpg_bench.players.agent import load_agent, read_card
 
     agent = run / "agent" if (run / "agent").is_dir() else run
     if side is not None and (agent / side).is_dir():
@@ -560,7 +560,8 @@ def _agent_of(run: Path, side: str | None) -> tuple[Path, float | None]:
         both = (agent / "ally").is_dir()
         hint = "; add --side ally or --side opponent" if both else "; is the run finished?"
         raise UserError(f"export: {run} holds no agent{hint}")
-    return agent, load_agent(agent, side).about.get("largest_difference")
+    load_agent(agent, side)  # refuses a damaged one
+    return agent, read_card(agent).largest_difference
 
 
 def _from_zip(

@@ -79,11 +79,21 @@ def run(
     Example: fpg-bench tune run ppo FPG/AllyVsScripted-v0 --out runs/tune
     """
     require_extra("tune", "optuna", "plotly")
+    from fpg_bench.game.spec import GameSpec
     from fpg_bench.training.tuning.tune import tune
 
+    game = GameSpec.of(
+        env_id,
+        scenario=scenario,
+        opponent=listed(opponent),
+        ally=listed(ally),
+        path=listed(path),
+        planner=planner,
+        actions=actions,
+    )
     tune(
         algorithm,
-        env_id,
+        game,
         out,
         n_trials=n_trials,
         n_jobs=n_jobs,
@@ -96,12 +106,6 @@ def run(
         hyperparams=hyperparams,
         suite=suite,
         rounds=rounds,
-        scenario=scenario,
-        opponent=listed(opponent),
-        ally=listed(ally),
-        path=listed(path),
-        planner=planner,
-        actions=actions,
         backend=backend,
         address=address,
     )

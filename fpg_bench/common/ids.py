@@ -131,7 +131,7 @@ def sides_of(name: str) -> tuple[str, ...]:
     Raises:
         UserError: no such id.
     """
-    return ("ally", "opponent") if _plain(name) == DUEL else (find_env(name).side,)
+    return ("ally", "opponent") if plain_id(name) == DUEL else (find_env(name).side,)
 
 
 def find_env(name: str) -> EnvConfig:
@@ -143,7 +143,7 @@ def find_env(name: str) -> EnvConfig:
     Raises:
         UserError: no such id; the message suggests the nearest.
     """
-    name, actions = _plain(name), "continuous"
+    name, actions = plain_id(name), "continuous"
     if match := _MODE.fullmatch(name):
         name = f"{match[1]}-v0"
         actions = next(mode for mode, word in ACTION_MODES.items() if word == match[2])
@@ -158,5 +158,6 @@ def id_with(env_id: str, actions: str) -> str:
     return env_id.replace("-v0", f"{ACTION_MODES[actions]}-v0")
 
 
-def _plain(name: str) -> str:
+def plain_id(name: str) -> str:
+    """Return an id without the prefix ``fpg_bench:``."""
     return str(name).removeprefix("fpg_bench:")

@@ -145,7 +145,7 @@ def _check_room(data: Path, spec: DatasetSpec) -> None:
 
 def _metadata(spec: DatasetSpec, recipe: dict[str, Any]) -> dict[str, Any]:
     """Return Minari's metadata without the totals, which are known at the end."""
-    env = gymnasium.make(spec.env_id, **spec.env_options)
+    env = gymnasium.make(spec.game.id, **spec.game.options())
     assert env.spec is not None
     players = ", ".join(dict.fromkeys(spec.players))
     return {

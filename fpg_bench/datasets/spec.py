@@ -15,6 +15,7 @@ from fpg_bench.common.schema import Expected, Items, NonNegativeInt, PositiveInt
 from fpg_bench.evaluation.seeds import dataset_seed
 from fpg_bench.evaluation.suite import identity
 from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.version import __version__
 
@@ -83,9 +84,9 @@ class DatasetSpec(Strict):
         return id_with(policy_env(self.side).id, self.actions)
 
     @property
-    def env_options(self) -> dict[str, Any]:
-        """The options of ``gymnasium.make`` for that environment."""
-        return {"scenario": self.scenario, self.other_side: list(self.rivals)}
+    def game(self) -> GameSpec:
+        """The game in which the recorded side acts."""
+        return GameSpec.of(self.env_id, against=self.rivals, scenario=self.scenario)
 
     def load_scenario(self) -> Scenario:
         """Return the scenario; raises UserError if there is none of this name."""

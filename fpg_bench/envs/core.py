@@ -5,19 +5,19 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.common.checks import one_of
-from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
-from fpg_bench.common.ids import SCRIPTED, EnvConfig, find_env
-from fpg_bench.envs.two_player import CommonOptions, PlannerSpec, TwoPlayerBatch, make_duel
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.ids import SCRIPTED, EnvConfig
+from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch, make_duel
 from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described
 from fpg_bench.game.choices import Choices
-from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.spec import OBSERVATIONS, REWARDS, GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.game.waterfall import HISTORY, Waterfall
 from fpg_bench.planning import LLM_CONTROLS, Planner, as_planner
@@ -25,21 +25,7 @@ from fpg_bench.planning.planner import planner_name
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import expand_suites
-from fpg_bench.players.registry import as_player, player_name, policy_hash
-
-REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
-OBSERVATIONS = ("numbers", "waterfall")
-
-
-class GameOptions(CommonOptions, total=False):
-    """Keyword options of the environments of one side; see :class:`SingleAgentGame`."""
-
-    opponent: PlayerSpec | Sequence[PlayerSpec] | None
-    ally: PlayerSpec | Sequence[PlayerSpec] | None
-    reward: str | None
-    actions: str | None
-    observation: str | None
-    history: int | None
+from fpg_bench.players.registry import as_player, named_card, player_name
 
 
 def observation_space(waterfall: Waterfall | None = None) -> spaces.Box:
@@ -111,6 +97,7 @@ class Core:
     ``step(actions)``, which turns them into the ``(N, 9)`` floats of each side.
     """
 
+    game_spec: GameSpec
     duel: TwoPlayerBatch
 
     def reset(
@@ -135,26 +122,12 @@ class SingleAgentGame(Core):
     """N games of which the caller plays one side.
 
     Args:
-        env_id: one of the ids of :mod:`fpg_bench.common.ids`.
+        game: the game: which side the caller plays, against whom, and where.
         games: number of games, N.
-        scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard`` (with ten rounds
-            per match where the path is planned).
-        opponent, ally: the other side's player (its name, or in ``...VsPolicy`` any object with
-            ``predict``), or a list to draw from per round; ``suite:NAME``, alone or in a list, stands for
-            all members of that suite that play this side.
-        path: how the opponent flies, or a list to draw from per round.
-        planner: planner of the opponent's path (``...VsPlanner``): a name, an object, or a function or class
-            that makes one and may take the scenario. ``FPG/AllyVsLLM-v0`` takes those that ask a language
-            model.
-        knowledge, jamming_types: the scenario's fields of these names.
-        reward: ``own`` (None), the reward of the rules, or ``zero_sum``, ``jamming``, ``overlap``,
-            ``ally_cost``; see :func:`compute_reward`.
-        actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``; None takes that of the id.
-        observation: what the ally sees: its 15 ``numbers`` (None), or a spectrum ``waterfall``.
-        history: number of rows of the waterfall; None: 16.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
 
     Attributes:
+        game_spec: the game.
         config: the configuration of the id.
         duel: the games of both sides.
         choices: what the caller chooses from; None where actions are continuous.
@@ -162,66 +135,30 @@ class SingleAgentGame(Core):
         observation_space, action_space: of one game.
         observations: ``(N, 15)`` or ``(N, history, bins)`` float32, a buffer; copy what you keep.
         truncated: ``(N,)`` bool, a buffer.
-        policies: SHA-256 of the policies of the other side's agents, by name.
 
     Raises:
         UserError: an unknown option, a value or side that does not fit, or options that exclude each other.
     """
 
-    def __init__(
-        self,
-        env_id: str,
-        games: int = 1,
-        *,
-        scenario: Scenario | str | None = None,
-        opponent: PlayerSpec | Sequence[PlayerSpec] | None = None,
-        ally: PlayerSpec | Sequence[PlayerSpec] | None = None,
-        path: str | Sequence[str] | None = None,
-        planner: PlannerSpec | None = None,
-        knowledge: str | None = None,
-        jamming_types: Sequence[str] | None = None,
-        reward: str | None = None,
-        actions: str | None = None,
-        observation: str | None = None,
-        history: int | None = None,
-        threads: int | None = None,
-        **unknown: object,
-    ) -> None:
-        self.config = config = find_env(env_id)
+    def __init__(self, game: GameSpec, games: int = 1, threads: int | None = None) -> None:
+        self.game_spec = game
+        self.config = config = game.config
         self.side, other_side = config.side, config.other_side
-        _refuse_unknown(unknown, GameOptions)
-        own, other = (ally, opponent) if self.side == "ally" else (opponent, ally)
-        if own is not None:
+        if getattr(game, self.side) is not None:
             raise UserError(f"{self.side}: in {config.id} you play the {self.side}; name the {other_side}")
-        self.other_specs = expand_suites(_as_list(other, config.other), other_side)
-        self._reward = "own" if reward is None else one_of(reward, "reward", REWARDS)
-        if planner is not None and config.planner is None:
+        self.other_specs = expand_suites(game.others, other_side)
+        self._reward = "own" if game.reward is None else one_of(game.reward, "reward", REWARDS)
+        if game.planner is not None and config.planner is None:
             raise UserError(f"planner: {config.id} plans no paths; FPG/AllyVsPlanner-v0 does")
-        has_own_rounds = scenario is not None and not (isinstance(scenario, str) and scenario in PRESETS)
-        played = as_scenario(
-            scenario,
-            opponent_path=_path(path, config.path, scenario),
-            knowledge=knowledge,
-            jamming_types=jamming_types,
-            rounds_per_match=None if has_own_rounds else config.rounds_per_match,
-        )
-        if "waypoints" in played.paths and config.planner is None:
-            raise UserError(f"path: {config.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
-        self.planner = _planner(planner, config, played)
-        modes = {self.side: config.action_mode(actions)}
-        self.duel = TwoPlayerBatch(played, games, self.planner, threads, modes)
+        played = game.resolve()
+        self.planner = _planner(game.planner, config, played)
+        self.duel = TwoPlayerBatch(played, games, self.planner, threads, {self.side: game.action_mode})
         self.scenario, self.count = played, self.duel.count
         self.choices = self.duel.choices[self.side]
-        self.waterfall = self._waterfall(observation, history)
+        self.waterfall = self._waterfall(game.observation, game.history)
         self.observation_space = observation_space(self.waterfall)
         self.action_space = action_space(self.choices)
         self._runner = PolicyRunner(other_side, self._others(), self.duel.batch)
-        hashes = map(policy_hash, self._runner.players)
-        self.policies = {
-            player_name(spec): policy
-            for spec, policy in zip(self.other_specs, hashes, strict=True)
-            if policy is not None
-        }
         if self.waterfall is not None:
             self._windows = self.waterfall.empty(self.count)
         self._bind()
@@ -310,14 +247,29 @@ class SingleAgentGame(Core):
         return str(base[sensed].advice)
 
 
+def policies_of(game: GameSpec) -> dict[str, str]:
+    """Return the SHA-256 of the policies of the other side's agents in a game, by name.
+
+    Raises:
+        UserError: no such agent.
+    """
+    if game.is_duel:
+        return {}
+    side = game.config.other_side
+    cards = {player_name(spec): named_card(spec, side) for spec in expand_suites(game.others, side)}
+    return {name: card.policy_sha256 for name, card in cards.items() if card is not None}
+
+
 class JointGame(Core):
     """N games of which the caller plays both sides, the ally's numbers first everywhere.
 
     Args:
+        game: a game of ``FPG/duel_v0`` without action mode.
         games: number of games, N.
-        **options: those of :func:`fpg_bench.envs.two_player.make_duel` but ``actions``.
+        threads: see :class:`fpg_bench.game.batch.GameBatch`.
 
     Attributes:
+        game_spec: the game.
         observation_space, action_space: ``Box(-1, 1, (30,), float32)`` and ``Box(-1, 1, (18,), float32)``.
         sizes: of each side's observation and action.
         side: the side whose return SB3's statistics show.
@@ -329,9 +281,11 @@ class JointGame(Core):
     sizes = ((OBSERVATION_SIZE, ACTION_SIZE),) * 2
     side = "ally"
 
-    def __init__(self, games: int = 1, **options: Unpack[CommonOptions]) -> None:
-        _refuse_unknown(options, CommonOptions)
-        self.duel = make_duel(games, **options)
+    def __init__(self, game: GameSpec, games: int = 1, threads: int | None = None) -> None:
+        if game.actions is not None:
+            raise UserError(f"actions: of both sides together they are continuous, got {game.actions!r}")
+        self.game_spec = game
+        self.duel = make_duel(games, game=game, threads=threads)
         self.scenario, self.count = self.duel.scenario, self.duel.count
         self.observation_space = spaces.Box(-1.0, 1.0, (2 * OBSERVATION_SIZE,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (2 * ACTION_SIZE,), np.float32)
@@ -409,24 +363,6 @@ def first_seeds(seed: Seeds | None, count: int) -> np.ndarray:
     return check_seeds(seed, count)
 
 
-def _refuse_unknown(options: Mapping[str, object], known: type) -> None:
-    """Raise UnknownOptionError for the first option that a typed dictionary does not have."""
-    for name in options:
-        if name not in known.__annotations__:
-            hint = nearest(name, known.__annotations__)
-            raise UnknownOptionError(f"got an unexpected keyword argument {name!r}{hint}")
-
-
-def _as_list(spec: PlayerSpec | Sequence[PlayerSpec] | None, default: str) -> list[PlayerSpec]:
-    if spec is None:
-        return [default]
-    if isinstance(spec, Sequence) and not isinstance(spec, str):
-        if not spec:
-            raise UserError("a list of players to draw from must not be empty")
-        return list(spec)
-    return [spec]
-
-
 def _planner(spec: PlannerSpec | None, config: EnvConfig, scenario: Scenario) -> Planner | None:
     """Return the planner that the caller names, otherwise the environment's default."""
     spec = config.planner if spec is None else spec
@@ -437,16 +373,3 @@ def _planner(spec: PlannerSpec | None, config: EnvConfig, scenario: Scenario) ->
             "FPG/AllyVsPlanner-v0 takes any planner"
         )
     return planner
-
-
-def _path(
-    path: str | Sequence[str] | None, default: str, scenario: Scenario | str | None
-) -> str | Sequence[str] | None:
-    """Return the path that the caller names, otherwise the environment's default or a scenario's."""
-    if path is not None:
-        if default == "waypoints" and "waypoints" not in (path if isinstance(path, list | tuple) else [path]):
-            raise UserError("path: an opponent with a planner flies waypoints; choose a planner instead")
-        return path
-    if default == "waypoints":
-        return default
-    return None if scenario is not None else default

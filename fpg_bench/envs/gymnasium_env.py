@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Unpack
+from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.core import GameOptions, SingleAgentGame, first_seeds, one_action, wants_new_match
+from fpg_bench.envs.core import SingleAgentGame, first_seeds, one_action, wants_new_match
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 
 
@@ -44,19 +45,27 @@ class FPGEnv(gymnasium.Env):
     Args:
         env_id: one of the ids of :mod:`fpg_bench.common.ids`.
         render_mode: None, ``rgb_array`` or ``human``.
-        **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`.
+        threads: see :class:`fpg_bench.game.batch.GameBatch`.
+        **options: attributes of :class:`fpg_bench.game.spec.GameSpec`.
     """
 
     _spec: EnvSpec | None = None
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FRAMES_PER_SECOND}  # noqa: RUF012
 
-    def __init__(self, env_id: str, render_mode: str | None = None, **options: Unpack[GameOptions]) -> None:
-        self.core = SingleAgentGame(env_id, 1, **options)
+    def __init__(
+        self, env_id: str, render_mode: str | None = None, threads: int | None = None, **options: Any
+    ) -> None:
+        self.core = SingleAgentGame(GameSpec.of(env_id, **options), 1, threads)
         self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
         self.render_mode = render_mode
         self.observation_space, self.action_space = self.core.observation_space, self.core.action_space
         self._begun = False
         self._screen = Screen(self.core.duel.batch, render_mode)
+
+    @property
+    def game_spec(self) -> GameSpec:
+        """The game, as :func:`fpg_bench.make_sb3` opens it again."""
+        return self.core.game_spec
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -10,12 +10,12 @@ from gymnasium.vector.utils import batch_space
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import (
-    GameOptions,
     SingleAgentGame,
     first_seeds,
     staggered_horizons,
     wants_new_match,
 )
+from fpg_bench.game.spec import GameSpec
 
 _MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 
@@ -36,7 +36,8 @@ class FPGVectorEnv(VectorEnv):
         num_envs: number of games, N.
         stagger: cut the first rounds at evenly spread steps, so that the batch mixes phases.
         autoreset_mode: NEXT_STEP (``"NextStep"``) or SAME_STEP (``"SameStep"``).
-        **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`.
+        threads: see :class:`fpg_bench.game.batch.GameBatch`.
+        **options: attributes of :class:`fpg_bench.game.spec.GameSpec`.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
@@ -48,7 +49,8 @@ class FPGVectorEnv(VectorEnv):
         stagger: bool = False,
         render_mode: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        **options: Unpack[GameOptions],
+        threads: int | None = None,
+        **options: Any,
     ) -> None:
         if render_mode is not None:
             raise UserError(f"render_mode: a batch is not rendered, got {render_mode!r}; use gymnasium.make")
@@ -59,7 +61,7 @@ class FPGVectorEnv(VectorEnv):
         self.autoreset_mode = mode  # Gymnasium's own vectors have it beside the metadata; TorchRL asks for it
         self._same_step = mode is AutoresetMode.SAME_STEP
         self.metadata = {**self.metadata, "autoreset_mode": mode}
-        self.core = SingleAgentGame(env_id, num_envs, **options)
+        self.core = SingleAgentGame(GameSpec.of(env_id, **options), num_envs, threads)
         self.num_envs = num_envs
         self.render_mode = None
         self.single_observation_space = self.core.observation_space
@@ -68,6 +70,11 @@ class FPGVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._stagger = stagger
         self._begun = False
+
+    @property
+    def game_spec(self) -> GameSpec:
+        """The game, as :func:`fpg_bench.make_sb3` opens it again."""
+        return self.core.game_spec
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -12,8 +12,9 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
-from fpg_bench.envs.two_player import DuelOptions, make_duel
+from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.full_state import FULL_STATE_SIZE
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
 from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 
@@ -43,7 +44,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         "is_parallelizable": True,
     }
 
-    def __init__(self, render_mode: str | None = None, **options: Unpack[DuelOptions]) -> None:
+    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
         self.duel = make_duel(1, **options)
         self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
         self.render_mode = render_mode
@@ -55,6 +56,11 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         self.np_random = np.random.default_rng()  # for wrappers, as SuperSuit's frame_skip
         self._begun = False
         self._screen = Screen(self.duel.batch, render_mode)
+
+    @property
+    def game_spec(self) -> GameSpec | None:
+        """The game, as :func:`fpg_bench.make_duel` opens it again."""
+        return self.duel.game_spec
 
     def observation_space(self, agent: str) -> spaces.Box:
         """Return the space of an agent's observations, always the same object."""
@@ -124,11 +130,11 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         self._screen.close()
 
 
-def parallel_env(render_mode: str | None = None, **options: Unpack[DuelOptions]) -> FPGParallelEnv:
+def parallel_env(render_mode: str | None = None, **options: Any) -> FPGParallelEnv:
     """Make the game in which both sides move at once; see :class:`FPGParallelEnv`."""
     return FPGParallelEnv(render_mode, **options)
 
 
-def aec_env(render_mode: str | None = None, **options: Unpack[DuelOptions]) -> AECEnv:
+def aec_env(render_mode: str | None = None, **options: Any) -> AECEnv:
     """Make the same game with the sides taking turns within a step (PettingZoo's AEC interface)."""
     return OrderEnforcingWrapper(parallel_to_aec(FPGParallelEnv(render_mode, **options)))

@@ -9,7 +9,7 @@ require_extra("train", "stable_baselines3")
 
 import time
 from collections.abc import Sequence
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from stable_baselines3.common.monitor import Monitor
@@ -17,14 +17,13 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import (
-    GameOptions,
     JointGame,
     SingleAgentGame,
     first_seeds,
     staggered_horizons,
     wants_new_match,
 )
-from fpg_bench.envs.two_player import CommonOptions
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.rendering.screen import Screen
 
 
@@ -63,6 +62,11 @@ class FPGVecEnv(VecEnv):
         self._next_seeds = None if seed is None else first_seeds(seed, core.count)
         self._actions: np.ndarray | None = None
         self._start_time = time.time()
+
+    @property
+    def game_spec(self) -> GameSpec:
+        """The game, as :func:`make_sb3` opens it again."""
+        return self.core.game_spec
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed the next :meth:`reset`: game i begins a new match of seed + i."""
@@ -153,46 +157,39 @@ class FPGVecEnv(VecEnv):
 
 
 def make_sb3(
-    env_id: str,
+    game: str | GameSpec,
     n_envs: int = 1,
     seed: int | None = None,
     stagger: bool = False,
     render_mode: str | None = None,
-    **options: Unpack[GameOptions],
+    threads: int | None = None,
+    **options: Any,
 ) -> FPGVecEnv:
-    """Make a native SB3 ``VecEnv`` of N games of an id.
+    """Make a native SB3 ``VecEnv`` of N games.
 
     Observations are ``(N, 15)`` float32 or a waterfall, actions ``(N, 9)`` floats in [-1, 1] or choices from
-    a list, rewards ``(N,)`` float32.
+    a list, rewards ``(N,)`` float32. Of ``FPG/duel_v0``, for
+    :class:`fpg_bench.training.maddpg.maddpg.MADDPG`, they are ``(N, 30)``, ``(N, 18)`` and ``(N, 2)``, the
+    ally's first.
+
+    >>> env = make_sb3("FPG/AllyVsScripted-v0", n_envs=64, seed=0, opponent="sweep")
+    >>> env.reset().shape
+    (64, 15)
+    >>> env.game_spec.to_dict()
+    {'id': 'FPG/AllyVsScripted-v0', 'opponent': 'sweep'}
 
     Args:
-        env_id: ``FPG/AllyVsScripted-v0`` and the like.
+        game: an environment id, or a specification.
         n_envs: number of games, N.
         seed: game i begins with a match of seed + i; None: random.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
-        **options: those of :class:`fpg_bench.envs.core.SingleAgentGame`: ``scenario``, ``opponent`` or
-            ``ally``, ``path``, ``planner``, ``knowledge``, ``jamming_types``, ``reward``, ``actions``,
-            ``observation``, ``history``, ``threads``.
+        threads: see :class:`fpg_bench.game.batch.GameBatch`.
+        **options: attributes of :class:`fpg_bench.game.spec.GameSpec`, which replace those of ``game``.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.
     """
-    return FPGVecEnv(SingleAgentGame(env_id, n_envs, **options), seed, stagger, render_mode)
-
-
-def make_sb3_duel(
-    n_envs: int = 1, seed: int | None = None, stagger: bool = False, **options: Unpack[CommonOptions]
-) -> FPGVecEnv:
-    """Make both sides of N games one SB3 ``VecEnv``, for :class:`fpg_bench.training.maddpg.MADDPG`.
-
-    Observations ``(N, 30)``, actions ``(N, 18)``, rewards ``(N, 2)``, the ally's first.
-
-    Args:
-        n_envs, seed, stagger: as in :func:`fpg_bench.envs.sb3_vec_env.make_sb3`.
-        **options: those of :func:`fpg_bench.envs.two_player.make_duel` but ``actions``.
-
-    Raises:
-        UserError: something unknown, out of range, or impossible together.
-    """
-    return FPGVecEnv(JointGame(n_envs, **options), seed, stagger)
+    spec = GameSpec.of(game, **options)
+    core = (JointGame if spec.is_duel else SingleAgentGame)(spec, n_envs, threads)
+    return FPGVecEnv(core, seed, stagger, render_mode)

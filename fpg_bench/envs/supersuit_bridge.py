@@ -13,7 +13,7 @@ require_extra("supersuit", "supersuit", "stable_baselines3")
 
 import itertools
 from collections.abc import Sequence
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 import supersuit
@@ -23,7 +23,6 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 from fpg_bench.common.checks import integer
 from fpg_bench.envs.core import first_seeds
 from fpg_bench.envs.pettingzoo_env import FPGParallelEnv, parallel_env
-from fpg_bench.envs.two_player import DuelOptions
 from fpg_bench.players.player import SIDES
 
 
@@ -93,7 +92,7 @@ class SuperSuitVecEnv(VecEnvWrapper):
         return self.games[slot // len(SIDES)]
 
 
-def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Unpack[DuelOptions]) -> VecMonitor:
+def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Any) -> VecMonitor:
     """Make an SB3 ``VecEnv`` of ``2 * n_envs`` slots over ``n_envs`` games: each slot is one agent.
 
     Slots alternate, ally (even) and opponent (odd), so **one policy learns and plays both sides**

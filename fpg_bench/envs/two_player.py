@@ -2,41 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, TypedDict
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import DUEL
 from fpg_bench.game import rng
 from fpg_bench.game.batch import GameBatch, Seeds
 from fpg_bench.game.choices import action_choices
 from fpg_bench.game.full_state import full_state
 from fpg_bench.game.metrics import measures, pool
-from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.planner import planner_name
 from fpg_bench.players.player import SIDES
 
 PlannerSpec = str | Planner | Callable[..., Planner]  # a planner, its name, or a factory
-
-
-class CommonOptions(TypedDict, total=False):
-    """Keyword options of all environments; see :func:`make_duel`."""
-
-    scenario: Scenario | str | None
-    path: str | Sequence[str] | None
-    planner: PlannerSpec | None
-    knowledge: str | None
-    jamming_types: Sequence[str] | None
-    threads: int | None
-
-
-class DuelOptions(CommonOptions, total=False):
-    """Keyword options of the environments in which the caller plays both sides; see :func:`make_duel`."""
-
-    actions: str | Mapping[str, str]
 
 
 class TwoPlayerStep(NamedTuple):
@@ -67,7 +52,10 @@ class TwoPlayerBatch:
         batch: the games and all their buffers.
         choices: the choices of each side; None where its actions are continuous.
         plans: the present plan of each game, None where the path is not planned.
+        game_spec: the game, if :func:`make_duel` made it.
     """
+
+    game_spec: GameSpec | None = None
 
     def __init__(
         self,
@@ -202,31 +190,29 @@ class TwoPlayerBatch:
 
 
 def make_duel(
-    games: int = 1,
-    *,
-    scenario: Scenario | str | None = None,
-    path: str | Sequence[str] | None = None,
-    planner: PlannerSpec | None = None,
-    knowledge: str | None = None,
-    jamming_types: Sequence[str] | None = None,
-    threads: int | None = None,
-    actions: str | Mapping[str, str] = "continuous",
+    games: int = 1, *, game: GameSpec | None = None, threads: int | None = None, **options: Any
 ) -> TwoPlayerBatch:
     """Make a batch of games of which the caller plays both sides.
 
+    >>> duel = make_duel(64, path="circle")
+    >>> duel.reset(seeds=0).sum()
+    np.int64(64)
+
     Args:
         games: number of games, N.
-        scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard``.
-        path: how the opponent flies, or a list to draw from per round; shorthand for the scenario's field.
-        planner: a planner, its name, or a function or class that makes one; the path is ``waypoints`` then.
-        knowledge, jamming_types: shorthand for the scenario's fields of these names.
-        threads, actions: see :class:`TwoPlayerBatch`.
+        game: a specification of ``FPG/duel_v0`` whose options are replaced; None: that of the id alone.
+        threads: see :class:`TwoPlayerBatch`.
+        **options: ``scenario``, ``path``, ``planner``, ``knowledge``, ``jamming_types`` and ``actions``, the
+            attributes of :class:`fpg_bench.game.spec.GameSpec`; with a planner the path is ``waypoints``.
 
     Raises:
         UserError: an unknown option, a value out of range, or options that exclude each other.
     """
-    if planner is not None and path is None:
-        path = "waypoints"
-    played = as_scenario(scenario, opponent_path=path, knowledge=knowledge, jamming_types=jamming_types)
-    made = None if planner is None else as_planner(planner, played)
-    return TwoPlayerBatch(played, games, made, threads, actions)
+    spec = GameSpec.of(DUEL if game is None else game, **options)
+    if not spec.is_duel:
+        raise UserError(f"game: expected one of {DUEL}, got {spec.id}")
+    played = spec.resolve()
+    planner = None if spec.planner is None else as_planner(spec.planner, played)
+    duel = TwoPlayerBatch(played, games, planner, threads, spec.actions or "continuous")
+    duel.game_spec = spec
+    return duel

@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import NAMED, SCRIPTED
@@ -23,12 +22,22 @@ from fpg_bench.planning import PLANNERS, as_planner
 from fpg_bench.players.agent import agents_named
 from fpg_bench.players.hub import is_on_hub, pinned
 from fpg_bench.players.player import Abilities, Player, PlayerSpec
-from fpg_bench.players.registry import as_player, player_name, policy_hash
+from fpg_bench.players.registry import as_player, card_of, player_name, policy_hash
 
 ALL_SCRIPTED = "all-scripted"
+MADE = "2:"  # begins what is kept of how an agent was made; version 0.2.0 hashed other text
 _NAMELESS = "object "  # a fingerprint that holds as long as the program runs
 # What agents of one entry have in common; they differ by their training seed alone.
-_MADE_BY = ("algorithm", "id", "scenario", "training_steps", "hyperparameters", "options", "policies")
+_MADE_BY = (
+    "algorithm",
+    "game",
+    "scenario",
+    "training_steps",
+    "hyperparameters",
+    "options",
+    "policies",
+    "offline",
+)
 
 
 @dataclass(frozen=True)
@@ -91,7 +100,7 @@ def entries_of(
     groups: dict[str, list[PlayerSpec]] = {}
     for spec, player in players.items():
         groups.setdefault(_made_by(spec, player), []).append(spec)
-    agents = [members for members in groups.values() if _about(players[members[0]]) is not None]
+    agents = [members for members in groups.values() if card_of(players[members[0]]) is not None]
     if name is not None and len(agents) > 1:
         called = " and ".join(_label(members) for members in agents)
         raise UserError(f"name {name!r}: {called} were made differently, so they are several entries")
@@ -172,22 +181,16 @@ def _player(spec: PlayerSpec, suite: Suite) -> Player:
     return player
 
 
-def _about(player: Player) -> dict[str, Any] | None:
-    about = getattr(player, "about", None)
-    return about if isinstance(about, dict) else None
-
-
 def _made_by(spec: PlayerSpec, player: Player) -> str:
     """Return a key that agents of one entry share; any other player is an entry of its own."""
-    about = _about(player)
+    card = card_of(player)
     alone = spec if isinstance(spec, str) else f"{_NAMELESS}{id(spec)}"
-    if about is None:
+    if card is None:
         return alone
-    if "recipe" in about:  # of champions; each seed has responders of its own
-        return json.dumps(about["recipe"], sort_keys=True)
-    made = [about.get(key) for key in _MADE_BY]
-    made += [about["offline"]] if "offline" in about else []  # the key of all other agents stays
-    return json.dumps(made, sort_keys=True)
+    if card.recipe is not None:  # of champions; each seed has responders of its own
+        return json.dumps(card.recipe, sort_keys=True)
+    content = card.to_dict()
+    return json.dumps([content.get(key) for key in _MADE_BY], sort_keys=True)
 
 
 def _names(
@@ -196,8 +199,8 @@ def _names(
     """Return the name of each player; entries that would share one are named by their folders."""
     names: dict[PlayerSpec, str] = {}
     for members in groups.values():
-        about = _about(players[members[0]])
-        first = player_name(members[0]) if about is None else name or str(about["algorithm"])
+        card = card_of(players[members[0]])
+        first = player_name(members[0]) if card is None else name or card.algorithm
         names |= dict.fromkeys(members, first)
     for rename in (_label, lambda members: player_name(members[0])):
         counts = Counter(names[members[0]] for members in groups.values())
@@ -215,18 +218,17 @@ def _label(specs: Sequence[PlayerSpec]) -> str:
 
 
 def _entry(spec: PlayerSpec, player: Player, name: str) -> EvaluatedPlayer:
-    about = _about(player)
-    if about is None:
+    card = card_of(player)
+    if card is None:
         is_nameless = not isinstance(spec, str | os.PathLike)
         fingerprint = f"{_NAMELESS}{id(spec)}" if is_nameless else code_fingerprint(player_name(spec))
         return EvaluatedPlayer(name, None, fingerprint, FixedPlayer(spec))
     # An agent itself is sent to workers, as other machines may lack its files; other players by their names.
-    made = hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]
-    cost = {key: about.get(name) for key, name in (("steps", "training_steps"), ("seconds", "seconds"))}
-    training = {key: value for key, value in cost.items() if isinstance(value, int | float)}
-    fingerprint = str(policy_hash(player))
+    made = MADE + hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]
+    cost = {"steps": card.training_steps, "seconds": card.seconds}
+    training = {key: value for key, value in cost.items() if value is not None}
     return EvaluatedPlayer(
-        name, about["training_seed"], fingerprint, FixedPlayer(player), made=made, training=training
+        name, card.training_seed, card.policy_sha256, FixedPlayer(player), made=made, training=training
     )
 
 

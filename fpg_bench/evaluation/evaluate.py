@@ -17,7 +17,7 @@ from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import PositiveInt, Strict, parse
-from fpg_bench.evaluation.entry import EvaluatedPlayer, check_kept, check_seeds, entries_of
+from fpg_bench.evaluation.entry import MADE, EvaluatedPlayer, check_kept, check_seeds, entries_of
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_records
 from fpg_bench.evaluation.rounds import Players
@@ -182,11 +182,14 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer
             f"another version of it, not of {name} with {suite.matches}; choose another folder"
         )
     for entry in entries:
-        if entry.made is not None and about.made.setdefault(entry.name, entry.made) != entry.made:
-            raise UserError(
-                f"results {out}: hold {entry.name!r} with another budget, other hyper-parameters or other "
-                "opponents; give this one another name with --name"
-            )
+        if entry.made is not None:
+            before = about.made.get(entry.name, "")
+            if before.startswith(MADE) and before != entry.made:
+                raise UserError(
+                    f"results {out}: hold {entry.name!r} with another budget, other hyper-parameters or "
+                    "other opponents; give this one another name with --name"
+                )
+            about.made[entry.name] = entry.made
         if entry.training:
             about.training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training
     write_json(out / ABOUT, about.model_dump(exclude=None if about.training else {"training"}))

@@ -7,7 +7,7 @@ import functools
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -17,13 +17,14 @@ import pydantic
 
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.files import read_json, read_yaml
-from fpg_bench.common.ids import DUEL, find_env, other_side, policy_env
+from fpg_bench.common.files import read_yaml
+from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.planning import as_planner
-from fpg_bench.players.agent import agent_folder, suites_folder
+from fpg_bench.players.agent import read_card, suites_folder
 from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.registry import as_player
 
@@ -170,37 +171,36 @@ def identity(name: str) -> str:
         raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
     if not is_on_hub(name) and (":" in name or "/" not in name):
         return name
-    return str(read_json(agent_folder(name) / "agent.json", "agent").get("policy_sha256"))
+    return read_card(name).policy_sha256
 
 
-def suite_of(env_id: str, options: Mapping[str, Any], side: str | None = None) -> str:
-    """Return the name of the public suite that an id's players are measured on.
+def suite_of(game: GameSpec, side: str | None = None) -> str:
+    """Return the name of the public suite that a game's players are measured on.
 
     Players of ``paper`` and ``link`` are measured there, unless they fly or are flown by a planner.
 
-    Args:
-        env_id: the id.
-        options: options of its games.
-        side: side of the duel; None: that of the id.
+    >>> suite_of(GameSpec("FPG/OpponentVsScripted-v0", path="learned"))
+    'opponent-learned-v1'
 
-    Raises:
-        UserError: no such id.
+    Args:
+        game: the game.
+        side: side of the duel; of another game that of its id.
     """
-    if side is None or env_id != DUEL:
-        config = find_env(env_id)
-        if config.planner is not None:
+    if side is None or not game.is_duel:
+        if game.config.planner is not None:
             return "ally-planner-v1"
-        side = config.side
-    learned = side == "opponent" and options.get("path") == "learned"
-    if not learned and options.get("scenario") in ("paper", "link"):
-        return f"{side}-{options['scenario']}-v1"
+        side = game.config.side
+    learned = side == "opponent" and game.path == ("learned",)
+    scenario = game.scenario.name if isinstance(game.scenario, Scenario) else game.scenario
+    if not learned and scenario in ("paper", "link"):
+        return f"{side}-{scenario}-v1"
     return "opponent-learned-v1" if learned else f"{side}-v1"
 
 
 def side_suite(side: str, scenario: Scenario) -> Suite:
     """Return the public suite of a side, played in a scenario; opponents that fly have one of their own."""
     path = "learned" if "learned" in scenario.paths else "pursuit"
-    return load_suite(suite_of(policy_env(side).id, {"path": path}))
+    return load_suite(suite_of(GameSpec(policy_env(side).id, path=path)))
 
 
 def suite_file(name: str) -> Path:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Unpack
+from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import require_extra
-from fpg_bench.envs.two_player import DuelOptions, make_duel
+from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, make_match
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
@@ -49,7 +49,7 @@ def watch(
     out: str | Path | None = None,
     every: int = 1,
     overwrite: bool = False,
-    **game: Unpack[DuelOptions],
+    **game: Any,
 ) -> list[dict[str, float | None]]:
     """Play a game of two players and print or film it.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,13 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field as Constraint
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.files import read_json, read_yaml
+from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import SCRIPTED, sides_of
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite, load_suite
-from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.agent import baselines_folder, load_agent, read_card
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import SIDES
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class ZooGroup(_GroupFile):
         name: name in folders and tables.
         id: the environment id.
         side: the side that its agents play.
-        options: options of the games, as in :class:`fpg_bench.training.config.GameOptions`.
+        options: options of the games, attributes of :class:`fpg_bench.game.spec.GameSpec`.
         suites: suites that its agents are evaluated on, the public one first.
         steps: training budget of each algorithm.
         hyperparams: file of hyper-parameters of some algorithms; of the others the shipped one.
@@ -58,6 +59,11 @@ class ZooGroup(_GroupFile):
 
     name: str
     side: str
+
+    @property
+    def game(self) -> GameSpec:
+        """The game of the training."""
+        return GameSpec.from_dict({"id": self.id, **self.options}, f"zoo: {self.name}: options")
 
 
 @dataclass(frozen=True)
@@ -88,11 +94,11 @@ class ZooAgent:
         """Return True if the policy is the file that ``agent.json`` describes."""
         policy = self.folder / "policy.onnx"
         digest = hashlib.sha256(policy.read_bytes()).hexdigest() if policy.is_file() else None
-        return digest == self.about().get("policy_sha256")
+        return digest == self.card().policy_sha256
 
-    def about(self) -> dict[str, Any]:
-        """Return the content of ``agent.json``; raises UserError where it cannot be read."""
-        return read_json(self.folder / "agent.json", "agent")
+    def card(self) -> AgentCard:
+        """Return the agent's card; raises UserError where it cannot be read."""
+        return read_card(self.folder)
 
     def entry(self) -> EvaluatedPlayer:
         """Return the shipped agent as an entry of an evaluation; raises UserError where it is damaged."""
@@ -141,31 +147,25 @@ class Zoo:
             raise UserError(f"the zoo has no {only!r}{nearest(only, known)}")
         return named
 
-    def mixture(
-        self, env_id: str, path: str | Sequence[str] | None = None, scenario: object = None
-    ) -> dict[str, Any]:
-        """Return the rivals and paths that the zoo's agents of an environment were trained against.
+    def mixture(self, game: GameSpec) -> GameSpec:
+        """Return a game with the rivals and paths that the zoo's agents of its id were trained against.
 
         Args:
-            env_id: the environment id.
-            path: flight path of the opponent; None for that of the id's first group.
-            scenario: name of the scenario; for one without agents of its own, the mixture of ``standard``.
-
-        Returns:
-            Options of the games, with ``path`` replaced by the one that is given.
+            game: the game; a path that it names is kept and chooses among groups. A scenario without agents
+                of its own has the mixture of ``standard``.
 
         Raises:
-            UserError: the zoo has no mixture for this environment.
+            UserError: the zoo has no mixture for this id.
         """
-        groups = [group for group in self.groups if group.id == env_id and _draws(group)]
+        groups = [group for group in self.groups if group.id == game.id and _draws(group)]
         if not groups:
             known = dict.fromkeys(group.id for group in self.groups if _draws(group))
-            raise UserError(f"against zoo: the zoo has no mixture for {env_id}, but for {', '.join(known)}")
-        own = [group for group in groups if group.options.get("scenario") == scenario]
-        groups = own or [group for group in groups if "scenario" not in group.options]
-        options = next((g.options for g in groups if g.options.get("path") == path), groups[0].options)
-        options = {key: value for key, value in options.items() if key not in ("scenario", "actions")}
-        return options if path is None else {**options, "path": path}
+            raise UserError(f"against zoo: the zoo has no mixture for {game.id}, but for {', '.join(known)}")
+        own = [group for group in groups if group.game.scenario == game.scenario]
+        groups = own or [group for group in groups if group.game.scenario is None]
+        mixed = next((g.game for g in groups if g.game.path == game.path), groups[0].game)
+        other = game.config.other_side
+        return GameSpec.of(game, **{other: getattr(mixed, other), "path": game.path or mixed.path})
 
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
         """Return the newest records of a group on a suite, those of the present agents and scripts only."""
@@ -173,7 +173,7 @@ class Zoo:
 
         prints: dict[tuple[str, int | None], str] = {(name, None): name[:16] for name in SCRIPTED[group.side]}
         prints |= {
-            (agent.algorithm, agent.seed): str(agent.about().get("policy_sha256"))[:16]
+            (agent.algorithm, agent.seed): agent.card().policy_sha256[:16]
             for agent in self.members(group.name)
             if agent.shipped
         }

@@ -8,6 +8,7 @@ import hashlib
 import json
 import numbers
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -423,7 +424,6 @@ class Scenario:
         """
         path = Path(path)
         changes = read_yaml(path, "scenario")
-        check_keys(changes, [*(spec.name for spec in fields(cls)), "preset"], f"scenario {path}")
         knowledge = changes.get("knowledge")
         if (
             isinstance(knowledge, str)
@@ -431,10 +431,35 @@ class Scenario:
             and not Path(knowledge).is_absolute()
         ):
             changes["knowledge"] = str(path.parent / knowledge)
+        return cls.from_dict(changes, f"scenario {path}")
+
+    @classmethod
+    def from_dict(cls, changes: Mapping[str, Any], where: str = "scenario") -> Scenario:
+        """Return a scenario from a mapping of field names, applied to the preset named ``preset``.
+
+        Raises:
+            UserError: an unknown key or a bad value; ``where`` begins the message.
+        """
+        check_keys(changes, [*(spec.name for spec in fields(cls)), "preset"], where)
+        values = {name: value for name, value in changes.items() if name != "preset"}
         try:
-            return dataclasses.replace(preset(str(changes.pop("preset", "standard"))), **changes)
+            return dataclasses.replace(preset(str(changes.get("preset", "standard"))), **values)
         except ScenarioError as error:
-            raise ScenarioError(f"scenario {path}: {error}") from error
+            raise ScenarioError(f"{where}: {error}") from error
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields that differ from ``standard`` as JSON holds them, for :meth:`from_dict`.
+
+        >>> Scenario(hop_cost=60).to_dict()
+        {'hop_cost': 60.0}
+        """
+        values = {spec.name: getattr(self, spec.name) for spec in fields(self)}
+        return _as_json({k: v for k, v in values.items() if v != getattr(STANDARD, k)})
+
+    @property
+    def name(self) -> str | None:
+        """The name of the preset that equals it; None if there is none."""
+        return next((name for name in PRESETS if preset(name) == self), None)
 
     def to_yaml(self, path: str | Path) -> None:
         """Write every field, so that :meth:`from_yaml` returns an equal scenario."""

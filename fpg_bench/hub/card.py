@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from huggingface_hub import EvalResult, ModelCardData
@@ -11,6 +11,7 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import markdown
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.hub import HUB
 from fpg_bench.version import __version__
 
@@ -48,9 +49,8 @@ The agent is data, an ONNX network and a description of it, and plays in a sandb
 
 
 def model_card(
-    about: Mapping[str, Any],
+    card: AgentCard,
     repository: str,
-    side: str,
     suite: str,
     summaries: Sequence[Summary],
     files: Collection[str],
@@ -58,9 +58,8 @@ def model_card(
     """Return the model card of an agent.
 
     Args:
-        about: the content of ``agent.json``.
+        card: the agent's ``agent.json``.
         repository: ``owner/name`` on the Hub.
-        side: the side that it plays.
         suite: the suite that measures it.
         summaries: its results, one for each suite; they become the ``model-index``.
         files: names of the files that stand beside the card.
@@ -68,44 +67,43 @@ def model_card(
     metadata = ModelCardData(
         library_name="fpg-bench",
         pipeline_tag=_TASK,
-        tags=[_TASK, "fpg-bench", str(about["id"]), str(about["algorithm"]), "onnx"],
+        tags=[_TASK, "fpg-bench", card.game.id, card.algorithm, "onnx"],
         model_name=repository.partition("/")[2],
-        eval_results=[result for summary in summaries for result in _eval_results(about, summary)] or None,
+        eval_results=[result for summary in summaries for result in _eval_results(card, summary)] or None,
     )
     results = "\n".join(markdown([summary], summary.suite) for summary in summaries).strip()
-    command = about.get("command")
-    training = f"\n```sh\n{command}\n```\n" if command else ""
+    training = f"\n```sh\n{card.command}\n```\n" if card.command else ""
     if "curve.png" in files:
         training += "\n![Score over training steps](curve.png)\n"
-    seconds, offline = about.get("seconds"), about.get("offline")
+    seconds, offline = card.seconds, card.offline
     return _CARD.format(
         metadata=metadata.to_yaml(),
-        algorithm=about["algorithm"],
-        id=about["id"],
+        algorithm=card.algorithm,
+        id=card.game.id,
         version=__version__,
-        side=side,
-        other=other_side(side),
-        rival=_RIVAL[other_side(side)],
+        side=card.side,
+        other=other_side(card.side),
+        rival=_RIVAL[other_side(card.side)],
         results=results or "No records of an evaluation were uploaded.",
-        seed="unknown" if about["training_seed"] is None else about["training_seed"],
-        steps=f"{about['training_steps']:,}",
-        data=f" of gradient descent on the data set `{offline['dataset']}`" if offline else "",
-        time=f", {seconds:,.0f} seconds" if isinstance(seconds, int | float) else "",
-        scenario=str(about["scenario"])[:12],
+        seed="unknown" if card.training_seed is None else card.training_seed,
+        steps=f"{card.training_steps:,}",
+        data=f" of gradient descent on the data set `{offline.dataset}`" if offline else "",
+        time=f", {seconds:,.0f} seconds" if seconds is not None else "",
+        scenario=card.scenario[:12],
         training=training,
         player=HUB + repository,
         suite=suite,
     )
 
 
-def _eval_results(about: Mapping[str, Any], summary: Summary) -> list[EvalResult]:
+def _eval_results(card: AgentCard, summary: Summary) -> list[EvalResult]:
     """Return the score and the mean reward per step on a suite, as the Hub's ``model-index`` has them."""
-    where = {"task_type": _TASK, "task_name": _TASK, "dataset_type": about["id"]}
+    where: dict[str, Any] = {"task_type": _TASK, "task_name": _TASK, "dataset_type": card.game.id}
     over = f"95 % interval over {summary.over}"
     return [
         EvalResult(
             **where,
-            dataset_name=f"{about['id']}, suite {summary.suite.name}",
+            dataset_name=f"{card.game.id}, suite {summary.suite.name}",
             dataset_config=summary.suite.name,
             metric_type=kind,
             metric_name=f"{name}, {over} {_ends(value, digits)}",

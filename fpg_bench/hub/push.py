@@ -7,12 +7,10 @@ import json
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import DUEL, sides_of
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import RECORDS, read_results, records_of
 from fpg_bench.evaluation.play import match_of
@@ -25,6 +23,7 @@ from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.hub.card import model_card
 from fpg_bench.hub.pull import copy_checked
 from fpg_bench.players.agent import agent_folder, load_agent
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.hub import PUSHED_FILES, TIMEOUT_S, client, hub_errors, hub_name, split_name
 from fpg_bench.players.player import Player
 from fpg_bench.players.sandbox.client import AGENT_FILES
@@ -104,10 +103,10 @@ def agent_files(source: str, repository: str, results: Path | None = None) -> di
     with tempfile.TemporaryDirectory() as temporary:
         copy_checked(folder, Path(temporary) / "agent", f"agent {folder}")
     player = load_agent(folder)
-    about = player.about
-    side = about["side"] if about["id"] == DUEL else sides_of(about["id"])[0]
-    suite = load_suite(suite_of(about["id"], _options(about), side))
-    records = list(_records(folder, about, run, results))
+    card = player.card
+    assert card is not None
+    side, suite = card.side, load_suite(suite_of(card.game, card.side))
+    records = list(_records(folder, card, run, results))
     files = {file: (folder / file).read_bytes() for file in AGENT_FILES}
     files["replay.html"] = _replay(player, side, suite, repository)
     if records:
@@ -115,14 +114,9 @@ def agent_files(source: str, repository: str, results: Path | None = None) -> di
         files["records.jsonl"] = "".join(f"{row}\n" for row in rows).encode()
     if run is not None and (run / _CURVE).is_file():
         files[_CURVE] = (run / _CURVE).read_bytes()
-    summaries = [_with_training(each, about) for suite, of in records for each in summarise(of, suite)]
-    files["README.md"] = model_card(about, repository, side, suite.name, summaries, files).encode()
+    summaries = [_with_training(each, card) for suite, of in records for each in summarise(of, suite)]
+    files["README.md"] = model_card(card, repository, suite.name, summaries, files).encode()
     return files
-
-
-def _options(about: dict[str, Any]) -> dict[str, Any]:
-    options = about.get("options", {})
-    return options if isinstance(options, dict) else {}
 
 
 def _run_of(source: Path) -> Path | None:
@@ -131,12 +125,12 @@ def _run_of(source: Path) -> Path | None:
 
 
 def _records(
-    folder: Path, about: dict[str, Any], run: Path | None, results: Path | None
+    folder: Path, card: AgentCard, run: Path | None, results: Path | None
 ) -> Iterable[tuple[Suite, list[Record]]]:
     """Yield the suites that an agent was evaluated on, each with the records of this policy."""
 
     def own(records: Iterable[Record]) -> list[Record]:
-        return [record for record in records if record.fingerprint == about["policy_sha256"][:16]]
+        return [record for record in records if record.fingerprint == card.policy_sha256[:16]]
 
     home = run / "results" if results is None and run is not None else results
     if home is not None and (results is not None or (home / RECORDS).is_file()):
@@ -155,9 +149,8 @@ def _records(
                     yield suite, records
 
 
-def _with_training(summary: Summary, about: dict[str, Any]) -> Summary:
-    seconds = about.get("seconds")
-    return dataclasses.replace(summary, training=Training(about["training_steps"], seconds))
+def _with_training(summary: Summary, card: AgentCard) -> Summary:
+    return dataclasses.replace(summary, training=Training(card.training_steps, card.seconds))
 
 
 def _replay(player: Player, side: str, suite: Suite, repository: str) -> bytes:

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.files import read_json
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
@@ -24,6 +23,7 @@ from fpg_bench.leaderboard.season import (
     read_entries,
     season_seed,
 )
+from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.run_folder import RunFolder
 
@@ -144,7 +144,7 @@ def _compare(
             for player in entry.players
         ]
     )
-    is_same = read_json(again / "agent.json", "agent")["policy_sha256"] == member.policy_sha256
+    is_same = read_card(again).policy_sha256 == member.policy_sha256
     difference = float(np.abs(returns[:, 0] - returns[:, 1]).mean())
     return AuditedMember(side, member.name, is_same, difference, float(np.corrcoef(returns.T)[0, 1]))
 

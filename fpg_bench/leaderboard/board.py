@@ -596,7 +596,7 @@ def _make_entry(
         reference=submission.reference,
         licence=submission.licence,
         kind=kind,
-        actions=tuple(sorted({policy.about.get("actions", "continuous") for policy in submission.policies})),
+        actions=tuple(sorted({card.game.action_mode for card in submission.cards})),
         plays=submission.script or submission.zoo,
         player=player_of(submission),
         training=submission.training,
@@ -605,15 +605,7 @@ def _make_entry(
         description=submission.description,
         reason=reason,
         figures=figures,
-        offline=tuple(
-            sorted(
-                {
-                    policy.about["offline"]["dataset"]
-                    for policy in submission.policies
-                    if "offline" in policy.about
-                }
-            )
-        ),
+        offline=tuple(sorted({card.offline.dataset for card in submission.cards if card.offline})),
     )
 
 

@@ -30,6 +30,7 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
 from fpg_bench.game.scenario import as_scenario
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.leaderboard.season import (
     FILE,
     Recipe,
@@ -44,9 +45,10 @@ from fpg_bench.leaderboard.season import (
     write_suites,
 )
 from fpg_bench.leaderboard.tracks import SCENARIOS, track_of
+from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player
-from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
 
@@ -224,16 +226,16 @@ def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") ->
     """
     run = RunConfig(
         recipe.algorithm,
-        policy_env(recipe.side).id,
-        recipe.training_seed,
-        recipe.steps,
-        hyperparameters(recipe),
-        against=list(recipe.targets),
-        game=GameOptions(
+        GameSpec.of(
+            policy_env(recipe.side).id,
+            against=recipe.targets,
             reward=recipe.reward,
             path=recipe.path,
             scenario=None if scenario == "standard" else scenario,
         ),
+        recipe.training_seed,
+        recipe.steps,
+        hyperparameters(recipe),
     )
     if not RunFolder(folder).is_finished():
         train(run, folder, evaluations=0, progress=False, restart=True)
@@ -622,9 +624,9 @@ def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
         selected = select_by_group(returns, groups, size)
     members = []
     for index in selected:
-        about = read_json(closing.folder(recipes[index]) / "agent" / "agent.json", "agent")
+        card = read_card(closing.folder(recipes[index]) / "agent")
         earn = round(statistics.fmean(returns[:, index]), 3)
-        member = dict(recipes[index]) | {"policy_sha256": about["policy_sha256"], "entries_earn": earn}
+        member = dict(recipes[index]) | {"policy_sha256": card.policy_sha256, "entries_earn": earn}
         member |= {} if groups is None else {"group": groups[index]}
         members.append(SeasonMember(**member))
     return tuple(members)

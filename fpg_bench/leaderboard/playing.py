@@ -139,7 +139,7 @@ def running_player(part: Part, shipped_in_process: bool = False) -> Iterator[Pla
     if isinstance(part.plays, str):
         yield part.plays
     elif part.shipped and shipped_in_process:
-        yield OnnxPlayer(part.plays.model, part.plays.about)
+        yield OnnxPlayer(part.plays.model, part.plays.card)
     else:
         with client.PolicyClient(part.plays) as player:
             yield player

@@ -5,24 +5,22 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-import math
 import os
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeGuard
+from typing import Annotated, Any
 from urllib.parse import urlsplit
 
 from annotated_types import Ge, Le, Len
 from pydantic import AfterValidator, PlainValidator
 
-from fpg_bench.common.checks import is_integer
 from fpg_bench.common.errors import UserError, meant, nearest
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import read_json, read_yaml
-from fpg_bench.common.ids import ACTION_MODES, NAMED
+from fpg_bench.common.ids import NAMED
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.leaderboard.folders import (
@@ -38,7 +36,8 @@ from fpg_bench.leaderboard.tracks import PUBLIC, SCENARIOS, TRACKS, Track, Track
 from fpg_bench.leaderboard.transcripts import FOLDER as TRANSCRIPTS
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
-from fpg_bench.players.agent import baselines_folder, check_about
+from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.card import MOST_STEPS, AgentCard
 from fpg_bench.players.sandbox.client import AGENT_FILES, Policy, check_policies
 
 require_extra("evaluate", "onnx", "scipy", "matplotlib", "joblib")
@@ -46,7 +45,6 @@ require_extra("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 ABOUT = "submission.yaml"
 PATHS = ("pursuit", "learned")
 MOST_TEXT_BYTES = AGENT_FILES["agent.json"]  # of submission.yaml, too
-MOST_STEPS = 10**13
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 _SEED = re.compile(r"seed_(0|[1-9]\d{0,5})")
 _OVERSHOOT = 1.05  # training ends with a whole rollout, a little after its budget
@@ -288,6 +286,11 @@ class Submission(SubmissionFile):
         return tuple(f"{home}/seed_{policy.seed}" for policy in self.policies)
 
     @property
+    def cards(self) -> list[AgentCard]:
+        """The cards of its agents, as far as they can be read."""
+        return [policy.card for policy in self.policies if policy.card is not None]
+
+    @property
     def fingerprint(self) -> str:
         """SHA-256 of what was submitted: contents of ``submission.yaml``, policies and transcripts."""
         content = self.model_dump(include=set(SubmissionFile.model_fields))
@@ -521,8 +524,7 @@ def _training_problems(
         yield f"seeds: listed but missing: {missing}; found: {_folder_names(present)}"
     if unlisted := _folder_names(present - listed):
         yield f"seeds: found but not listed: {unlisted}"
-    counts = (policy.about.get("training_steps") for policy in policies)
-    steps = [max(1, count) for count in counts if _is_steps(count)]
+    steps = [max(1, policy.card.training_steps) for policy in policies if policy.card is not None]
     if steps and not min(steps) / _OVERSHOOT <= training.steps <= max(steps) * _OVERSHOOT:
         trained = f"{min(steps):,}" + (f" to {max(steps):,}" if min(steps) < max(steps) else "")
         yield f"steps: states {training.steps:,}, but agent.json has training_steps {trained}"
@@ -610,7 +612,7 @@ def read_policies(
 
 def _has_stated_hash(policy: Policy) -> bool:
     """Return True if ``agent.json`` has the hash of this policy, or could not be read."""
-    return not policy.about or bool(policy.about.get("policy_sha256") == policy.sha256)
+    return policy.card is None or policy.card.policy_sha256 == policy.sha256
 
 
 def read_policy(path: Path, seed: int | None, side: str | None) -> tuple[Policy | None, list[str]]:
@@ -628,55 +630,21 @@ def read_policy(path: Path, seed: int | None, side: str | None) -> tuple[Policy 
     unreadable = [f"/{name}: {line}" for name, most in limits if (line := file_problem(path / name, most))]
     if unreadable:
         return None, lines + unreadable
-    about, wrong = _read_agent(path / "agent.json", seed, side)
+    card, wrong = _read_card(path / "agent.json", seed, side)
     model = (path / "policy.onnx").read_bytes()
-    policy = Policy(seed or 0, about, model, hashlib.sha256(model).hexdigest())
+    policy = Policy(seed or 0, card, model, hashlib.sha256(model).hexdigest())
     if not _has_stated_hash(policy):
         wrong.append("policy_sha256: does not match policy.onnx (truncated or modified file?)")
     return policy, lines + [f"/agent.json: {line}" for line in wrong]
 
 
-def _read_agent(path: Path, seed: int | None, side: str | None) -> tuple[dict[str, Any], list[str]]:
-    """Return the contents of ``agent.json``, and its problems."""
+def _read_card(path: Path, seed: int | None, side: str | None) -> tuple[AgentCard | None, list[str]]:
+    """Return an agent's card, and its problems; None if it cannot be read."""
     try:
-        about = read_json(path, "agent")
-        check_about(about, "agent", side)
+        card = AgentCard.parse(read_json(path, "agent"), "agent", side)
     except UserError as error:
-        line = str(error).replace(f"agent {path}: ", "").removeprefix("agent: ").replace("agent.json ", "")
-        return {}, [line]
-    lines = []
-    trained, steps, algorithm = (about[key] for key in ("training_seed", "training_steps", "algorithm"))
-    if isinstance(trained, bool) or (seed is not None and trained != seed):
-        lines.append(f"training_seed: expected {seed}, as in the folder's name, got {quoted(trained)}")
-    if not _is_steps(steps):
-        expected = f"a whole number from 0 to {MOST_STEPS:,}"
-        lines.append(f"training_steps: expected {expected}, got {quoted(steps)}")
-    if not isinstance(algorithm, str) or len(algorithm) > 60:
-        lines.append(f"algorithm: expected text of at most 60 characters, got {quoted(algorithm)}")
-    if about.get("actions", "continuous") not in ACTION_MODES:
-        lines.append(f"actions: expected one of {', '.join(ACTION_MODES)}, got {quoted(about['actions'])}")
-    if "offline" in about and not _is_offline(about["offline"]):
-        lines.append(
-            f"offline: expected a mapping with the name of a data set, got {quoted(about['offline'])}"
-        )
-    if not _is_finite(about):
-        lines.append("contains a number that is not finite")
-    return about, lines
-
-
-def _is_offline(value: object) -> bool:
-    name = value.get("dataset") if isinstance(value, dict) else None
-    return isinstance(name, str) and name.isprintable() and 0 < len(name) <= 60
-
-
-def _is_steps(value: object) -> TypeGuard[int]:
-    return isinstance(value, int) and is_integer(value, 0) and value <= MOST_STEPS
-
-
-def _is_finite(value: object) -> bool:
-    """Return True if all numbers in a JSON value are finite."""
-    if isinstance(value, float):
-        return math.isfinite(value)
-    if isinstance(value, dict):
-        return all(map(_is_finite, value.values()))
-    return all(map(_is_finite, value)) if isinstance(value, list) else True
+        return None, [str(error).replace(f"agent {path}: ", "").removeprefix("agent: ")]
+    if seed is not None and card.training_seed != seed:
+        expected = f"expected {seed}, as in the folder's name"
+        return card, [f"training_seed: {expected}, got {quoted(card.training_seed)}"]
+    return card, []

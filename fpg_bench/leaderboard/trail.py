@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fpg_bench.common.files import read_json
-from fpg_bench.common.ids import other_side
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
@@ -13,6 +11,7 @@ from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import SCENARIOS
 from fpg_bench.players.agent import suites_folder
+from fpg_bench.players.card import FILE, AgentCard
 from fpg_bench.players.player import SIDES
 
 
@@ -22,14 +21,14 @@ def training_of(rival: Rival) -> str:
     Returns:
         Such as ``PPO-stack8, trained against expert, ally-population/td3``.
     """
-    path = suites_folder() / rival.players[0] / "agent.json"
+    path = suites_folder() / rival.players[0] / FILE
     if len(rival.players) > 1 or not path.is_file():
         return ""
-    about = read_json(path, "agent")
-    met = about["options"].get(other_side(about["side"]), "")
-    met = met.split(",") if isinstance(met, str) else met
-    names = [name.removeprefix("leaderboard/submissions/").partition("/seed_")[0] for name in met]
-    base, dash, variant = about["algorithm"].partition("-")
+    card = AgentCard.read(path)
+    names = [
+        name.removeprefix("leaderboard/submissions/").partition("/seed_")[0] for name in card.game.others
+    ]
+    base, dash, variant = card.algorithm.partition("-")
     return f"{base.upper()}{dash}{variant}, trained against {', '.join(dict.fromkeys(names))}"
 
 

@@ -22,6 +22,7 @@ from fpg_bench.common.ids import DUEL
 from fpg_bench.envs.core import JointGame
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.paper.conditions import Condition, swapped
 from fpg_bench.paper.runs import FINAL, Run, window_row, windows_of
 from fpg_bench.players.player import SIDES
@@ -38,7 +39,8 @@ class Recorded(JointGame):
     """N games that record their rounds; the ally always hops by the knowledge base (Algorithm 1, line 6).
 
     Args:
-        games, **options: as for :class:`fpg_bench.envs.core.JointGame`.
+        games: number of games, N.
+        **options: of the game, attributes of :class:`fpg_bench.game.spec.GameSpec`.
 
     Attributes:
         played: number of steps, over all games.
@@ -47,7 +49,7 @@ class Recorded(JointGame):
     """
 
     def __init__(self, games: int = 1, **options: Any) -> None:
-        super().__init__(games, **options)
+        super().__init__(GameSpec.of(DUEL, **options), games)
         self.played = 0
         self.rounds: list[tuple[int, np.void, np.ndarray]] = []
 

@@ -14,9 +14,10 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import has, require_extra
-from fpg_bench.common.files import read_json, write_json, write_whole
-from fpg_bench.common.ids import DUEL, ENVS, find_env, sides_of
+from fpg_bench.common.files import read_json
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.card import FILE, AgentCard
 from fpg_bench.players.hub import PULLED, is_on_hub, resolve
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
 from fpg_bench.players.player import SIDES, Memory
@@ -25,9 +26,7 @@ from fpg_bench.players.seeded import SeededPolicy
 if TYPE_CHECKING:
     from fpg_bench.players.sandbox.agent import SandboxedAgent
 
-AGENT_FORMAT = 1
 _SEED = re.compile(r"seed_(\d+)")
-_FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
 
 
 class OnnxPlayer(SeededPolicy):
@@ -42,7 +41,7 @@ class OnnxPlayer(SeededPolicy):
 
     Args:
         model: the bytes of ``policy.onnx``.
-        about: the content of ``agent.json``.
+        card: the agent's card; None for a policy without one.
 
     Attributes:
         state_size, noise_size: 0 where the policy has none.
@@ -52,10 +51,10 @@ class OnnxPlayer(SeededPolicy):
         UserError: not an ONNX file, one that onnxruntime cannot read, or one with other inputs or outputs.
     """
 
-    def __init__(self, model: bytes, about: dict[str, Any]) -> None:
+    def __init__(self, model: bytes, card: AgentCard | None = None) -> None:
         import onnxruntime
 
-        self.model, self.about = model, about
+        self.model, self.card = model, card
         read, self.row_wise = _read(model) if has("onnx") else (model, False)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -108,11 +107,11 @@ class OnnxPlayer(SeededPolicy):
         fill_noise(noise, self.keys(len(steps)), steps)
         return noise
 
-    def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, dict[str, Any]]]:
-        return type(self), (self.model, self.about)
+    def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, AgentCard | None]]:
+        return type(self), (self.model, self.card)
 
     def __repr__(self) -> str:
-        return f"OnnxPlayer({self.about.get('id')}, {self.about.get('algorithm')})"
+        return "OnnxPlayer()" if self.card is None else f"OnnxPlayer({self.card})"
 
 
 def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer | SandboxedAgent:
@@ -131,47 +130,31 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
     """
     folder = agent_folder(name)
     where = f"agent {name if is_on_hub(name) else folder}"
-    about = read_json(folder / "agent.json", "agent")
-    check_about(about, where, side)
+    card = AgentCard.parse(read_json(folder / FILE, "agent"), where, side)
     try:
         model = (folder / "policy.onnx").read_bytes()
     except OSError as error:
         raise UserError(f"{where}: policy.onnx cannot be read: {error.strerror}") from error
-    if hashlib.sha256(model).hexdigest() != about["policy_sha256"]:
+    if not card.describes(model):
         raise UserError(f"{where}: policy.onnx is not the file that agent.json describes (sha256)")
     marks = (folder / PULLED, folder.absolute().parent / "submission.yaml")
     try:
         if is_on_hub(name) or any(mark.exists() for mark in marks):
             from fpg_bench.players.sandbox.agent import SandboxedAgent
 
-            return SandboxedAgent(model, about)
-        return OnnxPlayer(model, about)
+            return SandboxedAgent(model, card)
+        return OnnxPlayer(model, card)
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
 
 
-def check_about(about: dict[str, Any], where: str, side: str | None = None) -> None:
-    """Raise UserError if this version cannot play the agent that an ``agent.json`` describes.
+def read_card(name: str | os.PathLike[str]) -> AgentCard:
+    """Return the card of an agent, by its name or folder, without its policy.
 
     Raises:
-        UserError: a field missing, another format, id or side; ``where`` begins the message.
+        UserError: no such agent, or an invalid ``agent.json``.
     """
-    missing = [field for field in _FIELDS if field not in about]
-    if missing:
-        raise UserError(f"{where}: agent.json lacks {', '.join(missing)}")
-    if about["format"] != AGENT_FORMAT:
-        raise UserError(f"{where}: format {about['format']!r}, this version reads {AGENT_FORMAT}")
-    if not str(about["algorithm"]).isprintable():
-        raise UserError(f"{where}: algorithm: expected printable text, got {about['algorithm']!r:.40}")
-    if not isinstance(about["training_seed"], int | None):
-        raise UserError(
-            f"{where}: training_seed: expected a whole number or null, got {about['training_seed']!r:.40}"
-        )
-    if about["id"] not in (DUEL, *ENVS):
-        raise UserError(f"{where}: made for the id {about['id']!r}, which this version does not have")
-    plays = about.get("side") if about["id"] == DUEL else sides_of(about["id"])[0]
-    if side is not None and plays != side:
-        raise UserError(f"{where}: plays the {plays} ({about['id']}), not the {side}")
+    return AgentCard.read(agent_folder(name) / FILE)
 
 
 def agent_folder(name: str | os.PathLike[str]) -> Path:
@@ -275,30 +258,27 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
         folder: the folder to write.
         model: the policy as ONNX, its bytes or its file, with the inputs and outputs of
             :class:`fpg_bench.players.agent.OnnxPlayer`. Notes of the exporter on this machine are removed.
-        **about: content of ``agent.json``: ``algorithm``, ``id`` (the environment id), ``training_seed`` and
-            ``training_steps`` at least; ``scenario`` (its hash) where it was not ``standard``; of
-            ``FPG/duel_v0`` also ``side``. An id of discrete actions is written as the plain id and
-            ``actions``.
+        **about: attributes of :class:`fpg_bench.players.card.AgentCard`, with ``id`` in place of ``game`` if
+            you like: ``algorithm``, ``id``, ``training_seed`` and ``training_steps`` at least; ``scenario``
+            (its hash) where it was not ``standard``; of ``FPG/duel_v0`` also ``side``.
 
     Raises:
         UserError: a field missing, a policy with other inputs or outputs, or a file that is not ONNX.
     """
     where = f"agent {os.fspath(folder)}"
     data = stripped(model if isinstance(model, bytes) else Path(model).read_bytes())
-    sha256 = hashlib.sha256(data).hexdigest()
-    content = {"format": AGENT_FORMAT, "scenario": STANDARD.hash, **about, "policy_sha256": sha256}
-    if about.get("id", DUEL) != DUEL:
-        config = find_env(about["id"])
-        content["id"] = config.id
-        if config.actions != "continuous":
-            content["actions"] = config.actions
-    check_about(content, where)
+    content: dict[str, Any] = {"scenario": STANDARD.hash, **about}
+    content["policy_sha256"] = hashlib.sha256(data).hexdigest()
+    if "id" in content:
+        content["game"] = GameSpec(content.pop("id"), actions=content.pop("actions", None))
+    elif "game" not in content:
+        raise UserError(f"{where}: lacks id")
+    card = AgentCard.parse(content, where)
     try:
-        OnnxPlayer(data, content)
+        OnnxPlayer(data, card)
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
-    write_whole(Path(folder) / "policy.onnx", data)
-    write_json(Path(folder) / "agent.json", content)
+    card.write(Path(folder), data)
 
 
 def stripped(model: bytes) -> bytes:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.players.agent import OnnxPlayer, load_agent, suites_folder
@@ -24,20 +23,14 @@ class SuiteMember(OnnxPlayer):
     @property
     def flies(self) -> str:
         """``learned`` if the opponent flew itself in its training, otherwise ``pursuit``."""
-        return flight_of(self.about)
-
-
-def flight_of(about: Mapping[str, Any]) -> str:
-    """Return ``learned`` if ``agent.json`` has it among the paths of the training, otherwise ``pursuit``."""
-    scenario = about.get("scenario_fields")
-    path = scenario.get("opponent_path") if isinstance(scenario, dict) else None
-    return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
+        assert self.card is not None
+        return self.card.flies
 
 
 def member_from_folder(folder: str | os.PathLike[str], side: str | None = None) -> SuiteMember:
     """Load a member from its agent folder; raises as :func:`fpg_bench.players.agent.load_agent`."""
     agent = load_agent(folder, side)
-    return SuiteMember(agent.model, agent.about)
+    return SuiteMember(agent.model, agent.card)
 
 
 def expand_suites(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:

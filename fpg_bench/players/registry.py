@@ -20,6 +20,7 @@ from fpg_bench.common.imports import import_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.waterfall import Waterfall
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Memory, Player, PlayerSpec
@@ -66,13 +67,13 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         from fpg_bench.players.population import load_member
 
         return load_member(name, side)
-    if ":" in name and not is_on_hub(name):
-        player: Player = import_object(name, side, ("predict",), scenario)
-        return player
-    if "/" in name or (name and Path(name).is_dir()):
+    if _is_agent(name, side):
         from fpg_bench.players.agent import load_agent
 
         return load_agent(name, side)
+    if ":" in name:
+        player: Player = import_object(name, side, ("predict",), scenario)
+        return player
     if name in NAMED[other_side(side)]:
         raise _of_other_side(name, side)
     raise UserError(f"unknown {side} {name!r}{nearest(name, [*NAMED[side], *ORACLES])}")
@@ -101,11 +102,43 @@ def _of_other_side(name: str, side: str) -> UserError:
     return UserError(f"{name!r} plays the {other_side(side)}; name a player of the {side}")
 
 
+def card_of(player: object) -> AgentCard | None:
+    """Return the card of an agent; None for any other player."""
+    card = getattr(player, "card", None)
+    return card if isinstance(card, AgentCard) else None
+
+
 def policy_hash(player: object) -> str | None:
     """Return the SHA-256 of an agent's policy; None for any other player."""
-    about = getattr(player, "about", None)
-    sha256 = about.get("policy_sha256") if isinstance(about, dict) else None
-    return None if sha256 is None else str(sha256)
+    card = card_of(player)
+    return None if card is None else card.policy_sha256
+
+
+def named_card(spec: PlayerSpec, side: str) -> AgentCard | None:
+    """Return the card of the agent that a specification names, without its policy; None for other players.
+
+    Raises:
+        UserError: no such agent, one without a valid card, or one of the other side.
+    """
+    if not isinstance(spec, str | os.PathLike):
+        return card_of(spec)
+    name = os.fspath(spec)
+    if name.startswith("suite:"):
+        from fpg_bench.players.population import member_folder
+
+        name = member_folder(name, side)
+    elif not _is_agent(name, side):
+        return None
+    from fpg_bench.players.agent import read_card
+
+    return read_card(name)
+
+
+def _is_agent(name: str, side: str) -> bool:
+    """Return True if a name is that of an agent or a folder."""
+    if _VARIANT.fullmatch(name) or name in NAMED[side] or name in ORACLES:
+        return False
+    return is_on_hub(name) or (":" not in name and ("/" in name or (bool(name) and Path(name).is_dir())))
 
 
 def player_name(spec: PlayerSpec) -> str:

@@ -28,15 +28,14 @@ from torch import nn
 from torch.distributions import Distribution
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import write_json, write_whole
-from fpg_bench.common.ids import DUEL, find_env
 from fpg_bench.common.imports import reason
-from fpg_bench.envs.core import SingleAgentGame
 from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.sensing import RELATIVE_POSITION
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.players.agent import AGENT_FORMAT, OnnxPlayer, stripped
+from fpg_bench.players.agent import OnnxPlayer, stripped
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Player
 from fpg_bench.training.actor import Actor, core_of, waterfall_of
 
@@ -142,20 +141,21 @@ def export_agent(
         UserError: an unsupported policy, or neither games of this package nor an ``id``.
     """
     core = core_of(model)
-    if id is None:
-        if not isinstance(core, SingleAgentGame):
-            raise UserError(
-                "export: the model has no games of fpg_bench; give the id that it was trained for"
-            )
-        id = core.config.id
+    if id is not None:
+        game = GameSpec(id)
+    elif core is None or core.game_spec.is_duel:
+        raise UserError("export: the model has no games of fpg_bench; give the id that it was trained for")
+    else:
+        game = core.game_spec
+    scenario = STANDARD if core is None else core.duel.scenario
     choices = None
-    if id != DUEL:
-        config = find_env(id)
-        id, choices = config.id, action_choices(config.side, config.actions, STANDARD)
+    if not game.is_duel:
+        choices = action_choices(game.config.side, game.action_mode, STANDARD)
     description = {
         "algorithm": algorithm or type(model).__name__.lower(),
-        "id": id,
-        "scenario": STANDARD.hash if core is None else core.duel.scenario.hash,
+        "game": game.describe(),
+        "scenario": scenario.hash,
+        "scenario_fields": scenario.to_dict(),
         "training_seed": training_seed,
         "training_steps": model.num_timesteps,
     }
@@ -170,8 +170,7 @@ def write_exported(
     Args:
         model: a trained model (with its ``VecNormalize`` and stacked frames, if it was trained with them).
         folder: the agent's folder.
-        about: content of ``agent.json``: algorithm, id, scenario hash, training seed and steps, versions;
-            the action mode is added where actions are discrete.
+        about: attributes of the agent's card; the action mode is added where actions are discrete.
         choices: the choices of a discrete model without games.
 
     Returns:
@@ -182,18 +181,20 @@ def write_exported(
     """
     actor = Actor(model, choices)
     data = _onnx_of(actor, model)
-    mode = {} if actor.choices is None else {"actions": actor.choices.mode}
-    about = {"format": AGENT_FORMAT, **about, **mode, "policy_sha256": hashlib.sha256(data).hexdigest()}
-    difference = _checked(largest_difference(model, OnnxPlayer(data, about), actor.choices), model)
-    write_whole(folder / "policy.onnx", data)
-    write_json(folder / "agent.json", about | {"largest_difference": difference})
+    game = dict(about["game"])
+    if actor.choices is not None:
+        game.setdefault("actions", actor.choices.mode)
+    content = {**about, "game": game, "policy_sha256": hashlib.sha256(data).hexdigest()}
+    card = AgentCard.parse(content, f"agent {folder}")
+    difference = _checked(largest_difference(model, OnnxPlayer(data, card), actor.choices), model)
+    card.model_copy(update={"largest_difference": difference}).write(folder, data)
     return difference
 
 
 def check_exportable(model: BaseAlgorithm) -> None:
     """Raise UserError if the model's policy cannot be exported."""
     actor = Actor(model)
-    player = OnnxPlayer(_onnx_of(actor, model), {})
+    player = OnnxPlayer(_onnx_of(actor, model))
     _checked(largest_difference(model, player, actor.choices, steps=20), model)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,8 +10,8 @@ from pydantic import ConfigDict, Field
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
-from fpg_bench.common.ids import ENVS
 from fpg_bench.common.schema import Expected, PositiveInt, Strict, parse
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 
@@ -74,32 +74,30 @@ class Hyperparameters(Strict):
 
 def load_hyperparameters(
     algorithm: str | Algorithm,
-    env_id: str,
+    game: str | GameSpec,
     file: str | Path | Mapping[str, Any] | None = None,
-    *,
-    path: str | Sequence[str] | None = None,
-    actions: str = "continuous",
 ) -> Hyperparameters:
-    """Load the hyper-parameters of an algorithm on an environment id.
+    """Load the hyper-parameters of an algorithm in a game.
 
     Args:
         algorithm: its name; see :func:`fpg_bench.training.algorithms.find_algorithm`.
-        env_id: ``FPG/AllyVsScripted-v0`` and the like.
+        game: an environment id, or a specification. Opponents that choose their own path and players with
+            discrete actions have their own shipped values.
         file: a YAML file, the name of a shipped one (``ppo-fast``), or its entry for the id; None takes the
             shipped file of the algorithm, and for a custom class the defaults of that class with 64 games.
-        path: flight path of the opponent; opponents on the path ``learned`` have their own shipped values.
-        actions: action mode; discrete actions have their own shipped values.
 
     Raises:
         UserError: an unknown algorithm, no entry for the id, or a missing or invalid key.
     """
     if not isinstance(algorithm, Algorithm):
         algorithm = find_algorithm(algorithm)
+    game = GameSpec.of(game)
+    env_id = game.id
     if isinstance(file, Mapping):
         return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
         return Hyperparameters.model_construct(n_envs=CUSTOM_N_ENVS, n_timesteps=0, policy="MlpPolicy")
-    file = _named_file(Path(file)) if file else _shipped_file(algorithm, env_id, path, actions)
+    file = _named_file(Path(file)) if file else _shipped_file(algorithm, game)
     content = read_yaml(file, "hyper-parameters")
     if not isinstance(content.get(env_id), dict):
         raise UserError(
@@ -123,13 +121,13 @@ def _named_file(file: Path) -> Path:
     return shipped[str(file)]
 
 
-def _shipped_file(algorithm: Algorithm, env_id: str, path: str | Sequence[str] | None, actions: str) -> Path:
+def _shipped_file(algorithm: Algorithm, game: GameSpec) -> Path:
     """Return the shipped file of an algorithm; stacked frames fall back to the plain algorithm's file."""
     folder = baselines_folder() / "hyperparams"
     names = [algorithm.name, algorithm.base]
-    if actions != "continuous":
+    if game.action_mode != "continuous":
         names.insert(0, f"{algorithm.base}-discrete")
-    elif path == "learned" and env_id in ENVS and ENVS[env_id].side == "opponent":
+    elif game.path == ("learned",) and game.sides == ("opponent",):
         names.insert(0, f"{algorithm.base}-learned")
     files = [folder / f"{name}.yml" for name in names]
     return next((file for file in files if file.is_file()), files[-1])

@@ -21,8 +21,8 @@ from pydantic import Field as Constraint
 
 from fpg_bench.common.checks import integer, mapping
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.files import check_own_folder, read_json, read_yaml, write_json, write_whole
-from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env, sides_of
+from fpg_bench.common.files import check_own_folder, read_json, read_yaml, write_json
+from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import code_fingerprint, player_entry
@@ -31,13 +31,15 @@ from fpg_bench.evaluation.seeds import PROTOCOL, tuning_seeds
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, side_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
-from fpg_bench.players.agent import load_agent
+from fpg_bench.game.scenario import STANDARD, Scenario
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.agent import load_agent, read_card
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import SIDES, Player
-from fpg_bench.players.population import expand_suites, flight_of, member_folder
-from fpg_bench.players.registry import as_player, policy_hash
+from fpg_bench.players.population import expand_suites, member_folder
+from fpg_bench.players.registry import as_player, card_of, policy_hash
 from fpg_bench.players.tactics import draw_variants
-from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line
 from fpg_bench.training.train import train
@@ -197,12 +199,12 @@ def best_responses(
     integer(search, "search", least=0)
     target = _find_target(agent, side, scenario, path)
     reward = RESPONSE_REWARDS[target.side] if reward is None else reward
-    env_id, file = policy_env(other_side(target.side)).id, Path(out) / RESULT
+    file = Path(out) / RESULT
     about = {
         "side": target.side,
         "policy": target.fingerprint,
         "scenario": target.scenario.hash,
-        "path": target.game.path,
+        "path": target.game.to_dict()["path"],
         "matches": MATCHES,
         "protocol": PROTOCOL,
     }
@@ -226,16 +228,14 @@ def best_responses(
             **({} if actions in (None, "continuous") else {"actions": actions}),
         }
         run_folder = RunFolder(Path(out) / response_folder(config))
-        values = load_hyperparameters(
-            name, env_id, hyperparams, path=target.game.path, actions=actions or "continuous"
-        ).entry()
+        game = GameSpec.of(target.game, reward=reward, actions=actions)
+        values = load_hyperparameters(name, game, hyperparams).entry()
         if kind == "strongest":
             values |= {"imitate": {"teacher": _teacher(run_folder) or _strongest_player(result, Path(out))}}
         config["hyperparameters"] = json.loads(json.dumps(values, default=str))  # as they are read from JSON
         same = [r for r in result["responses"] if r.get("actions") == config.get("actions")]
         if not any(config.items() <= response.items() for response in same):
-            game = dataclasses.replace(target.game, reward=reward, actions=actions)
-            run = RunConfig(name, env_id, seed, budget, values, game, against=agent)
+            run = RunConfig(name, game, seed, budget, values)
             response = train(run, run_folder.path, evaluations=0, progress=progress, resume=True)
             ran = run_folder.read()
             cost = {"seconds": ran["seconds"]} | ({"n_resumes": ran["part"]} if ran.get("part") else {})
@@ -292,13 +292,21 @@ def _lowest_return(result: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Target:
-    """A fixed player that responses are trained against, and the game that is played."""
+    """A fixed player that responses are trained against, and the game of their training."""
 
     agent: str
-    side: str
     fingerprint: str
-    game: GameOptions
-    scenario: Scenario
+    game: GameSpec
+
+    @property
+    def side(self) -> str:
+        """The side of the player."""
+        return self.game.config.other_side
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that is played."""
+        return self.game.resolve()
 
     def evaluate(self, other: str) -> Row:
         """Return the player's results against another player, and the other's return per step, ``earned``."""
@@ -317,38 +325,32 @@ def _find_target(
     if side not in SIDES:
         raise UserError(f"side: expected ally or opponent, got {side!r}")
     player = as_player(agent, side, STANDARD)
-    about = getattr(player, "about", {})  # empty for a script
-    own = mapping(about.get("options") or {}, f"agent {agent}: agent.json: options")
-    options: dict[str, Any] = {
-        key: own[key] for key in ("scenario", "knowledge", "jamming_types") if key in own
-    }
-    if scenario is not None:
-        options["scenario"] = str(scenario)
-    fields = about.get("scenario_fields") or {}
-    game = GameOptions(path=path or flight_of(about), **options)
-    played = game_scenario(game)
-    if about and scenario is None:
-        same = {key: fields.get(key, getattr(STANDARD, key)) for key in ("opponent_path", "rounds_per_match")}
-        if dataclasses.replace(played, **same).hash != about["scenario"]:
-            raise UserError(
-                f"agent {agent}: was trained in a scenario that no longer exists; name the scenario"
-            )
-    return _Target(agent, side, policy_hash(player) or code_fingerprint(agent), game, played)
+    options: dict[str, Any] = {"path": path or "pursuit", "scenario": scenario}
+    if (card := card_of(player)) is not None:
+        options["path"] = path or card.flies
+        if scenario is None:
+            options["scenario"] = _scenario_of(agent, card)
+        else:
+            kept = ("knowledge", "jamming_types")
+            options |= {name: getattr(card.game, name) for name in kept}
+    game = GameSpec.of(policy_env(other_side(side)).id, against=agent, **options)
+    return _Target(agent, policy_hash(player) or code_fingerprint(agent), game)
 
 
-def game_scenario(game: GameOptions) -> Scenario:
-    """Return the scenario that game options describe."""
-    return as_scenario(
-        game.scenario, opponent_path=game.path, knowledge=game.knowledge, jamming_types=game.jamming_types
-    )
+def _scenario_of(agent: str, card: AgentCard) -> Scenario | str | None:
+    """Return the scenario of an agent's training, by the name of its preset if it has one."""
+    try:
+        home = card.home()
+    except UserError as error:
+        raise UserError(f"agent {agent}: {error}") from error
+    return None if home == STANDARD else home.name or home
 
 
 def _side_of(agent: str) -> str:
     """Return the side that an agent or a script plays."""
     sides = [side for side in SIDES if agent in SCRIPTED[side]]
     if "/" in agent or Path(agent).is_dir():
-        about = load_agent(agent).about
-        sides = [str(about.get("side") or sides_of(about["id"])[0])]
+        sides = [read_card(agent).side]
     if len(sides) != 1:
         if sides:
             raise UserError(f"player {agent!r} plays both sides; set side to ally or opponent")
@@ -392,8 +394,7 @@ def selfplay(
         seed: decides the draws and the training seeds, ``1000 * seed + g`` for generation g; it is also the
             ``training_seed`` of the exported agents.
         hyperparams: a YAML file, or an entry for the ids of both sides; None takes the shipped file.
-        scenario, path, knowledge, jamming_types: the game, as in
-            :class:`fpg_bench.training.config.GameOptions`.
+        scenario, path, knowledge, jamming_types: the game, as in :class:`fpg_bench.game.spec.GameSpec`.
         evaluations: number of evaluations of each generation on its suite, besides the one at its start; 0
             for none.
         progress: show the progress of each training.
@@ -408,8 +409,9 @@ def selfplay(
     """
     for name, value in (("generations", generations), ("pool", pool)):
         integer(value, name)
-    game = GameOptions(scenario=scenario, path=path, knowledge=knowledge, jamming_types=jamming_types)
-    league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, game)
+    game = {"scenario": scenario, "path": path, "knowledge": knowledge, "jamming_types": jamming_types}
+    games = {side: GameSpec.of(policy_env(side).id, **game) for side in SIDES}
+    league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, games)
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
     check_own_folder(league.folder, ABOUT, "self-play", ROWS)
     with file.locked():
@@ -439,19 +441,16 @@ class _SelfPlay:
     pool: int
     seed: int
     hyperparams: Hyperparams
-    game: GameOptions
+    games: Mapping[str, GameSpec]
 
     def describe(self) -> dict[str, Any]:
         """Return the settings that distinguish it from another self-play, as they are read from JSON."""
         parameters = {
-            side: load_hyperparameters(
-                self.algorithm, policy_env(side).id, self.hyperparams, path=self.game.path
-            )
-            for side in SIDES
+            side: load_hyperparameters(self.algorithm, self.games[side], self.hyperparams) for side in SIDES
         }
         about = {
             "algorithm": self.algorithm,
-            "scenario": game_scenario(self.game).hash,
+            "scenario": self.games["ally"].resolve().hash,
             "steps": self.steps,
             "pool": self.pool,
             "seed": self.seed,
@@ -476,12 +475,10 @@ class _SelfPlay:
         """Return the run of a generation."""
         return RunConfig(
             self.algorithm,
-            policy_env(side).id,
+            GameSpec.of(self.games[side], against=list(self.others(side, generation).values())),
             SEED_STRIDE * self.seed + generation,
             self.steps,
             self.hyperparams,
-            self.game,
-            against=list(self.others(side, generation).values()),
             start=self.run(side, generation - 1).path if generation else None,
         )
 
@@ -497,7 +494,7 @@ class _SelfPlay:
             "suite": about["suite"],
             "suite_score": scores.get(side),
         }
-        scenario = game_scenario(self.game)
+        scenario = self.games[side].resolve()
         summary = evaluate_against(str(run.agent), others, side, scenario, MATCHES, tuning_seeds)
         return head | _result_row(summary)
 
@@ -505,17 +502,19 @@ class _SelfPlay:
         """Copy the agent of the last generation; its ``agent.json`` describes the whole self-play."""
         last = self.run(side, generations - 1).agent
         runs = [self.run(side, generation).read() for generation in range(generations)]
-        about = read_json(last / "agent.json", "agent")
         settings = {"generations": generations, "steps": self.steps, "pool": self.pool, "seed": self.seed}
-        options = self.game.to_dict()
-        about |= {
-            "command": command_line("selfplay", self.algorithm, **settings, **options),
-            "options": {name: about["options"][name] for name in options},
+        game = self.games[side]
+        update = {
+            "command": command_line("selfplay", self.algorithm, **settings, **game.options()),
+            "game": game,
+            "options": {},
             "training_seed": self.seed,
             "training_steps": generations * self.steps,
             **{key: round(sum(run[key] for run in runs), 1) for key in ("steps_done", "seconds")},
         }
-        return _write_agent(self.folder / side, last, about)
+        card = read_card(last).model_copy(update=update)
+        card.write(self.folder / side, (last / "policy.onnx").read_bytes())
+        return self.folder / side
 
 
 def draw_past(side: str, generation: int, pool: int, seed: int) -> list[int]:
@@ -534,13 +533,6 @@ def _row_text(row: Row) -> str:
         f"; hops {100 * measures['hop_rate']:.0f} %, spreading {100 * measures['spread_ratio']:.0f} %, "
         f"{shares}"
     )
-
-
-def _write_agent(folder: Path, agent: Path, about: Mapping[str, Any]) -> Path:
-    """Copy an agent's policy to a folder, and write ``about`` as its ``agent.json`` last."""
-    write_whole(folder / "policy.onnx", (agent / "policy.onnx").read_bytes())
-    write_json(folder / "agent.json", about)
-    return folder
 
 
 # Champions
@@ -574,7 +566,7 @@ class ChampionConfig(Strict):
         responders: players that are trained against the agent of each stage but the last, and then join the
             population.
         priority: how much more often the hardest player is drawn than the easiest, after the first stage.
-        options: options of the games, as in :class:`fpg_bench.training.config.GameOptions`.
+        options: options of the games, attributes of :class:`fpg_bench.game.spec.GameSpec`.
     """
 
     name: str
@@ -586,6 +578,11 @@ class ChampionConfig(Strict):
     responders: Items[Responder] = ()
     priority: PositiveInt = 4
     options: dict[str, Any] = Constraint(default_factory=dict)
+
+    @property
+    def game(self) -> GameSpec:
+        """The game, without its players."""
+        return GameSpec.of(self.id, **self.options)
 
     @property
     def side(self) -> str:
@@ -611,7 +608,7 @@ def load_champions(file: Path) -> dict[str, ChampionConfig]:
         if config.id != policy_env(config.side).id:
             raise UserError(f"{where}: id: expected {policy_env(config.side).id}, got {config.id}")
         for options in (config.options, *(responder.options or {} for responder in config.responders)):
-            GameOptions.parse(options, f"{where}: options")
+            GameSpec.from_dict({"id": config.id, **options}, f"{where}: options")
         configs[config.name] = config
     return configs
 
@@ -647,12 +644,10 @@ def train_champion(config: ChampionConfig, seed: int, runs: Path, *, progress: b
         )
         run = RunConfig(
             config.algorithm,
-            config.id,
+            GameSpec.of(config.game, against=drawn),
             seed,
             stage.steps,
             {**config.hyperparams, "n_timesteps": stage.steps, **(stage.hyperparams or {})},
-            GameOptions(**config.options),
-            against=drawn,
             start=folder / f"stage_{number - 1}" / "run" if number else None,
         )
         agent = train(
@@ -677,12 +672,10 @@ def _train_responders(
     for index, responder in enumerate(config.responders):
         run = RunConfig(
             responder.algorithm,
-            policy_env(config.other_side).id,
+            GameSpec.of(policy_env(config.other_side).id, against=str(agent), **(responder.options or {})),
             seed + index,
             responder.steps,
             responder.hyperparams,
-            GameOptions(**(responder.options or {})),
-            against=str(agent),
         )
         response = train(run, folder / f"responder_{index}", evaluations=0, progress=progress, resume=True)
         agents.append(str(response))
@@ -700,7 +693,7 @@ def _prioritized(config: ChampionConfig, agent: Path, population: list[str], fil
         if max(values) > min(values) and max(copies.values()) != config.priority:
             raise UserError(f"{file}: was drawn with another priority; choose another folder")
     else:
-        scenario = game_scenario(GameOptions(**config.options))
+        scenario = config.game.resolve()
         others = {name: member_folder(name, config.other_side) for name in population}
         summary = evaluate_against(str(agent), others, config.side, scenario, POPULATION_ROUNDS, tuning_seeds)
         returns = [summary.by_rival[name].value for name in population]
@@ -732,8 +725,12 @@ def ship_champion(agent: Path, folder: Path, config: ChampionConfig, seed: int, 
     Raises:
         UserError: the agent is incomplete.
     """
-    about = dict(load_agent(agent, config.side).about)
-    steps = sum(stage.steps for stage in config.stages)
-    about |= {"command": command, "training_steps": steps, "training_seed": seed}
-    about["recipe"] = config.model_dump(mode="json", exclude_none=True)
-    _write_agent(folder, agent, about)
+    trained = load_agent(agent, config.side)
+    update = {
+        "command": command,
+        "training_steps": sum(stage.steps for stage in config.stages),
+        "training_seed": seed,
+        "recipe": config.model_dump(mode="json", exclude_none=True),
+    }
+    assert trained.card is not None
+    trained.card.model_copy(update=update).write(folder, trained.model)

@@ -17,9 +17,7 @@ from torch import nn
 
 from fpg_bench.common.checks import check_keys, flag, mapping
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import sides_of
 from fpg_bench.common.imports import imported, reason
-from fpg_bench.envs.sb3_vec_env import FPGVecEnv, make_sb3, make_sb3_duel
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
@@ -34,24 +32,6 @@ _NAMES = (
     "Softplus Softshrink Softsign Tanh Tanhshrink"
 )
 ACTIVATIONS: dict[str, type[nn.Module]] = {name: getattr(nn, name) for name in _NAMES.split()}
-
-
-def make_games(env_id: str, parameters: Hyperparameters, first_seed: int, **options: Any) -> FPGVecEnv:
-    """Make the games of a training run as one ``VecEnv``; they start at different steps of their rounds.
-
-    Args:
-        env_id: the environment id; ``FPG/duel_v0`` for both sides.
-        parameters: ``n_envs`` is the number of games.
-        first_seed: match seed of the first game; the others follow.
-        **options: the options of :class:`fpg_bench.training.config.GameOptions`, by name.
-
-    Raises:
-        UserError: options that are unknown, out of range, or incompatible.
-    """
-    if len(sides_of(env_id)) == 2:
-        options = {name: value for name, value in options.items() if value is not None}
-        return make_sb3_duel(parameters.n_envs, first_seed, stagger=True, **options)
-    return make_sb3(env_id, parameters.n_envs, first_seed, stagger=True, **options)
 
 
 def by_side(model: BaseAlgorithm, sides: Sequence[str]) -> dict[str, BaseAlgorithm]:

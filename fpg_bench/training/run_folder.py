@@ -15,13 +15,14 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, read_json, write_json
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
 from fpg_bench.training.language_model import TRANSCRIPT
 
 # Keys that identify a run; the command and the versions may change when a run is resumed.
 _IDENTITY = (
     "algorithm",
-    "id",
+    "game",
     "scenario",
     "training_seed",
     "training_steps",
@@ -66,8 +67,12 @@ class RunFolder:
             yield
 
     def read(self) -> dict[str, Any]:
-        """Return the content of ``run.json``; raises UserError where it cannot be read."""
-        return read_json(self.description, "run")
+        """Return the content of ``run.json``, also of version 0.2.0; raises UserError if it is unreadable."""
+        about = read_json(self.description, "run")
+        if "game" not in about and isinstance(env_id := about.get("id"), str):
+            game, options = GameSpec.from_options(env_id, about.pop("options", None) or {})
+            about |= {"game": game.to_dict(), **({"options": options} if options else {})}
+        return about
 
     def write(self, about: dict[str, Any]) -> None:
         """Write ``run.json``."""

@@ -25,10 +25,10 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
 from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import Row
-from fpg_bench.envs.core import SingleAgentGame
+from fpg_bench.envs.core import policies_of
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
-from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.planning import LLM_CONTROLS
 from fpg_bench.rendering.canvas import SIDE_COLOURS, blank_figure, write_figure
 from fpg_bench.training.algorithms import find_algorithm
@@ -51,7 +51,7 @@ from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.language_model import training_planner
-from fpg_bench.training.models import by_side, is_finite, make_games, make_model, tells_divergence
+from fpg_bench.training.models import by_side, is_finite, make_model, tells_divergence
 from fpg_bench.training.offline import Transitions
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
 
@@ -171,7 +171,7 @@ def train_seeds(
             planner, or a run that failed; the other runs go on.
         KeyboardInterrupt: stopped by the user; the runs have saved their checkpoints.
     """
-    if config.game.planner in LLM_CONTROLS:
+    if config.spec.planner in LLM_CONTROLS:
         raise UserError("seeds: a language model plans for one run at a time; train the seeds one by one")
     jobs = []
     for seed in seeds:
@@ -212,10 +212,10 @@ def parse_seeds(text: str) -> list[int]:
 
 
 class _Run:
-    """A training run with its games; nothing is written before :meth:`learn`.
+    """A training run; nothing is written before :meth:`learn`.
 
     Attributes:
-        sides: the learning sides.
+        config: what is trained.
         suites: the suite that scores each learning side.
         about: description of the run, with everything needed to repeat it.
 
@@ -224,59 +224,52 @@ class _Run:
     """
 
     def __init__(self, config: RunConfig, folder: RunFolder) -> None:
-        self.algorithm, self.folder = find_algorithm(config.algorithm), folder
-        self.sides = config.sides
-        self.algorithm.check_sides(config.env_id, self.sides)
+        self.config, self.folder = config, folder
+        self.algorithm, self.sides = find_algorithm(config.algorithm), config.spec.sides
+        self.algorithm.check_sides(config.spec.id, self.sides)
         if self.algorithm.offline != (config.dataset is not None):
             how = "offline ALGORITHM DATASET" if self.algorithm.offline else "train ALGORITHM ID"
             raise UserError(f"{self.algorithm.name}: is trained by fpg-bench {how}")
-        options = config.game_options()
-        self.parameters = load_hyperparameters(
-            self.algorithm, config.id, config.hyperparams, path=options.get("path"), actions=config.actions
-        )
+        self.parameters = load_hyperparameters(self.algorithm, config.spec, config.hyperparams)
         budget = self.parameters.n_timesteps if config.steps is None else integer(config.steps, "steps")
         if not budget:
             raise UserError(
                 f"steps: {self.algorithm.name} has no hyper-parameter file with a budget; give the steps"
             )
-        planner = training_planner(config.planner, folder.path, config.transcript, config.llm)
-        options |= {"planner": planner}
-        self.games = make_games(config.id, self.parameters, training_seed(config.seed), **options)
         self.suites = config.suites()
-        self._dataset = config.dataset
-        self.about = self._describe(config, budget)
-        self._start = None if config.start is None else Path(config.start)
+        self.about = self._describe(budget)
         self._seconds_before = 0.0
         self._part = 0  # number of times the run was resumed
         self._starts_fresh = True  # from newly initialized weights
 
-    def _describe(self, config: RunConfig, budget: int) -> dict[str, Any]:
+    def _describe(self, budget: int) -> dict[str, Any]:
         """Return the content of ``run.json`` and ``agent.json``; ``policies`` hashes the agents met."""
-        parameters, core, name = self.parameters, self.games.core, self.algorithm.name
-        options = config.options()
+        config, parameters, name = self.config, self.parameters, self.algorithm.name
+        spec, scenario, options = config.spec, config.spec.resolve(), config.options()
         entry = {"n_envs": parameters.n_envs, "normalize": parameters.normalize} | parameters.entry()
         del entry["n_timesteps"]
         command_options: dict[str, Any] = {"seed": config.seed, "steps": budget}
         if isinstance(config.hyperparams, str | Path):
             command_options["hyperparams"] = config.hyperparams
         if (data := config.dataset) is None:
-            command = command_line("train", name, config.id, **command_options, **options)
+            command = command_line("train", name, spec.id, **command_options, **spec.options(), **options)
         else:
             command = command_line("offline", name, data.spec.name, **command_options)
+        policies = policies_of(spec)
         about = {
             "command": command,
             "algorithm": name,
-            "id": config.id,
+            "game": spec.describe(),
             "side": " and ".join(self.sides),
             "suite": ", ".join(self.suites),
-            "scenario": core.scenario.hash,
-            "scenario_fields": _changed_fields(core.scenario),
-            "options": options,
+            "scenario": scenario.hash,
+            "scenario_fields": scenario.to_dict(),
+            **({"options": options} if options else {}),
             "training_seed": config.seed,
             "training_steps": budget,
             "hyperparameters": entry,
             **({} if data is None else {"offline": _offline(data)}),
-            **({"policies": core.policies} if isinstance(core, SingleAgentGame) and core.policies else {}),
+            **({"policies": policies} if policies else {}),
             "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "revision": revision(),
         }
@@ -286,16 +279,22 @@ class _Run:
     def setup(self) -> None:
         """Make the model, and check that it can be exported before anything is written."""
         Distribution.set_default_validate_args(True)  # an export in this process turned torch's checks off
+        config = self.config
+        planner = training_planner(config.planner, self.folder.path, config.transcript, config.llm)
+        game = dataclasses.replace(config.spec, planner=planner)
+        first_seed = training_seed(config.seed)
+        self.games = make_sb3(game, self.parameters.n_envs, first_seed, stagger=True)
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about["training_seed"])
-        if self._start is not None:
-            _check_start(self._start, self.about)
-            load_weights(self.model, self._start)
+        if config.start is not None:
+            start = Path(config.start)
+            _check_start(start, self.about)
+            load_weights(self.model, start)
             self._starts_fresh = False
-        if self._dataset is not None:
+        if config.dataset is not None:
             model = cast(Any, self.model)  # an OfflineAlgorithm
             frames = self.parameters.frame_stack or 1
             model.data = Transitions(
-                *self._dataset.read(), model.gamma, frames, model.get_vec_normalize_env()
+                *config.dataset.read(), model.gamma, frames, model.get_vec_normalize_env()
             )
         if (imitation := self.parameters.imitate) is not None:
             teacher_of(imitation, self.model, self.sides[0], self.games.core.scenario)
@@ -326,7 +325,7 @@ class _Run:
         self._starts_fresh = False
         self._seed_games()
         if has_steps_left:
-            drawn = "matches" if self._dataset is None else "batches"
+            drawn = "matches" if self.config.dataset is None else "batches"
             _logger.info(
                 f"{self.folder.path}: resumed at {self.model.num_timesteps:,} steps with new {drawn}, so its "
                 "policy differs from that of an uninterrupted run"
@@ -397,7 +396,7 @@ class _Run:
         )
         save_model(self.model, self.folder.path)
         if rows := self.folder.evaluations.read():
-            _draw_curve(rows, f"{about['algorithm']}, {about['id']}", self.folder.curve)
+            _draw_curve(rows, f"{about['algorithm']}, {self.config.spec.id}", self.folder.curve)
         rate = round(steps / self.seconds)
         result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         self.folder.write(about | result)
@@ -432,12 +431,6 @@ def _check_start(run: Path, about: dict[str, Any]) -> None:
     for key, value in (expected | {"normalize": about["hyperparameters"]["normalize"]}).items():
         if other.get(key) != value:
             raise UserError(f"start {run}: {key} is {other.get(key)!r} there, expected {value!r}")
-
-
-def _changed_fields(scenario: Scenario) -> dict[str, Any]:
-    """Return the fields that differ from the standard scenario."""
-    values = {each.name: getattr(scenario, each.name) for each in dataclasses.fields(scenario)}
-    return {name: value for name, value in values.items() if value != getattr(STANDARD, name)}
 
 
 def _draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:

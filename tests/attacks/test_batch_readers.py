@@ -233,7 +233,7 @@ def test_their_files_are_sound():
 
 @pytest.mark.parametrize("name", READERS)
 def test_who_reads_other_games_is_asked_one_game_at_a_time_and_answers_the_same_in_any_company(name):
-    player = OnnxPlayer(READERS[name], {})
+    player = OnnxPlayer(READERS[name])
     assert not player.row_wise
     together = games(player, np.arange(GAMES))
     for some in ([5], [6, 0, 3]):
@@ -251,20 +251,20 @@ def test_a_sandboxed_policy_answers_as_one_in_this_process(small_suites):
     suite, policy = TrackSuites().public(TRACKS["ally"]), as_policy(READERS["hidden"])
     part = Part("reader", 0, policy)
     (record,) = part_records(part, [(suite, suite.rivals[0])])
-    player = OnnxPlayer(READERS["hidden"], {})
+    player = OnnxPlayer(READERS["hidden"])
     assert record == play(part.entry(player, suite), suite, suite.rivals[0])
     assert smoke_test(policy, suite) == []
 
 
 @pytest.mark.parametrize("data", [*honest().values(), model_bytes(state=3, noise=2)])
 def test_who_answers_each_game_for_itself_is_asked_all_at_once(data):
-    assert OnnxPlayer(data, {}).row_wise
+    assert OnnxPlayer(data).row_wise
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_so_are_the_kinds_that_the_package_ships(name):
     data = (baselines_folder() / "agents" / name / "seed_0" / "policy.onnx").read_bytes()
-    player = OnnxPlayer(data, {})
+    player = OnnxPlayer(data)
     assert player.row_wise
     together = games(player, np.arange(GAMES))
     player.row_wise = False

@@ -102,7 +102,7 @@ def test_a_file_of_onnxruntimes_own_format_is_never_played(tmp_path):
     data = in_own_format(policy(0), tmp_path)
     assert data[4:8] == b"ORTM"
     with pytest.raises(UserError, match="is not an ONNX file"):
-        OnnxPlayer(data, {})
+        OnnxPlayer(data)
     assert check_policy(data) != []
 
 
@@ -110,7 +110,7 @@ def test_a_file_of_onnxruntimes_own_format_is_never_played(tmp_path):
 def test_what_nobody_checks_does_not_reach_who_plays(data):
     assert _read(data) == _read(policy(0))
     assert b"ORTM" not in _read(data)[0]
-    assert (OnnxPlayer(data, {}).predict(SEEN)[0] == OnnxPlayer(policy(0), {}).predict(SEEN)[0]).all()
+    assert (OnnxPlayer(data).predict(SEEN)[0] == OnnxPlayer(policy(0)).predict(SEEN)[0]).all()
 
 
 def test_a_session_takes_no_other_format_whatever_the_bytes_say(monkeypatch, tmp_path):
@@ -120,7 +120,7 @@ def test_a_session_takes_no_other_format_whatever_the_bytes_say(monkeypatch, tmp
     )
     monkeypatch.setattr("fpg_bench.players.agent.plain_model", lambda data: read)
     with pytest.raises(UserError, match="onnxruntime cannot read it"):
-        OnnxPlayer(policy(0), {})
+        OnnxPlayer(policy(0))
 
 
 FIRST = [node("MatMul", ["observation", "w"], ["x"])]
@@ -273,4 +273,4 @@ FILES = list(broken_files(60 * SCALE, seed=1 + SEED))
 def test_broken_files_are_refused_in_short_lines_or_can_be_played():
     for (kind, data), lines in zip(FILES, check_policies([data for _, data in FILES]), strict=True):
         assert all(line.isprintable() and len(line) <= 400 for line in lines), kind
-        assert lines or OnnxPlayer(data, {}).noise_size == 0, kind
+        assert lines or OnnxPlayer(data).noise_size == 0, kind

@@ -11,7 +11,6 @@ import pytest
 from fpg_bench import make_duel, make_sb3, supersuit_vec_env
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.pettingzoo_env import parallel_env
-from fpg_bench.envs.sb3_vec_env import make_sb3_duel
 
 from .contract import CHECKS, SEED, adapt, play
 from .playing import ALLY, ALLY_POLICY, IDS, OPPONENT_POLICY, PLANNED, SHORT, STEPS, Tape, tape
@@ -20,7 +19,7 @@ GAMES = 3
 BATCHED = {"batch": partial(gymnasium.make_vec, num_envs=GAMES), "sb3": partial(make_sb3, n_envs=GAMES)}
 WATERFALL = {"observation": "waterfall", "history": 4}
 BOTH_SIDES = {
-    "sb3 of both sides": partial(make_sb3_duel, GAMES, scenario=SHORT),
+    "sb3 of both sides": partial(make_sb3, "FPG/duel_v0", GAMES, scenario=SHORT),
     "duel": partial(make_duel, GAMES, scenario=SHORT),
     "pettingzoo": partial(parallel_env, scenario=SHORT),
 }
@@ -99,10 +98,10 @@ MISTAKES = [
     (parallel_env, {"render_mode": "ansi"}, "'rgb_array' or 'human', got 'ansi'"),
     (supersuit_vec_env, {"n_envs": 1.5}, "n_envs: expected a whole number above 0"),
     (supersuit_vec_env, {"n_envs": 2, "seed": -1}, "seed: expected"),
-    (make_sb3_duel, {"n_envs": 1, "paht": "circle"}, "'paht'; did you mean 'path'"),
-    (make_sb3, {"env_id": PLANNED, "n_envs": 0}, "above 0, got 0"),
-    (make_sb3, {"env_id": PLANNED, "seed": "3"}, "seed: expected"),
-    (make_sb3, {"env_id": ALLY, "render_mode": "human"}, "rgb_array"),
+    (make_sb3, {"game": "FPG/duel_v0", "n_envs": 1, "paht": "circle"}, "'paht'; did you mean 'path'"),
+    (make_sb3, {"game": PLANNED, "n_envs": 0}, "above 0, got 0"),
+    (make_sb3, {"game": PLANNED, "seed": "3"}, "seed: expected"),
+    (make_sb3, {"game": ALLY, "render_mode": "human"}, "rgb_array"),
     (gymnasium.make_vec, {"id": ALLY, "num_envs": 2.5}, "expected a whole number above 0"),
     (gymnasium.make_vec, {"id": ALLY, "render_mode": "rgb_array"}, "a batch is not rendered"),
     (gymnasium.make_vec, {"id": ALLY, "autoreset_mode": "Disabled"}, "expected 'NextStep' or 'SameStep'"),

@@ -9,6 +9,7 @@ import pytest
 
 from fpg_bench import Scenario
 from fpg_bench.envs.core import SingleAgentGame
+from fpg_bench.game.spec import GameSpec
 from tests.game.reference import eq4
 
 ENVS = {"ally": "FPG/AllyVsScripted-v0", "opponent": "FPG/OpponentVsScripted-v0"}
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.parametrize("side", ENVS)
 @cache
 def paid(side, reward, scenario=None):
     """Return the rewards of eight games over a minute, ``(60, 8)``, and the games, for the same actions."""
-    games = SingleAgentGame(ENVS[side], 8, reward=reward, scenario=scenario)
+    games = SingleAgentGame(GameSpec(ENVS[side], reward=reward, scenario=scenario), 8)
     games.reset(seeds=range(8))
     rng, rewards = np.random.default_rng(0), []
     for _ in range(SECONDS):

@@ -12,7 +12,8 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import read_records
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
-from fpg_bench.players.agent import check_about
+from fpg_bench.players.agent import load_agent
+from fpg_bench.players.card import AgentCard
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,6 @@ def test_a_row_that_lacks_what_it_needs_is_named(tmp_path, row):
 
 @pytest.mark.parametrize("seed", [[], {}, "1"])
 def test_an_agent_of_no_training_seed_is_one_line(seed):
-    keys = ("format", "algorithm", "id", "scenario", "training_steps", "policy_sha256")
-    about = dict.fromkeys(keys, 1) | {"training_seed": seed}
+    about = load_agent("ally-scripted/ppo/seed_0").card.to_dict() | {"training_seed": seed}
     with pytest.raises(UserError, match="training_seed: expected a whole number or null"):
-        check_about(about, "here")
+        AgentCard.parse(about, "here")

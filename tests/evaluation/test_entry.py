@@ -68,7 +68,7 @@ def test_a_group_stands_for_all_its_training_seeds(suite, agent):
         {"training_steps": 5000},
         {"hyperparameters": {"gamma": 0.9}},
         {"options": {"opponent": "tone"}},
-        {"scenario": "1"},
+        {"scenario": "1" * 64},
         {"id": "FPG/AllyVsPolicy-v0"},
     ],
 )

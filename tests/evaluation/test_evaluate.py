@@ -61,8 +61,8 @@ def test_the_cost_of_training_is_kept_beside_the_records(suite, tmp_path):
     out = tmp_path / "out"
     evaluate(["ally-scripted/ppo/seed_0", "ally-scripted/ppo/seed_1", "idle"], suite, out, matches=1)
     summaries = {summary.entry: summary for summary in read_results(out)[0]}
-    costs = [load_agent(f"ally-scripted/ppo/seed_{seed}").about for seed in (0, 1)]
-    mean = sum(about["seconds"] for about in costs) / 2
+    costs = [load_agent(f"ally-scripted/ppo/seed_{seed}").card for seed in (0, 1)]
+    mean = sum(card.seconds for card in costs) / 2
     assert summaries["ppo"].training == Training(3_000_000, pytest.approx(mean))
     assert summaries["idle"].training == Training()
     about = json.loads((out / "evaluation.json").read_text())

@@ -7,6 +7,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.play import match_of, rounds
 from fpg_bench.evaluation.suite import Scale, load_suite, suite_of
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import suites_folder
 
 PUBLIC = sorted(path.stem for path in suites_folder().glob("*-v1.yml"))
@@ -91,7 +92,7 @@ def test_every_id_has_its_suite():
         ("FPG/AllyVsScripted-v0", {"scenario": "link"}, "ally-link-v1"),
         ("FPG/OpponentVsPolicy-v0", {"scenario": "paper", "path": "circle"}, "opponent-paper-v1"),
     ):
-        assert suite_of(env_id, options) == name
+        assert suite_of(GameSpec(env_id, **options)) == name
         assert load_suite(name).side in env_id.lower()
 
 

@@ -2,6 +2,7 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.game.spec import GameSpec
 from tests.training.making import ZOO, make_agent
 
 
@@ -40,16 +41,16 @@ def test_an_agent_is_shipped_once_it_lies_there_and_whole_while_its_policy_is_th
 def test_the_mixture_of_rivals_is_that_of_the_agents_of_an_id():
     groups = {group.name: group for group in load_zoo().groups}
     for name in ("ally-scripted", "ally-population", "opponent-pursuit", "opponent-discrete"):
-        options = {key: value for key, value in groups[name].options.items() if key != "actions"}
-        assert load_zoo().mixture(groups[name].id) == options
-    learned = groups["opponent-learned"]
-    assert load_zoo().mixture(learned.id, "learned") == learned.options
-    assert load_zoo().mixture(learned.id, None, "link") == {"ally": groups["opponent-link"].options["ally"]}
-    options = groups["ally-scripted"].options
-    assert load_zoo().mixture("FPG/AllyVsScripted-v0", None, "paper") == options
-    assert load_zoo().mixture("FPG/AllyVsScripted-v0", "circle") == {**options, "path": "circle"}
+        game = groups[name].game
+        assert load_zoo().mixture(GameSpec(game.id, actions=game.actions)) == game
+    learned, link = groups["opponent-learned"].game, groups["opponent-link"].game
+    assert load_zoo().mixture(GameSpec(learned.id, path="learned")) == learned
+    assert load_zoo().mixture(GameSpec(link.id, scenario="link")).ally == link.ally
+    game = groups["ally-scripted"].game
+    assert load_zoo().mixture(GameSpec(game.id, scenario="paper")) == GameSpec.of(game, scenario="paper")
+    assert load_zoo().mixture(GameSpec(game.id, path="circle")) == GameSpec.of(game, path="circle")
     with pytest.raises(UserError, match="no mixture for FPG/AllyVsPlanner-v0, but for FPG/AllyVsScripted-v0"):
-        load_zoo().mixture("FPG/AllyVsPlanner-v0")
+        load_zoo().mixture(GameSpec("FPG/AllyVsPlanner-v0"))
 
 
 def test_bad_zoo_files(tmp_path):

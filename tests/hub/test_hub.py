@@ -16,6 +16,7 @@ from fpg_bench.cli import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.match import replay_match, run_match
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.hub import pull
 from fpg_bench.hub import push as uploads
 from fpg_bench.players import hub as names
@@ -23,7 +24,7 @@ from fpg_bench.players.agent import agent_folder
 from fpg_bench.players.hub import client, pinned, resolve
 from fpg_bench.players.sandbox import process
 from fpg_bench.players.sandbox.agent import SandboxedAgent
-from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.config import RunConfig
 from tests.hub.conftest import point_at
 from tests.hub.hub_server import READER, TOKEN
 from tests.leaderboard.making import policy, through, write_seed
@@ -224,7 +225,7 @@ def test_what_cannot_be_done_is_one_clear_line(hub, first, tmp_path, monkeypatch
         ({"policy_sha256": "0" * 64}, None, r"policy_sha256: does not match policy.onnx"),
         ({"id": "FPG/AllyVsScripted-v9"}, None, r"agent.json: .*which this version does not have"),
         ({"training_steps": -1}, None, r"training_steps: expected a whole number"),
-        ({"offline": "yes"}, None, r"offline: expected a mapping with the name of a data set"),
+        ({"offline": "yes"}, None, r"offline: expected a mapping, got 'yes'"),
         ({"algorithm": "a\x1b[2J"}, None, r"algorithm: expected printable text"),
         ({"padding": "x" * 70_000}, None, r"agent.json:? holds 70,\d+ bytes, at most 64,000"),
     ],
@@ -356,10 +357,10 @@ def test_a_name_stands_for_one_commit_and_is_recorded_with_it(hub, first, tmp_pa
     hub.add("me/mine", agent(tmp_path / "second", 1))
     assert fpg_bench.load_agent(NAME).model == player.model
     assert pinned(["expert", NAME]) == ["expert", f"{NAME}@{first}"]
-    config = RunConfig("ppo", "FPG/OpponentVsPolicy-v0", game=GameOptions(ally=NAME))
-    against = RunConfig("ppo", "FPG/OpponentVsPolicy-v0", against=["expert", NAME])
-    assert config.options() == {"ally": f"{NAME}@{first}"}
-    assert against.options() == {"ally": ["expert", f"{NAME}@{first}"]}
+    config = RunConfig("ppo", GameSpec("FPG/OpponentVsPolicy-v0", ally=NAME))
+    against = RunConfig("ppo", GameSpec.of("FPG/OpponentVsPolicy-v0", against=["expert", NAME]))
+    assert config.spec.options() == {"ally": f"{NAME}@{first}"}
+    assert against.spec.options() == {"ally": ("expert", f"{NAME}@{first}")}
     with pytest.raises(UserError, match=r"agent hf://me/mine: plays the ally .*, not the opponent"):
         fpg_bench.load_agent(NAME, "opponent")
 

@@ -108,7 +108,7 @@ class InProcess:
     fails = False
 
     def __init__(self, policy: Any, limits: Any = None) -> None:
-        self._player = OnnxPlayer(policy.model, policy.about)
+        self._player = OnnxPlayer(policy.model, policy.card)
         self.invalid = np.zeros(0, bool)
 
     def __enter__(self) -> InProcess:

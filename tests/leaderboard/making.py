@@ -27,7 +27,7 @@ ABOUT = {
     "format": 1,
     "algorithm": "linear",
     "id": "FPG/AllyVsScripted-v0",
-    "scenario": "0",
+    "scenario": "0" * 64,
     "training_steps": 1000,
 }
 

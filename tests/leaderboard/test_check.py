@@ -51,7 +51,7 @@ def test_what_the_package_ships_is_named_alone(tmp_path):
     assert load_submission(script).script == "expert"
     seeds = {"steps": 3_000_000, "hours": 0, "seeds": [0, 1, 2, 3, 4]}
     zoo = write_submission(tmp_path / "zoo", (), training=seeds, zoo="ally-scripted/ppo")
-    assert [p.about["algorithm"] for p in load_submission(zoo).policies] == ["ppo"] * 5
+    assert [p.card.algorithm for p in load_submission(zoo).policies] == ["ppo"] * 5
     for track, path, name, suite in (
         ("planner", None, "hold", "planner-v1"),
         ("opponent", "pursuit", "tone", "opponent-v2"),
@@ -214,16 +214,16 @@ def test_scripts_and_recordings_that_are_not_there_are_named(tmp_path, change, l
 @pytest.mark.parametrize(
     ("change", "line"),
     [
-        ({"policy_sha256": "0"}, "policy_sha256: does not match policy.onnx"),
+        ({"policy_sha256": "0" * 64}, "policy_sha256: does not match policy.onnx"),
         ({"id": "FPG/OpponentVsScripted-v0"}, "plays the opponent"),
         ({"id": "FPG/AllyVsScripted-v9"}, "which this version does not have"),
         ({"format": 7}, "format 7"),
         ({"training_seed": 3}, "training_seed: expected 1, as in the folder's name, got 3"),
         ({"actions": "many"}, "actions: expected one of continuous, discrete"),
-        ({"offline": {"dataset": 3}}, "offline: expected a mapping with the name of a data set, got"),
-        ({"offline": "much"}, "offline: expected a mapping with the name of a data set, got"),
+        ({"offline": {"dataset": 3}}, "offline.dataset: expected text, got 3"),
+        ({"offline": "much"}, "offline: expected a mapping, got 'much'"),
         ({"seconds": float("nan")}, "contains a number that is not finite"),
-        ({"algorithm": "x" * 61}, "algorithm: expected text"),
+        ({"algorithm": "x" * 61}, "algorithm: expected at most 60 characters"),
     ],
 )
 def test_agents_that_do_not_fit_are_named(tmp_path, change, line):

@@ -263,8 +263,8 @@ def test_a_season_has_members_of_both_sides_with_their_recipes(season):
     }
     for side, member in loaded.all_members():
         agent = load_agent(loaded.agent(side, member), side)
-        assert agent.about["training_seed"] == member.training_seed
-        assert agent.about["options"]["reward"] == member.reward
+        assert agent.card.training_seed == member.training_seed
+        assert agent.card.game.reward == member.reward
 
 
 @pytest.mark.slow
@@ -304,7 +304,7 @@ def test_each_scenario_is_closed_by_itself(season, tmp_path):
     assert sorted(link.entries) == ["ally/ally-link-dqn", "ally/sulk-link", "opponent/herd-link"]
     assert link.seed == season_seed("1", "1-link", read_entries(board, scenario="link")) != season.seed
     for side, member in link.all_members():
-        assert load_agent(link.agent(side, member)).about["options"]["scenario"] == "link"
+        assert load_agent(link.agent(side, member)).card.game.scenario == "link"
     made = {file.stem: yaml.safe_load(file.read_text()) for file in tmp_path.glob("*.yml")}
     assert sorted(made) == ["ally-link-season-1", "opponent-link-season-1"]
     assert {suite["scenario"] for suite in made.values()} == {"link"}

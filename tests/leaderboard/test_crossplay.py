@@ -58,7 +58,7 @@ def test_a_pair_plays_as_an_evaluation_does(spec, monkeypatch):
     """Both sides' returns per step, and how much was jammed."""
     monkeypatch.setattr(crossplay, "ROUNDS", ROUNDS)
     pair = play_pair(entry("ally-v2", "a", spec), entry("opponent-v2", "o", "adaptive"))
-    player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec), {})
+    player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec))
     tally = record_of(player, "ally-v2", "adaptive/pursuit").tally
     expected = {
         "ally_rewards": pytest.approx((tally["ally_return"] / tally["steps"],), rel=1e-5),
@@ -70,7 +70,7 @@ def test_a_pair_plays_as_an_evaluation_does(spec, monkeypatch):
 
 
 def test_a_team_plays_each_game_as_its_member_alone_would():
-    members = [as_player("random", "ally", as_scenario(None)), OnnxPlayer(policy(1), {})]
+    members = [as_player("random", "ally", as_scenario(None)), OnnxPlayer(policy(1))]
     runners = np.array([0, 1, 1, 0, 1])
     team = Team(members, runners)
     seeds, seen = np.arange(5, dtype=np.uint64), np.random.default_rng(0).normal(size=(3, 5, 15)).astype("f")

@@ -45,7 +45,7 @@ def test_the_script_makes_agents_as_the_submission_s(tmp_path, monkeypatch):
     assert abs(difference).max() < 1e-6
     assert check_policy(agent.model) == []
     shipped = load_submission(ENTRY)
-    assert {p.about["algorithm"] for p in shipped.policies} == {agent.about["algorithm"]}
+    assert {p.card.algorithm for p in shipped.policies} == {agent.card.algorithm}
 
 
 def test_its_submission_is_sound_and_no_path_is_left_in_it():

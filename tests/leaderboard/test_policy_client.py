@@ -59,7 +59,7 @@ def client():
 def test_a_policy_plays_as_it_does_in_this_process(client):
     for games in (1, 7):
         seen = observations(12, games)
-        expected = played(OnnxPlayer(MEMORY, {}), seen, [0])
+        expected = played(OnnxPlayer(MEMORY), seen, [0])
         expected[(np.abs(expected) > 1).any(axis=2)] = 0  # its noise leaves the range now and then
         assert (played(client, seen, [0]) == expected).all()
         assert np.ptp(expected[..., 2]) > 0.1

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.sb3_vec_env import make_sb3_duel
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.paper.experiment import check_learner
 from fpg_bench.training.maddpg import MADDPG
 from fpg_bench.training.maddpg.maddpg import Transitions
@@ -21,7 +21,7 @@ def make_model(seed, **policy):
     torch.set_num_threads(1)
     rates = {"learning_starts": 40, "train_freq": 2, "gradient_steps": 3}
     penalty = {"logit_penalty": 0.5, "logit_limit": 0.01}
-    games = make_sb3_duel(4, seed=seed, scenario="paper")
+    games = make_sb3("FPG/duel_v0", 4, seed=seed, scenario="paper")
     kwargs = {"net_arch": [16, 8], **policy}
     return MADDPG("JointPolicy", games, seed=seed, policy_kwargs=kwargs, **rates, **penalty)
 

@@ -47,7 +47,7 @@ def model_bytes(state=0, noise=0, action=9, observation=15, names=("observation"
 
 
 def test_memory_counts_and_starts_empty():
-    player = OnnxPlayer(model_bytes(state=3), {})
+    player = OnnxPlayer(model_bytes(state=3))
     seen = np.zeros((4, 15), np.float32)
     state = None
     for step in range(3):
@@ -58,7 +58,7 @@ def test_memory_counts_and_starts_empty():
 
 
 def test_noise_is_the_rounds_own():
-    player = OnnxPlayer(model_bytes(noise=2), {})
+    player = OnnxPlayer(model_bytes(noise=2))
 
     def play(*seeds):
         count = len(seeds)
@@ -79,7 +79,7 @@ def test_noise_is_the_rounds_own():
 
 
 def test_same_bits_whatever_the_batch():
-    player = OnnxPlayer(model_bytes(), {})
+    player = OnnxPlayer(model_bytes())
     seen = np.random.default_rng(0).uniform(-1, 1, (64, 15)).astype(np.float32)
     whole = player.predict(seen)[0]
     assert (np.concatenate([player.predict(row[None])[0] for row in seen]) == whole).all()
@@ -101,7 +101,7 @@ def test_same_bits_whatever_the_batch():
 )
 def test_policies_off_the_contract_are_refused(data, message):
     with pytest.raises(UserError, match=message):
-        OnnxPlayer(data, {})
+        OnnxPlayer(data)
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def agent(tmp_path):
         "format": 1,
         "algorithm": "mine",
         "id": "FPG/AllyVsScripted-v0",
-        "scenario": "0",
+        "scenario": "0" * 64,
         "training_seed": 0,
         "training_steps": 1,
         "policy_sha256": hashlib.sha256(data).hexdigest(),
@@ -124,14 +124,15 @@ def agent(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": 2}, "format 2"),
+        ({"format": 3}, "format 3, this version reads 1 and 2"),
         ({"id": "FPG/AllyVsScripted-v9"}, "which this version does not have"),
         ({"id": "FPG/OpponentVsScripted-v0"}, "plays the opponent"),
-        ({"policy_sha256": "0"}, "not the file"),
+        ({"policy_sha256": "0" * 64}, "not the file"),
+        ({"policy_sha256": "0"}, "policy_sha256: expected a SHA-256 hash"),
     ],
 )
 def test_agents_that_do_not_fit_are_refused(agent, change, message):
-    assert load_agent(agent, "ally").about["algorithm"] == "mine"
+    assert load_agent(agent, "ally").card.algorithm == "mine"
     about = json.loads((agent / "agent.json").read_text())
     (agent / "agent.json").write_text(json.dumps(about | change))
     with pytest.raises(UserError, match=message):

@@ -10,9 +10,10 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
-from fpg_bench.envs.core import SingleAgentGame
+from fpg_bench.envs.core import SingleAgentGame, policies_of
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import expand_suites
@@ -39,7 +40,7 @@ class AskedOfAll:
 def allies():
     """One player of every kind, and one of them a second time."""
     named = [as_player(name, "ally", STANDARD) for name in (*SCRIPTED["ally"], *SHIPPED, "oracle")]
-    noisy = [OnnxPlayer(model_bytes(state=2, noise=2), {}), OnnxPlayer(model_bytes(noise=1), {})]
+    noisy = [OnnxPlayer(model_bytes(state=2, noise=2)), OnnxPlayer(model_bytes(noise=1))]
     return [*named, *noisy, AskedOfAll(as_player("random", "ally", STANDARD)), named[0]]
 
 
@@ -71,7 +72,7 @@ def test_a_player_is_asked_about_its_own_games_and_no_others():
             asked.append(len(observation))
             return super().predict(observation, *rest)
 
-    players = [Counting(model_bytes(state=1), {}) for _ in range(3)]
+    players = [Counting(model_bytes(state=1)) for _ in range(3)]
     duel = TwoPlayerBatch(STANDARD, GAMES)
     runner = PolicyRunner("ally", [*players, players[0]], duel.batch)
     runner.begin(duel.reset(seeds=0))
@@ -96,16 +97,17 @@ def suite(tmp_path):
 def test_a_suites_name_stands_for_its_members_of_the_side_wherever_it_is_in_a_list(suite):
     found = expand_suites(["tone", suite, "comb"], "opponent")
     assert found == ["tone", f"{suite}/a-td3", f"{suite}/b-ppo", "comb"]
-    core = SingleAgentGame(ENV_ID, 64, opponent=["tone", suite])
+    game = GameSpec(ENV_ID, opponent=["tone", suite])
+    core = SingleAgentGame(game, 64)
     core.reset(seeds=0)
     assert set(core._runner.choice) == {0, 1, 2}
-    assert set(core.policies) == set(found[1:3])
-    assert SingleAgentGame("FPG/OpponentVsPolicy-v0", ally=suite).other_specs == [f"{suite}/ppo"]
+    assert set(policies_of(game)) == set(found[1:3])
+    assert SingleAgentGame(GameSpec("FPG/OpponentVsPolicy-v0", ally=suite)).other_specs == [f"{suite}/ppo"]
 
 
 def test_a_member_is_a_player_by_its_own_name(suite):
     agent = as_player(f"{suite}/a-td3", "opponent", STANDARD)
-    assert agent.about["algorithm"] == "td3"
+    assert agent.card.algorithm == "td3"
 
 
 @pytest.mark.parametrize(
@@ -126,5 +128,5 @@ def test_a_suite_that_is_not_there_or_is_damaged_is_refused_in_one_line(suite, s
     Path(root, "broken/opponent/m/policy.onnx").write_bytes(b"else")
     Path(root, "empty/opponent/m").mkdir(parents=True)
     with pytest.raises(UserError, match=words) as caught:
-        SingleAgentGame(ENV_ID, opponent=spec.format(suite=suite))
+        SingleAgentGame(GameSpec(ENV_ID, opponent=spec.format(suite=suite)))
     assert "\n" not in str(caught.value)

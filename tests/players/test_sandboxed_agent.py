@@ -10,6 +10,7 @@ import pytest
 
 from fpg_bench import UserError, load_agent
 from fpg_bench.envs.core import SingleAgentGame
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.sandbox.agent import SandboxedAgent
 from tests.leaderboard.making import dividing_by_zero, through, write_seed, write_submission
 
@@ -37,7 +38,7 @@ def test_an_agent_of_a_submission_plays_as_it_would_in_this_process(submission, 
 )
 def test_what_it_does_wrong_loses_rounds_and_ends_nothing(submission, data):
     write_seed(submission / "seed_0", 0, data)
-    game = SingleAgentGame("FPG/OpponentVsPolicy-v0", 4, ally=str(submission / "seed_0"))
+    game = SingleAgentGame(GameSpec("FPG/OpponentVsPolicy-v0", ally=submission / "seed_0"), 4)
     game.reset(seeds=0)
     for _ in range(3):
         game.step(np.zeros((4, 9), np.float32))

@@ -17,7 +17,7 @@ def test_a_file_of_another_framework_becomes_an_agent(tmp_path):
     onnx.save(model, tmp_path / "mine.onnx")
     fpg_bench.write_agent(tmp_path / "agent", tmp_path / "mine.onnx", **TOLD)
     agent = fpg_bench.load_agent(tmp_path / "agent", "ally")
-    assert agent.about["scenario"] == STANDARD.hash
+    assert agent.card.scenario == STANDARD.hash
     assert b"somebody" not in agent.model
     seen = np.ones((2, 15), np.float32)
     assert (agent.predict(seen)[0] == agent.predict(seen)[0]).all()
@@ -25,8 +25,8 @@ def test_a_file_of_another_framework_becomes_an_agent(tmp_path):
 
 def test_an_id_of_discrete_actions_becomes_the_plain_id_and_an_action_mode(tmp_path):
     fpg_bench.write_agent(tmp_path, policy(0), **(TOLD | {"id": "FPG/AllyVsScriptedDiscrete-v0"}))
-    about = fpg_bench.load_agent(tmp_path, "ally").about
-    assert (about["id"], about["actions"]) == ("FPG/AllyVsScripted-v0", "discrete")
+    about = fpg_bench.load_agent(tmp_path, "ally").card.to_dict()
+    assert about["game"] == {"id": "FPG/AllyVsScripted-v0", "actions": "discrete"}
 
 
 @pytest.mark.parametrize(

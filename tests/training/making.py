@@ -54,7 +54,7 @@ def make_agent(
         "format": 1,
         "algorithm": member.algorithm,
         "id": member.group.id,
-        "scenario": "0",
+        "scenario": "0" * 64,
         "training_seed": member.seed,
         "training_steps": member.steps,
         "seconds": 90.0,

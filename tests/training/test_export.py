@@ -26,7 +26,7 @@ from fpg_bench.training.export import (
 ABOUT = {
     "algorithm": "x",
     "id": "FPG/AllyVsScripted-v0",
-    "scenario": "0",
+    "scenario": "0" * 64,
     "training_seed": 0,
     "training_steps": 0,
 }
@@ -131,7 +131,7 @@ def test_discrete_agents_play_the_choices_that_the_model_predicts(algorithm, mod
     assert write_exported(model, tmp_path, ABOUT | {"id": "FPG/OpponentVsScripted-v0"}) < 1e-5
     check_no_paths((tmp_path / "policy.onnx").read_bytes())
     player, core = load_agent(tmp_path), discrete_games(mode, **allowed).core
-    assert player.about["actions"] == mode
+    assert player.card.game.actions == mode
     assert player.row_wise
     games = VecFrameStack(model.get_env().unwrapped, 2)
     seen, theirs_memory, ours_memory, starts = games.reset(), None, None, np.ones(4, bool)
@@ -150,7 +150,7 @@ def test_discrete_agents_play_the_choices_that_the_model_predicts(algorithm, mod
 def test_a_users_own_dqn_is_exported_and_evaluated(tmp_path):
     model = DQN("MlpPolicy", "FPG/AllyVsScriptedDiscrete-v0", policy_kwargs=SMALL, seed=0, device="cpu")
     assert export_agent(model, tmp_path / "agent", training_seed=0) == 0
-    assert load_agent(tmp_path / "agent").about["id"] == "FPG/AllyVsScripted-v0"
+    assert load_agent(tmp_path / "agent").card.game.id == "FPG/AllyVsScripted-v0"
     both = {"model": model, "agent": str(tmp_path / "agent")}
     returns = {row.entry: row.score for row in evaluate(both, "ally-v1", matches=2)}
     assert returns["model"] == returns["agent"]
@@ -168,7 +168,7 @@ def test_a_users_own_dqn_is_exported_and_evaluated(tmp_path):
 @pytest.mark.slow
 def test_memory_gives_the_same_bits_in_a_batch_and_alone():
     model = a_model(RecurrentPPO, True, 3, policy_kwargs={"lstm_hidden_size": 6})
-    player = OnnxPlayer(export_onnx(model), {})
+    player = OnnxPlayer(export_onnx(model))
     seen = np.random.default_rng(0).uniform(-1, 1, (20, 33, 15)).astype(np.float32)
     pairs, memory, alone = [], None, None
     for row in seen:
@@ -217,7 +217,7 @@ def test_an_export_that_plays_differently_is_refused(tmp_path, monkeypatch):
 def test_the_usual_layers_need_no_exporter(algorithm, words, monkeypatch):
     monkeypatch.setattr("torch.onnx.export", None)
     model = a_model(algorithm, policy_kwargs=words)
-    player = OnnxPlayer(export_onnx(model), {})
+    player = OnnxPlayer(export_onnx(model))
     assert largest_difference(model, player) < 1e-5
     assert player.row_wise
 
@@ -228,7 +228,7 @@ def test_our_own_onnx_equals_the_exporter_s_to_the_bit(monkeypatch):
     written = plain_onnx(Actor(model))
     check_no_paths(written)
     monkeypatch.setattr(export, "plain_onnx", lambda actor: None)
-    players = [OnnxPlayer(data, {}) for data in (written, export_onnx(model))]
+    players = [OnnxPlayer(data) for data in (written, export_onnx(model))]
     chance, states, spread = np.random.default_rng(0), [None, None], []
     for _ in range(12):
         seen = chance.uniform(-1, 1, (5, 15)).astype(np.float32)

@@ -88,14 +88,14 @@ def test_export_reads_runs_and_zips(tmp_path, capsys):
     mine = tmp_path / "mine"
     export_verb(tmp_path / "run", mine / "seed_3")
     assert capsys.readouterr().out.startswith(f"agent: {mine}/seed_3\nlargest difference from predict(): ")
-    assert load_agent(mine / "seed_3").about["training_seed"] == 3
+    assert load_agent(mine / "seed_3").card.training_seed == 3
     with pytest.raises(UserError, match="holds an agent"):
         export_verb(tmp_path / "run", mine / "seed_3")
     shutil.copy(tmp_path / "run" / "model.zip", tmp_path / "model.zip")
     with pytest.raises(UserError, match="--not-normalized"):
         export_verb(tmp_path / "model.zip", mine / "seed_7", algo="ppo")
     export_verb(tmp_path / "model.zip", mine / "seed_7", algo="ppo", not_normalized=True)
-    assert load_agent(mine / "seed_7").about["training_seed"] == 7
+    assert load_agent(mine / "seed_7").card.training_seed == 7
 
 
 def test_export_of_a_folder_of_runs_is_one_agent_for_each_seed(tmp_path):
@@ -107,4 +107,4 @@ def test_export_of_a_folder_of_runs_is_one_agent_for_each_seed(tmp_path):
     assert not (tmp_path / "mine").exists()
     (tmp_path / "runs/seed_2").rmdir()
     export_verb(tmp_path / "runs", tmp_path / "mine")
-    assert [load_agent(tmp_path / f"mine/seed_{k}").about["training_seed"] for k in (0, 1)] == [0, 1]
+    assert [load_agent(tmp_path / f"mine/seed_{k}").card.training_seed for k in (0, 1)] == [0, 1]

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.envs.sb3_vec_env import make_sb3
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate
-from fpg_bench.training.models import make_games, make_model
+from fpg_bench.training.models import make_model
 from tests.training.tiny import settings, train_tiny
 
 OPPONENT = "FPG/OpponentVsScripted-v0"
@@ -21,7 +23,7 @@ LESSON = {"teacher": "adaptive", "steps": 10_000, "learning_rate": 0.003, "batch
 
 def pupil(algorithm, **changes):
     parameters = load_hyperparameters(algorithm, OPPONENT, settings(algorithm, **changes))
-    games = make_games(OPPONENT, parameters, 0, ally="idle", path="learned")
+    games = make_sb3(OPPONENT, parameters.n_envs, 0, True, ally="idle", path="learned")
     return make_model(algorithm, games, parameters, 0), games, parameters
 
 
@@ -50,10 +52,10 @@ def test_the_model_flies_as_its_teacher_and_keeps_its_standard_deviation():
 @pytest.mark.slow
 @pytest.mark.parametrize("actions", ["discrete", "multi-discrete"])
 def test_a_model_with_a_list_of_choices_learns_its_teachers(actions):
-    parameters = load_hyperparameters(
-        "ppo", OPPONENT, settings("ppo", policy_kwargs=NETS, n_envs=8, imitate=LESSON), actions=actions
-    )
-    games = make_games(OPPONENT, parameters, 0, ally="idle", path="learned", actions=actions)
+    game = GameSpec(OPPONENT, ally="idle", path="learned", actions=actions)
+    values = settings("ppo", policy_kwargs=NETS, n_envs=8, imitate=LESSON)
+    parameters = load_hyperparameters("ppo", game, values)
+    games = make_sb3(game, parameters.n_envs, 0, stagger=True)
     model = make_model("ppo", games, parameters, 0)
     before, error = flown(model, games), imitate(model, games, parameters.imitate)
     assert error < 0.3
@@ -70,7 +72,7 @@ def test_a_run_imitates_once_and_reports_the_error(tmp_path):
     assert about["hyperparameters"]["imitate"]["teacher"] == "adaptive"
     assert 0 < about["imitation_error"] < 2
     again = train_tiny("ppo", tmp_path / "again", words, env_id=OPPONENT, **options)
-    assert load_agent(again).about["policy_sha256"] == load_agent(agent).about["policy_sha256"]
+    assert load_agent(again).card.policy_sha256 == load_agent(agent).card.policy_sha256
     train_tiny("ppo", tmp_path / "on", words, env_id=OPPONENT, start=folder, **options)
     assert "imitation_error" not in json.loads((tmp_path / "on" / "run.json").read_text())
 

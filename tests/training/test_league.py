@@ -157,7 +157,7 @@ def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result
     found = respond(ally, out, actions="discrete")
     assert [row.get("actions") for row in found["responses"]] == [None, "discrete"]
     agent = load_agent(out / "nothing-ppo-discrete-400" / "seed_0" / "agent", "opponent")
-    assert agent.about["options"]["actions"] == "discrete"
+    assert agent.card.game.actions == "discrete"
     assert respond(ally, out, actions="discrete") == found
     assert league.response_label(found["responses"][1]) == "ppo discrete, 400 steps, seed 0"
 
@@ -179,7 +179,7 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
     for seed, row in enumerate(result["responses"]):
         assert (row["algorithm"], row["steps"], row["training_seed"]) == ("ppo", 400, seed)
         agent = run_folder(out, seed) / "agent"
-        about = load_agent(agent, "opponent").about
+        about = load_agent(agent, "opponent").card.to_dict()
         assert (about["training_seed"], about["training_steps"]) == (seed, 400)
         assert about["options"] == {"ally": str(ally), "path": "pursuit", "reward": "zero_sum"}
         record = play(player_entry(str(ally)), suite, Rival("it", (str(agent),), suite.scenario))
@@ -187,7 +187,7 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
         earned = record.tally["opponent_return"] / record.tally["steps"]
         assert (row["return"], row["earned"]) == pytest.approx((reward, earned), abs=1e-4)
         assert row["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
-    assert result["policy"] == load_agent(ally).about["policy_sha256"]
+    assert result["policy"] == load_agent(ally).card.policy_sha256
     assert list(result["scripts"]) == list(SCRIPTED["opponent"])
     adaptive = league.evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
     assert result["scripts"]["adaptive"]["score"] == round(adaptive.score.value, 2)
@@ -388,7 +388,8 @@ def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
     for side in ("ally", "opponent"):
         agent = load_agent(played / side, side)
         assert agent.model == load_agent(played / "generations" / f"{side}_1" / "agent").model
-        assert {key: agent.about[key] for key in described} == described
+        content = agent.card.to_dict()
+        assert {key: content[key] for key in described} == described
 
 
 def test_past_generations_are_drawn_uniformly_by_the_seed():
@@ -408,9 +409,9 @@ def test_finished_generations_are_kept_and_more_can_be_added(played, trained):
     play_selfplay(played, 3, seed=3)
     assert [(run.sides, run.seed) for run in trained] == [(("ally",), 3002), (("opponent",), 3002)]
     assert read_rows(played)[:4] == before
-    assert load_agent(played / "ally").about["training_steps"] == 1200
+    assert load_agent(played / "ally").card.training_steps == 1200
     play_selfplay(played, 1, seed=3)  # fewer generations change nothing
-    assert load_agent(played / "ally").about["training_steps"] == 1200
+    assert load_agent(played / "ally").card.training_steps == 1200
 
 
 @pytest.mark.slow
@@ -490,7 +491,7 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
     with pytest.raises(UserError, match="was drawn with another priority; choose another folder"):
         league.train_champion(load_champion(tmp_path, priority=4), 3, runs)
     league.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
-    about = load_agent(tmp_path / "out", "ally").about
+    about = load_agent(tmp_path / "out", "ally").card.to_dict()
     assert about["recipe"] == {"name": "brave", **CHAMPION, "options": {}}
     described = (about["command"], about["training_steps"], about["training_seed"])
     assert described == ("make brave", 800, 3)

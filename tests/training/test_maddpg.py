@@ -6,7 +6,7 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-from fpg_bench.envs.sb3_vec_env import make_sb3_duel
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.training.maddpg import MADDPG
 
 # Player i gets -a_i^2 + LIKES_i a_i + PULLS_i a_0 a_1: the symmetric part of the game's Jacobian is -2 on the
@@ -117,7 +117,7 @@ def test_a_loaded_model_continues_to_learn(model, tmp_path):
 
 @pytest.mark.slow
 def test_maddpg_plays_both_sides_of_the_game():
-    games = make_sb3_duel(4, seed=0)
+    games = make_sb3("FPG/duel_v0", 4, seed=0)
     model = MADDPG("JointPolicy", games, learning_starts=1000, policy_kwargs={"net_arch": [16]}).learn(1240)
     assert model._n_updates == 60
     assert [info["l"] for info in model.ep_info_buffer] == [300] * 4

@@ -13,11 +13,12 @@ from torch import nn
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ENVS
 from fpg_bench.envs.sb3_vec_env import make_sb3
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.training.algorithms import ALGORITHMS, find_algorithm
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.models import as_activation, make_games, make_model
+from fpg_bench.training.models import as_activation, make_model
 from tests.training.own import Mine
 from tests.training.tiny import ALLY, SMALL, settings, train, train_tiny
 
@@ -26,7 +27,7 @@ OPPONENT = "FPG/OpponentVsScripted-v0"
 
 def model_of(algorithm, values):
     parameters = load_hyperparameters(algorithm, ALLY, values)
-    return make_model(algorithm, make_games(ALLY, parameters, 0), parameters, 0)
+    return make_model(algorithm, make_sb3(ALLY, parameters.n_envs, 0), parameters, 0)
 
 
 # Algorithms
@@ -63,12 +64,12 @@ def test_unknown_algorithms_are_refused(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_user_s_own_algorithm_is_trained_by_its_name_or_class(tmp_path):
     agent = train_tiny("tests.training.own:Mine", tmp_path / "name", hyperparams=None, steps=3200)
-    about = load_agent(agent, "ally").about
+    about = load_agent(agent, "ally").card.to_dict()
     assert about["algorithm"] == "tests.training.own:Mine"
     assert about["hyperparameters"] == {"n_envs": 64, "normalize": None, "policy": "MlpPolicy"}
     values = {"n_envs": 4, "n_timesteps": 200, "policy": "MlpPolicy", "bonus": 0.5, "normalize": None}
     agent = train(Mine, ALLY, tmp_path / "class", hyperparams=values)
-    assert load_agent(agent).about["hyperparameters"]["bonus"] == 0.5
+    assert load_agent(agent).card.hyperparameters["bonus"] == 0.5
 
 
 def test_a_user_s_own_algorithm_that_cannot_be_trained_is_refused(tmp_path):
@@ -92,8 +93,8 @@ def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatc
     monkeypatch.setenv("FPG_LLM_MODEL", "none")
     actions = "discrete" if algorithm in ("dqn", "qr-dqn", "maskable-ppo") else "continuous"
     for env_id in ENVS:
-        parameters = load_hyperparameters(algorithm, env_id, actions=actions)
-        make_model(algorithm, make_sb3(env_id, n_envs=2, actions=actions), parameters, seed=0)
+        game = GameSpec(env_id, actions=actions)
+        make_model(algorithm, make_sb3(game, n_envs=2), load_hyperparameters(algorithm, game), seed=0)
 
 
 def test_shipped_files_hold_nothing_to_evaluate():
@@ -117,11 +118,12 @@ def test_stacked_frames_come_from_the_name_or_the_file():
 
 @pytest.mark.parametrize("algorithm", ["ppo", "td3", "ppo-stack4"])
 def test_an_opponent_that_flies_itself_has_values_of_its_own(algorithm):
-    own = load_hyperparameters(algorithm, OPPONENT, path="learned")
+    own = load_hyperparameters(algorithm, GameSpec(OPPONENT, path="learned"))
     assert own != load_hyperparameters(algorithm, OPPONENT)
     assert (own.imitate is None) == (algorithm == "td3")
     for env_id, path in ((OPPONENT, "pursuit"), (ALLY, "learned")):
-        assert load_hyperparameters(algorithm, env_id, path=path) == load_hyperparameters(algorithm, env_id)
+        game = GameSpec(env_id, path=path)
+        assert load_hyperparameters(algorithm, game) == load_hyperparameters(algorithm, env_id)
 
 
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
@@ -180,7 +182,7 @@ def test_the_activation_of_the_hyperparameters_is_trained_and_exported(tmp_path)
     agent = train_tiny("td3", tmp_path / "run", {"policy_kwargs": policy})
     for file in (tmp_path / "run" / "run.json", agent / "agent.json"):
         assert json.loads(file.read_text())["hyperparameters"]["policy_kwargs"] == policy
-    assert load_agent(agent).about["largest_difference"] < 1e-5
+    assert load_agent(agent).card.largest_difference < 1e-5
     assert b"Elu" in (agent / "policy.onnx").read_bytes()
 
 

@@ -126,7 +126,7 @@ def test_each_algorithm_lowers_its_loss_and_exports_an_agent_that_plays(
 @pytest.mark.slow
 def test_choices_are_cloned(discrete, tmp_path):
     agent = load_agent(learn("bc", discrete, tmp_path, steps=100))
-    assert agent.about["actions"] == "discrete"
+    assert agent.card.game.actions == "discrete"
 
 
 def test_transitions_are_those_that_the_wrapped_games_show(mixed):
@@ -209,7 +209,7 @@ def test_ppo_starts_from_a_clone(mixed, tmp_path):
     np.testing.assert_allclose(*actions, atol=1e-4)
     learn("td3-bc", mixed, tmp_path / "td3", steps=100)
     for algorithm, start in (("ppo", "td3"), ("sac", "bc")):
-        other = RunConfig(algorithm, config.env_id, hyperparams=settings(algorithm), start=tmp_path / start)
+        other = RunConfig(algorithm, config.game, hyperparams=settings(algorithm), start=tmp_path / start)
         with pytest.raises(UserError, match=f"start .*: algorithm is '.*' there, expected '{algorithm}'"):
             train(other, tmp_path / "other", evaluations=0, progress=False)
 
@@ -236,7 +236,7 @@ def test_the_verb_learns_several_seeds_and_scores_them(mixed, tmp_path, monkeypa
     ]
     output = CliRunner().invoke(app, words, catch_exceptions=False).output
     assert "seed 1: ally's score at the end of training" in output
-    assert load_agent(tmp_path / "runs/seed_1/agent").about["training_seed"] == 1
+    assert load_agent(tmp_path / "runs/seed_1/agent").card.training_seed == 1
     monkeypatch.setattr(BC, "_update", None)
     assert CliRunner().invoke(app, words, catch_exceptions=False).exit_code == 0  # nothing is repeated
 

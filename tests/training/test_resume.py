@@ -132,7 +132,7 @@ def test_a_run_that_stopped_before_any_saved_step_ends_as_if_it_had_not(algorith
         with pytest.raises(KeyboardInterrupt):
             train_tiny(algorithm, runs[2], evaluations=1)
     agents = [load_agent(train_tiny(algorithm, run, resume=True, evaluations=1)) for run in runs]
-    assert len({agent.about["policy_sha256"] for agent in agents}) == 1
+    assert len({agent.card.policy_sha256 for agent in agents}) == 1
     assert json.loads((runs[2] / "run.json").read_text())["part"] == 0
 
 

@@ -14,10 +14,11 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training import callbacks
 from fpg_bench.training.callbacks import LOGGED_MEASURES
-from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.config import RunConfig
 from fpg_bench.training.train import parse_seeds, train_seeds
 from tests.logged import logged
 from tests.training.tiny import ALLY, EVALUATION_ROUNDS, SMALL, run_config, settings, train, train_tiny
@@ -29,20 +30,18 @@ POLICY = "FPG/OpponentVsPolicy-v0"
 
 
 def test_a_configuration_is_a_value():
-    config = RunConfig("ppo", ALLY, seed=3, game=GameOptions(path="circle", knowledge="none"))
+    config = RunConfig("ppo", GameSpec(ALLY, path="circle", knowledge="none"), seed=3)
     assert pickle.loads(pickle.dumps(config)) == config
     assert dataclasses.replace(config, seed=4).game == config.game
-    assert config.game_options() == {"path": "circle", "knowledge": "none"}
-    with pytest.raises(UserError, match="here: unknown key 'pth'; did you mean 'path'"):
-        GameOptions.parse({"pth": "circle"}, "here")
+    assert config.spec.options() == {"path": "circle", "knowledge": "none"}
 
 
 def test_the_other_side_is_named_once_and_a_suite_follows_from_the_side():
-    assert run_config("ppo", POLICY, against="expert").game_options() == {"ally": "expert"}
+    assert run_config("ppo", POLICY, against="expert").spec.options() == {"ally": "expert"}
     with pytest.raises(UserError, match="against: names the ally, and so does ally"):
-        run_config("ppo", POLICY, against="expert", ally="idle").game_options()
+        run_config("ppo", POLICY, against="expert", ally="idle")
     with pytest.raises(UserError, match="both sides learn; omit it"):
-        run_config("maddpg", DUEL, against="expert").game_options()
+        run_config("maddpg", DUEL, against="expert")
     assert RunConfig("maddpg", DUEL).suites() == ["ally-v1", "opponent-v1"]
     assert run_config("ppo", POLICY, path="learned").suites() == ["opponent-learned-v1"]
     assert RunConfig("ppo", ALLY, suite="mine.yml").suites() == ["mine.yml"]
@@ -50,13 +49,11 @@ def test_the_other_side_is_named_once_and_a_suite_follows_from_the_side():
 
 def test_an_id_of_discrete_actions_is_the_plain_id_with_an_option():
     config = RunConfig("dqn", "fpg_bench:FPG/AllyVsScriptedDiscrete-v0")
-    assert (config.id, config.actions) == (ALLY, "discrete")
-    assert (
-        config.options() == run_config("dqn", ALLY, actions="discrete").options() == {"actions": "discrete"}
-    )
+    assert config.spec == run_config("dqn", ALLY, actions="discrete").spec
+    assert config.spec.to_dict() == {"id": ALLY, "actions": "discrete"}
     assert config.suites() == ["ally-v1"]
     with pytest.raises(UserError, match="the id says discrete, got 'continuous'"):
-        run_config("dqn", "FPG/AllyVsScriptedDiscrete-v0", actions="continuous").options()
+        run_config("dqn", "FPG/AllyVsScriptedDiscrete-v0", actions="continuous")
 
 
 # A run's folder
@@ -93,7 +90,7 @@ def test_a_run_describes_how_it_was_made(run, hyperparams):
     assert (run / "model.zip").exists()
     assert (run / "normalize.npz").exists()
     assert not (run / "checkpoints").exists()
-    agent = load_agent(run / "agent", "ally").about
+    agent = load_agent(run / "agent", "ally").card.to_dict()
     assert (agent["algorithm"], agent["training_seed"], agent["training_steps"]) == ("ppo", 3, 2400)
 
 
@@ -248,7 +245,7 @@ def test_each_seed_is_trained_once_and_a_failure_does_not_hold_up_the_others(tmp
     lines = train_several(tmp_path, [0, 2], n_jobs=1)
     assert [line.split(":")[0] for line in lines] == ["seed_2"]
     for seed in (0, 2):
-        assert load_agent(tmp_path / f"seed_{seed}" / "agent").about["training_seed"] == seed
+        assert load_agent(tmp_path / f"seed_{seed}" / "agent").card.training_seed == seed
     with pytest.raises(
         UserError, match="seed_0: holds this run with 1,200 steps, and its budget cannot change"
     ):

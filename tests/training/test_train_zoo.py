@@ -45,9 +45,9 @@ def begun(zoo):
 
 def test_a_run_is_what_the_zoo_says(zoo):
     config = script.run_config(zoo.members()[1])
-    told = (config.algorithm, config.id, config.seed, config.steps)
+    told = (config.algorithm, config.spec.id, config.seed, config.steps)
     assert told == ("ppo", "FPG/AllyVsScripted-v0", 1, 2000)
-    assert config.game.to_dict() == {"path": ["pursuit", "circle"]}
+    assert config.spec.options() == {"path": ("pursuit", "circle")}
     assert [config.suite] == list(zoo.groups[0].suites)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.training import train as training
-from fpg_bench.training.config import GameOptions, RunConfig
+from fpg_bench.training.config import RunConfig
 
 ALLY = "FPG/AllyVsScripted-v0"
 EVALUATION_ROUNDS = 3
@@ -34,10 +35,8 @@ def settings(algorithm: str, **changes) -> dict:
 def run_config(algorithm, env_id=ALLY, **options) -> RunConfig:
     """A run; options that are none of its own are those of its games."""
     own = {field.name for field in dataclasses.fields(RunConfig)}
-    game = GameOptions(**{name: value for name, value in options.items() if name not in own})
-    return RunConfig(
-        algorithm, env_id, game=game, **{name: value for name, value in options.items() if name in own}
-    )
+    game = GameSpec.of(env_id, **{name: value for name, value in options.items() if name not in own})
+    return RunConfig(algorithm, game, **{name: value for name, value in options.items() if name in own})
 
 
 def train(algorithm, env_id, out, *, progress=False, evaluations=0, restart=False, resume=False, **options):

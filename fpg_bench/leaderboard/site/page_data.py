@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_json
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.statistics import student_t
@@ -32,10 +31,9 @@ from fpg_bench.leaderboard.site.views import (
     ordered_suites,
 )
 from fpg_bench.leaderboard.submission import load_submission
-from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.agent import baselines_folder, read_card
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
-from fpg_bench.players.population import flight_of
 from fpg_bench.rendering.replay import scenario_data, script_json
 
 Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data
@@ -257,8 +255,7 @@ def zoo_policies() -> dict[str, tuple[Row, Row]]:
         side, _, group = path.parts[-4].partition("-")
         policy = policy_data(path.read_bytes()) if side in SIDES and group in _GROUPS else None
         if policy is not None:
-            about = read_json(path.parent / "agent.json", "agent")
-            flies = side == "opponent" and flight_of(about) == "learned"
+            flies = side == "opponent" and read_card(path.parent).flies == "learned"
             agents[name] = {"side": side, "flies": flies}, policy
     return agents
 

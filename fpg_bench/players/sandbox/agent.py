@@ -6,12 +6,12 @@ import contextlib
 import logging
 import weakref
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Memory
 from fpg_bench.players.sandbox import client
 from fpg_bench.players.sandbox.client import Policy, check_policy
@@ -32,7 +32,7 @@ class SandboxedAgent(Batched):
 
     Args:
         model: the bytes of ``policy.onnx``.
-        about: the content of ``agent.json``.
+        card: the agent's card.
 
     Attributes:
         invalid: ``(n,)`` bool, the games whose current round is lost.
@@ -42,13 +42,13 @@ class SandboxedAgent(Batched):
         UserError: the file breaks the contract; see :func:`fpg_bench.players.sandbox.client.check_policy`.
     """
 
-    def __init__(self, model: bytes, about: dict[str, Any]) -> None:
+    def __init__(self, model: bytes, card: AgentCard) -> None:
         if problems := check_policy(model):
             raise UserError(f"policy.onnx: {problems[0]}")
-        self.model, self.about = model, about
+        self.model, self.card = model, card
         self.failure: str | None = None
         self.invalid = np.zeros(0, bool)
-        self._policy = Policy(0, about, model, str(about.get("policy_sha256")))
+        self._policy = Policy(0, card, model, card.policy_sha256)
         self._client: client.PolicyClient | None = None
 
     def reset(self, mask: np.ndarray, seeds: np.ndarray) -> None:
@@ -89,8 +89,8 @@ class SandboxedAgent(Batched):
                 self._client.close()
             _logger.warning(f"{self!r}: {error}; its rounds are lost from here on")
 
-    def __reduce__(self) -> tuple[type[SandboxedAgent], tuple[bytes, dict[str, Any]]]:
-        return type(self), (self.model, self.about)
+    def __reduce__(self) -> tuple[type[SandboxedAgent], tuple[bytes, AgentCard]]:
+        return type(self), (self.model, self.card)
 
     def __repr__(self) -> str:
-        return f"SandboxedAgent({self.about.get('id')}, {self.about.get('algorithm')})"
+        return f"SandboxedAgent({self.card})"

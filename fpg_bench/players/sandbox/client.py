@@ -14,6 +14,7 @@ import numpy as np
 from fpg_bench.common.errors import printable
 from fpg_bench.common.strict_json import read_plain
 from fpg_bench.game.state import ACTION_SIZE
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Memory
 from fpg_bench.players.sandbox.process import Limits, PolicyFailed, Sandbox
 from fpg_bench.players.seeded import Batched
@@ -41,13 +42,13 @@ class Policy:
 
     Attributes:
         seed: the training seed.
-        about: the content of ``agent.json``; empty if it cannot be read.
+        card: the agent's card; None if it cannot be read.
         model: the content of ``policy.onnx``.
         sha256: the hash of ``model``.
     """
 
     seed: int
-    about: dict[str, Any]
+    card: AgentCard | None
     model: bytes
     sha256: str
 
@@ -111,7 +112,7 @@ class PolicyClient(Batched):
 
     Attributes:
         invalid: ``(n,)`` bool, the games whose current round is lost.
-        about: the content of ``agent.json``.
+        card: the agent's card; None if it cannot be read.
 
     Raises:
         PolicyFailed: on entering, or in a later ``predict``: the process died or exceeded its limits.
@@ -119,7 +120,7 @@ class PolicyClient(Batched):
     """
 
     def __init__(self, policy: Policy, limits: Limits | None = None) -> None:
-        self.policy, self.about = policy, policy.about
+        self.policy, self.card = policy, policy.card
         self.limits = limits or Limits()
         self.invalid = np.zeros(0, bool)
         self._calls = 0

@@ -38,7 +38,7 @@ def serve(inside: SandboxChild) -> None:
     data = reader.read(size)
     _rehearse(noise=b"noise" in data)
     inside.lock_down()
-    player = OnnxPlayer(data, {})
+    player = OnnxPlayer(data)
     player.predict(np.zeros((1, OBSERVATION_SIZE), np.float32))
     connection.sendall(HEAD.pack(READY, int(player.noise_size > 0), 0))
     memory: Memory = None
@@ -71,7 +71,7 @@ def _rehearse(noise: bool) -> None:
     nodes.append(helper.make_node("Add", ["x", "noise" if noise else "x"], ["action"]))
     graph = helper.make_graph(nodes, "rehearsal", inputs, [action], [weights])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
-    OnnxPlayer(model.SerializeToString(), {}).predict(np.zeros((2, OBSERVATION_SIZE), np.float32))
+    OnnxPlayer(model.SerializeToString()).predict(np.zeros((2, OBSERVATION_SIZE), np.float32))
 
 
 def _array(reader: Reader, dtype: DTypeLike, rows: int, columns: int) -> np.ndarray:

@@ -95,7 +95,7 @@ class MADDPG(OffPolicyAlgorithm):
         policy: ``JointPolicy``, the only one.
         env: games of several players as one ``VecEnv``: observations ``(n, all)``, actions ``(n, all)``,
             rewards ``(n, players)``, and an attribute ``sizes``, the size of each player's observation and
-            action; :func:`fpg_bench.envs.sb3_vec_env.make_sb3_duel` for instance.
+            action; ``fpg_bench.make_sb3("FPG/duel_v0", 8)`` for instance.
         gamma, batch_size, learning_rate, buffer_size: as in Table 3 of the paper, which also states the mean
             squared error as the loss.
         tau: coefficient of the target networks' updates; not given in the paper.

@@ -183,7 +183,7 @@ def export_values(
             f"than the present values with {intervals[present].value:.1f}; search further, or add --force"
         )
     write_values(Path(file), best)
-    _logger.info("written: %s, %s", file, task.env_id)
+    _logger.info("written: %s, %s", file, task.game.id)
     return confirmed
 
 
@@ -235,7 +235,7 @@ def write_values(file: Path, best: Confirmed) -> None:
     Raises:
         UserError: the file cannot be read, or its entry has a form that cannot be edited.
     """
-    env_id = best.task.env_id
+    env_id = best.task.game.id
     text = file.read_text(encoding="utf-8") if file.exists() else ""
     content = read_yaml(file, "hyper-parameters") if text.strip() else {}
     entry = merge_values(content.get(env_id) or best.task.hyperparameters, best.values)

@@ -13,8 +13,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import sides_of
 from fpg_bench.common.imports import reason
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
@@ -23,7 +23,7 @@ from fpg_bench.players.player import Player
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.models import by_side, make_games, make_model, tells_divergence
+from fpg_bench.training.models import by_side, make_model, tells_divergence
 from fpg_bench.training.tuning.space import format_values, merge_values, suggest
 from fpg_bench.training.tuning.study import Task
 
@@ -52,7 +52,7 @@ class Objective:
     def __init__(self, task: Task, check_stop: Callable[[], None] = lambda: None) -> None:
         torch.set_num_threads(1)
         self._task, self._check_stop = task, check_stop
-        self._sides = sides_of(task.env_id)
+        self._sides = task.game.sides
         first = {name: values.first() for name, values in task.space.items()}
         games = self._model(first, task.seeds[0]).get_env()
         self._evaluator = PolicyEvaluator(task.suite, task.rounds, games.unwrapped.core.scenario)  # type: ignore[union-attr]
@@ -123,7 +123,7 @@ class Objective:
                 self._check_stop,
             )
             model.learn(self._task.steps, callback=callback)
-            return self._scores(OnnxPlayer(export_onnx(scored), {"algorithm": self._task.algorithm}))
+            return self._scores(OnnxPlayer(export_onnx(scored)))
         except ValueError as error:
             if tells_divergence(error, self._sides):
                 raise Diverged("training diverged to NaN or infinity") from error
@@ -140,8 +140,8 @@ class Objective:
     def _model(self, values: dict[str, Any], seed: int) -> BaseAlgorithm:
         task = self._task
         entry = merge_values(task.hyperparameters, values)
-        parameters = load_hyperparameters(task.algorithm, task.env_id, entry)
-        games = make_games(task.env_id, parameters, training_seed(seed), **task.options)
+        parameters = load_hyperparameters(task.algorithm, task.game, entry)
+        games = make_sb3(task.game, parameters.n_envs, training_seed(seed), stagger=True)
         return make_model(task.algorithm, games, parameters, seed)
 
 

@@ -58,7 +58,7 @@ def write_report(out: str | Path, *, study_name: str | None = None, storage: str
 def _page(study: optuna.Study, task: Task) -> str:
     title = html.escape(f"Study {study.study_name}")
     summary = html.escape(
-        f"{task.algorithm} on {task.env_id}, {task.n_seeds} seeds of {task.steps:,} steps a trial; score: "
+        f"{task.algorithm} on {task.game.id}, {task.n_seeds} seeds of {task.steps:,} steps a trial; score: "
         f"on {task.suite}, tuning seeds, {task.rounds} rounds per rival."
     )
     return (

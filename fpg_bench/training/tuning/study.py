@@ -6,12 +6,13 @@ import json
 import sqlite3
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import optuna
+import pydantic
 import sqlalchemy
 from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
 from optuna.trial import FrozenTrial, TrialState
@@ -19,9 +20,10 @@ from optuna.trial import FrozenTrial, TrialState
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, first_line, nearest
 from fpg_bench.common.extras import require_extra
-from fpg_bench.common.ids import DUEL, find_env, sides_of
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.evaluation.suite import load_suite, suite_of
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.card import Game
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.tuning.space import Space, load_space, to_params
@@ -46,8 +48,7 @@ class Task(Strict):
 
     Attributes:
         algorithm: name of the algorithm that is trained.
-        env_id: id of the environment.
-        options: options of the games; see :class:`fpg_bench.envs.core.SingleAgentGame`.
+        game: the game.
         steps: training budget of one seed.
         n_seeds: number of training seeds of a trial.
         suite: the suite on which a trained policy is scored.
@@ -58,8 +59,7 @@ class Task(Strict):
     """
 
     algorithm: str
-    env_id: str
-    options: dict[str, Any]
+    game: Game
     steps: int
     n_seeds: int
     suite: str
@@ -67,6 +67,11 @@ class Task(Strict):
     rounds: int
     space: Space
     hyperparameters: dict[str, Any]
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _read_any(cls, content: Any) -> Any:
+        return _present_form(content) if isinstance(content, dict) else content
 
     @property
     def seeds(self) -> list[int]:
@@ -77,6 +82,7 @@ class Task(Strict):
         """Raise UserError if a study stores a different task."""
         if not isinstance(stored, dict):
             raise UserError(f"{where}: was not made by fpg-bench tune; choose another --study-name")
+        stored = _present_form(stored)
         for key, present in self.model_dump(mode="json").items():
             before = stored.get(key)
             if before == present:
@@ -91,9 +97,17 @@ class Task(Strict):
             )
 
 
+def _present_form(stored: dict[str, Any]) -> dict[str, Any]:
+    """Return a stored task; of version 0.2.0 with its id and options as one game."""
+    if "game" in stored or not isinstance(env_id := stored.get("env_id"), str):
+        return stored
+    game, _ = GameSpec.from_options(env_id, stored.get("options") or {})
+    return {k: v for k, v in stored.items() if k not in ("env_id", "options")} | {"game": game.to_dict()}
+
+
 def make_task(
     algorithm: str,
-    env_id: str,
+    game: GameSpec | str,
     *,
     n_seeds: int,
     steps: int | None = None,
@@ -101,7 +115,6 @@ def make_task(
     hyperparams: str | Path | None = None,
     suite: str | None = None,
     rounds: int = 100,
-    options: Mapping[str, Any] | None = None,
 ) -> Task:
     """Build a task from the arguments of :func:`fpg_bench.training.tuning.tune.tune`.
 
@@ -111,38 +124,27 @@ def make_task(
     for name, value in (("n_seeds", n_seeds), ("steps", steps), ("rounds", rounds)):
         if value is not None:
             integer(value, name)
-    registered, sides = find_algorithm(algorithm), sides_of(env_id)
-    registered.check_sides(env_id, sides)
-    options = _storable(
-        {name: value for name, value in (options or {}).items() if value is not None}, "options"
-    )
-    if len(sides) == 2:
-        env_id, actions = DUEL, options.pop("actions", "continuous")
-    else:
-        env = find_env(env_id)
-        env_id, actions = env.id, env.action_mode(options.get("actions"))
-    if actions != "continuous":
-        options["actions"] = actions
-    parameters = load_hyperparameters(
-        registered, env_id, hyperparams, path=options.get("path"), actions=actions
-    )
+    game = GameSpec.of(game)
+    registered, sides = find_algorithm(algorithm), game.sides
+    registered.check_sides(game.id, sides)
+    game.to_dict()  # refuses objects, which a study cannot store
+    parameters = load_hyperparameters(registered, game, hyperparams)
     if not (parameters.n_timesteps or steps):
         raise UserError(f"steps: {registered.name} has no hyper-parameter file with a budget; give the steps")
     entry = parameters.entry() | {"n_timesteps": parameters.n_timesteps or steps}
-    name = suite or suite_of(env_id, options, sides[0])
+    name = suite or suite_of(game, sides[0])
     scoring = load_suite(name)
     if scoring.side not in sides:
-        raise UserError(f"suite {name}: measures the {scoring.side}; in {env_id} the {sides[0]} learns")
+        raise UserError(f"suite {name}: measures the {scoring.side}; in {game.id} the {sides[0]} learns")
     return Task(
         algorithm=algorithm,
-        env_id=env_id,
-        options=options,
+        game=game,
         steps=steps or max(1, entry["n_timesteps"] // 2),
         n_seeds=n_seeds,
         suite=name,
         suite_hash=scoring.hash,
         rounds=rounds,
-        space=load_space(registered.base, Path(space) if space else None, actions),
+        space=load_space(registered.base, Path(space) if space else None, game.action_mode),
         hyperparameters=_storable(entry, "hyper-parameters"),
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import socket
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
-from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.training.tuning.objective import N_EVALS, Objective
 from fpg_bench.training.tuning.space import format_values, from_params
 from fpg_bench.training.tuning.study import (
@@ -36,7 +35,7 @@ _logger = logging.getLogger(__name__)
 
 def tune(
     algorithm: str,
-    env_id: str,
+    game: GameSpec | str,
     out: str | Path,
     *,
     n_trials: int = N_TRIALS,
@@ -52,15 +51,6 @@ def tune(
     hyperparams: str | Path | None = None,
     suite: str | None = None,
     rounds: int = 100,
-    scenario: Scenario | str | None = None,
-    opponent: str | Sequence[str] | None = None,
-    ally: str | Sequence[str] | None = None,
-    path: str | Sequence[str] | None = None,
-    planner: str | None = None,
-    knowledge: str | None = None,
-    jamming_types: str | Sequence[str] | None = None,
-    reward: str | None = None,
-    actions: str | None = None,
     backend: str = "loky",
     address: str | None = None,
 ) -> optuna.Study:
@@ -72,7 +62,8 @@ def tune(
     Args:
         algorithm: ``ppo``, ``sac``, ``td3``, their variants, or ``package.module:Class``; ``maddpg`` in the
             duel.
-        env_id: ``FPG/AllyVsScripted-v0`` and the like, or ``FPG/duel_v0``.
+        game: the game, or an environment id such as ``FPG/AllyVsScripted-v0`` or ``FPG/duel_v0``. A study
+            stores it, so its players and planner are names.
         out: the study's folder.
         n_trials: number of finished trials (complete or pruned) of the study, over all workers.
         n_jobs: number of workers. Each finishes its current trial, so that a study may have up to
@@ -89,8 +80,6 @@ def tune(
         suite: the suite on which a policy is scored; None for that of the environment. In the duel it decides
             which side is scored; None for the ally's.
         rounds: number of rounds per rival.
-        scenario, opponent, ally, path, planner, knowledge, jamming_types, reward, actions: options of the
-            games, see :class:`fpg_bench.envs.core.SingleAgentGame`. A study stores them, so they are names.
         backend: where several workers run, ``loky`` or ``ray``.
         address: address of a Ray cluster.
 
@@ -106,30 +95,19 @@ def tune(
     integer(n_jobs, "n_jobs")
     task = make_task(
         algorithm,
-        env_id,
+        game,
         n_seeds=n_seeds,
         steps=steps,
         space=space,
         hyperparams=hyperparams,
         suite=suite,
         rounds=rounds,
-        options={
-            "scenario": scenario,
-            "opponent": opponent,
-            "ally": ally,
-            "path": path,
-            "planner": planner,
-            "knowledge": knowledge,
-            "jamming_types": jamming_types,
-            "reward": reward,
-            "actions": actions,
-        },
     )
     Objective(task)  # refuses an unsuitable search space
     if pruner is None:  # prunes from half of a seed's budget on: fast learners need not end best
         pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=N_EVALS // 2, reduction_factor=2)
     opened = open_storage(Path(out), storage)
-    name = study_name or f"{algorithm} {task.env_id}"
+    name = study_name or f"{algorithm} {task.game.id}"
     study = open_study(opened, name, task, sampler, pruner)
     with opened.errors():
         is_finished = count_finished(study) >= n_trials

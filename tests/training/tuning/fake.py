@@ -15,14 +15,14 @@ import sqlalchemy
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import print_messages
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.training.tuning.space import suggest
 from fpg_bench.training.tuning.study import Task, open_storage, open_study
 from fpg_bench.training.tuning.worker import run_worker
 
 TASK = {
     "algorithm": "ppo",
-    "env_id": "FPG/AllyVsScripted-v0",
-    "options": {},
+    "game": GameSpec("FPG/AllyVsScripted-v0"),
     "steps": 10,
     "n_seeds": 2,
     "suite": "ally-v1",

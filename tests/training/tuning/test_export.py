@@ -5,6 +5,7 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.tuning.export import Confirmed, write_values
@@ -15,7 +16,7 @@ ALLY, OPPONENT = "FPG/AllyVsScripted-v0", "FPG/OpponentVsScripted-v0"
 
 
 def confirmed(env_id, values=VALUES):
-    task = fake_task(env_id=env_id, steps=1_500_000, rounds=100, hyperparameters={"n_envs": 2})
+    task = fake_task(game=GameSpec(env_id), steps=1_500_000, rounds=100, hyperparameters={"n_envs": 2})
     score = Interval(61.234, 58.0, 64.5, "training seeds")
     return Confirmed("ppo on it", 20, 7, values, 65.43, score, range(200_000, 200_003), task)
 

@@ -2,6 +2,7 @@ import optuna
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.tuning.objective import Objective
@@ -108,9 +109,9 @@ def test_shipped_spaces_hold_names_that_their_algorithms_know(algorithm, monkeyp
 def test_what_is_shipped_lies_in_the_space_but_for_little():
     for file in (baselines_folder() / "search").glob("*.yml"):
         is_discrete = file.stem in ("dqn", "ppo-discrete")
-        options = {"actions": "discrete"} if is_discrete else None
+        actions = "discrete" if is_discrete else None
         algorithm = file.stem.removesuffix("-discrete")
         env_id = id_of(algorithm)
-        task = make_task(algorithm, env_id, n_seeds=2, options=options)
+        task = make_task(algorithm, GameSpec(env_id, actions=actions), n_seeds=2)
         missing = task.space.keys() - to_params(task.space, task.hyperparameters).keys()
         assert len(missing) <= 3, missing

@@ -6,6 +6,7 @@ import sqlalchemy
 from optuna.trial import TrialState
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.training.tuning.study import (
     DATABASE,
     MAX_RETRIES,
@@ -15,7 +16,7 @@ from fpg_bench.training.tuning.study import (
     open_study,
     retry,
 )
-from tests.training.tuning.fake import TASK, fake_task, open_fake, work
+from tests.training.tuning.fake import fake_task, open_fake, work
 
 
 def test_a_study_lies_in_a_sqlite_database_in_its_folder(tmp_path):
@@ -73,7 +74,7 @@ def test_a_storage_that_is_down_at_the_start_is_one_line_without_the_password(tm
             r"made with another space \(x\); cont",
         ),
         ({"n_seeds": 3}, "made with n seeds 2, not 3"),
-        ({"env_id": "FPG/OpponentVsScripted-v0"}, "made with env id FPG/AllyVsScripted-v0, not"),
+        ({"game": GameSpec("FPG/OpponentVsScripted-v0")}, r"made with another game \(id\)"),
         ({"hyperparameters": {"x": 4.0}}, r"another hyperparameters \(x\)"),
     ],
 )
@@ -94,7 +95,7 @@ def test_a_study_that_tune_did_not_make_is_refused(tmp_path):
 
 def test_a_task_of_another_version_is_refused(tmp_path):
     storage, study = open_fake(tmp_path)
-    study.set_user_attr("task", TASK | {"steps": "many"})
+    study.set_user_attr("task", fake_task().model_dump(mode="json") | {"steps": "many"})
     with pytest.raises(
         UserError, match="made by another version of fpg-bench: steps: expected a whole number"
     ):

@@ -15,6 +15,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.statistics import mean_interval
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.tuning.export import FRESH_SEED, export_values
@@ -109,7 +110,7 @@ def test_a_score_can_be_made_again_and_is_the_mean_over_its_seeds(words):
 def test_a_policy_is_scored_in_the_scenario_that_is_tuned_on(words, files):
     (files / "short.yml").write_text("steps_per_round: 50\n")
     task = make_task("ppo", ENV_ID, n_seeds=1, **words)
-    other = task.model_copy(update={"options": {"scenario": str(files / "short.yml")}})
+    other = task.model_copy(update={"game": GameSpec(ENV_ID, scenario=files / "short.yml")})
     values = {"learning_rate": 0.002}
     assert len({Objective(t).train(values, [7]).value for t in (task, other)}) == 2
 
@@ -117,7 +118,7 @@ def test_a_policy_is_scored_in_the_scenario_that_is_tuned_on(words, files):
 @pytest.mark.parametrize("side", ["ally", "opponent"])
 def test_both_sides_are_trained_and_that_of_the_suite_is_scored(side):
     task = make_task("maddpg", "fpg_bench:FPG/duel_v0", n_seeds=1, steps=960, suite=f"{side}-v1", rounds=2)
-    assert (task.env_id, make_task("maddpg", "FPG/duel_v0", n_seeds=1).suite) == ("FPG/duel_v0", "ally-v1")
+    assert (task.game.id, make_task("maddpg", "FPG/duel_v0", n_seeds=1).suite) == ("FPG/duel_v0", "ally-v1")
     values = {"learning_starts": 200, "batch_size": 16, "policy_kwargs.net_arch": [8]}
     objective, models = Objective(task), []
     make = objective._model
@@ -125,7 +126,7 @@ def test_both_sides_are_trained_and_that_of_the_suite_is_scored(side):
     score = objective.train(values, [7])
     trained = dict(zip(("ally", "opponent"), models[-1].players, strict=True))
     evaluator = PolicyEvaluator(f"{side}-v1", 2, side=side)
-    played = evaluator.score(OnnxPlayer(export_onnx(trained[side]), {"algorithm": "maddpg"}))
+    played = evaluator.score(OnnxPlayer(export_onnx(trained[side])))
     assert score.value == pytest.approx(played["score"], abs=1e-3)
 
 
@@ -163,7 +164,7 @@ def test_training_that_diverges_says_so(algorithm):
         ({"algorithm": "maddpg"}, "maddpg: trains both sides, in FPG/duel_v0; got"),
         ({"env_id": "FPG/duel_v0"}, "ppo: trains one side, not both"),
         ({"ally": "exprt"}, "did you mean 'expert'"),
-        ({"ally": object()}, "use names instead of objects"),
+        ({"ally": object()}, "ally: object is an object of this program, which cannot be written down"),
         ({"storage": "nonsense"}, "expected a URL"),
         ({"hyperparams": None, "space": "nowhere.yml"}, "cannot be read"),
         ({"space": "torn.yml"}, "did you mean 'learning_rate'"),
@@ -173,8 +174,14 @@ def test_bad_words(tmp_path, words, changes, message, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "torn.yml").write_text("learning_rat: {kind: float, low: 0.1, high: 0.2}")
     arguments = {"algorithm": "ppo", "env_id": ENV_ID} | words | changes
+    ally = arguments.pop("ally", None)
+
+    def start():
+        game = GameSpec(arguments.pop("env_id"), ally=ally)
+        tune(arguments.pop("algorithm"), game, tmp_path / "study", **arguments)
+
     with pytest.raises(UserError, match=message):
-        tune(arguments.pop("algorithm"), arguments.pop("env_id"), tmp_path / "study", **arguments)
+        start()
     assert not (tmp_path / "study").exists()
 
 

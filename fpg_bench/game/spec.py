@@ -1,0 +1,305 @@
+"""The game that is played: an environment id and its options, as one value that can be written down."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from fpg_bench.common.checks import mapping, one_of
+from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
+from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
+from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
+
+REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
+OBSERVATIONS = ("numbers", "waterfall")
+_SIDES = ("ally", "opponent")
+_LISTS = (*_SIDES, "path", "jamming_types")  # options that take one name or several
+_NAMES = ("planner", "knowledge", "reward", "observation")
+_ONE_SIDED = (*_SIDES, "reward", "observation", "history")  # options that the duel does not have
+
+
+@dataclass(frozen=True)
+class GameSpec:
+    """Specification of a game, as :class:`gymnasium.envs.registration.EnvSpec` is one of an environment.
+
+    An option that is None has the default of the id. Environments give their specification back as
+    ``game_spec``, runs and agents store it as JSON, and :func:`fpg_bench.make_sb3` opens it again:
+
+    >>> spec = GameSpec("FPG/AllyVsScripted-v0", opponent="sweep", path="circle")
+    >>> spec.to_dict()
+    {'id': 'FPG/AllyVsScripted-v0', 'opponent': 'sweep', 'path': 'circle'}
+    >>> GameSpec.from_dict(spec.to_dict()) == spec
+    True
+
+    Attributes:
+        id: environment id; one that names an action mode is kept as the plain id and ``actions``.
+        scenario: a preset's name, a YAML file, or a :class:`Scenario`; None: ``standard``.
+        opponent, ally: the other side's player, or several to draw one from per round, by the names of
+            :func:`fpg_bench.players.registry.as_player`; ``suite:NAME`` stands for all members of a suite. In
+            ids against any player also objects with ``predict``.
+        path: flight path of the opponent, or several to draw one from per round.
+        planner: planner of the opponent's path: a name, an object, or a function or class that makes one and
+            may take the scenario.
+        knowledge: the ally's knowledge base: ``expert``, ``none``, or a YAML file.
+        jamming_types: the allowed jamming types.
+        reward: reward of the learner; see :func:`fpg_bench.envs.core.compute_reward`.
+        actions: action mode, ``continuous``, ``discrete`` or ``multi-discrete``; of the duel also a mapping
+            from sides to modes.
+        observation: what the ally sees, its 15 ``numbers`` or a spectrum ``waterfall``.
+        history: number of rows of the waterfall.
+
+    Raises:
+        UserError: no such id, an action mode that contradicts the id, or an option that the duel lacks.
+    """
+
+    id: str
+    scenario: Scenario | str | None = None
+    opponent: Any = None
+    ally: Any = None
+    path: Any = None
+    planner: Any = None
+    knowledge: str | None = None
+    jamming_types: Any = None
+    reward: str | None = None
+    actions: str | Mapping[str, str] | None = None
+    observation: str | None = None
+    history: int | None = None
+
+    def __post_init__(self) -> None:
+        changes: dict[str, Any] = {"id": plain_id(self.id)}
+        if self.is_duel:
+            for name in _ONE_SIDED:
+                if getattr(self, name) is not None:
+                    raise UnknownOptionError(
+                        f"got an unexpected keyword argument {name!r}: in {DUEL} you play both sides"
+                    )
+        else:
+            config = find_env(self.id)
+            mode = config.action_mode(self.actions)  # type: ignore[arg-type]  # refuses a mapping
+            changes |= {"id": config.id, "actions": None if mode == "continuous" else mode}
+        for name in _LISTS:
+            changes[name] = _listed(name, getattr(self, name))
+        for name in ("scenario", "knowledge"):
+            if isinstance(value := getattr(self, name), os.PathLike):
+                changes[name] = os.fspath(value)
+        for name, value in changes.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def of(cls, game: str | GameSpec, *, against: Any = None, **options: Any) -> GameSpec:
+        """Return the specification of an id, or another one with some options replaced.
+
+        Args:
+            game: an environment id, or a specification.
+            against: the other side's player or players, whichever side that is.
+            **options: the attributes but ``id``.
+
+        Raises:
+            UnknownOptionError: an option that does not exist; the message names the nearest.
+            UserError: see the class; also players that are named twice, or in the duel.
+        """
+        if unknown := next((name for name in options if name not in option_names()), None):
+            raise UnknownOptionError(
+                f"got an unexpected keyword argument {unknown!r}{nearest(unknown, option_names())}"
+            )
+        if not isinstance(game, GameSpec):
+            game = cls(game, actions=options.pop("actions", None))
+        if against is not None:
+            if game.is_duel:
+                raise UserError(f"against: in {DUEL} both sides learn; omit it")
+            other = game.config.other_side
+            if options.get(other, getattr(game, other)) is not None:
+                raise UserError(f"against: names the {other}, and so does {other}; give only one of them")
+            options[other] = against
+        return dataclasses.replace(game, **options)
+
+    @property
+    def is_duel(self) -> bool:
+        """True if the caller plays both sides."""
+        return plain_id(self.id) == DUEL
+
+    @property
+    def config(self) -> EnvConfig:
+        """Configuration of the id; raises UserError for the duel, which has no other side."""
+        return find_env(self.id)
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """The sides that the caller plays."""
+        return _SIDES if self.is_duel else (self.config.side,)
+
+    @property
+    def action_mode(self) -> str:
+        """The action mode: that of the ally where the duel's sides have different ones."""
+        modes = self.actions or "continuous"
+        return modes if isinstance(modes, str) else modes.get("ally", "continuous")
+
+    @property
+    def others(self) -> tuple[Any, ...]:
+        """The other side's players, in the duel none."""
+        if self.is_duel:
+            return ()
+        players: tuple[Any, ...] | None = getattr(self, self.config.other_side)
+        return (self.config.other,) if players is None else players
+
+    def resolve(self) -> Scenario:
+        """Return the scenario that is played: the named one with the options and the id's path and rounds.
+
+        Raises:
+            UserError: no such scenario, a field out of range, or a path that does not fit the id.
+        """
+        is_planned = self.planner is not None if self.is_duel else self.config.planner is not None
+        path = self.path
+        if path is None and (is_planned or (self.scenario is None and not self.is_duel)):
+            path = "waypoints" if is_planned else self.config.path
+        elif path is not None and is_planned and not self.is_duel and "waypoints" not in path:
+            raise UserError("path: an opponent with a planner flies waypoints; choose a planner instead")
+        has_own_rounds = self.is_duel or (self.scenario is not None and self.scenario not in PRESETS)
+        played = as_scenario(
+            self.scenario,
+            opponent_path=path,
+            knowledge=self.knowledge,
+            jamming_types=self.jamming_types,
+            rounds_per_match=None if has_own_rounds else self.config.rounds_per_match,
+        )
+        if "waypoints" in played.paths and not is_planned and not self.is_duel:
+            raise UserError(f"path: {self.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
+        return played
+
+    def options(self) -> dict[str, Any]:
+        """Return the options that are set, by name; a list of one name is that name."""
+        values = {name: getattr(self, name) for name in option_names()}
+        return {
+            name: value[0] if name in _LISTS and len(value) == 1 else value
+            for name, value in values.items()
+            if value is not None
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the specification as JSON holds it: ``id`` and the options that are set.
+
+        A :class:`Scenario` becomes the name of the preset that equals it, or else the mapping of
+        :meth:`Scenario.to_dict`.
+
+        Raises:
+            UserError: a player or a planner is an object, which has no name.
+        """
+        return {"id": self.id, **{name: _as_json(name, value) for name, value in self.options().items()}}
+
+    def describe(self) -> dict[str, Any]:
+        """Return :meth:`to_dict`, with an object's ``repr`` where it raises: enough to read, not to open."""
+        return {"id": self.id, **{name: _described(name, value) for name, value in self.options().items()}}
+
+    @classmethod
+    def from_dict(cls, content: object, where: str = "") -> GameSpec:
+        """Return the specification of a mapping that was read from JSON or YAML.
+
+        Raises:
+            UserError: not such a mapping; ``where`` begins the message.
+        """
+        try:
+            content = dict(mapping(content, "game"))
+            if not isinstance(content.get("id"), str):
+                raise UserError(f"id: expected an environment id, got {content.get('id')!r:.60}")
+            if unknown := next((name for name in content if name not in ("id", *option_names())), None):
+                raise UserError(f"unknown key {unknown!r}{nearest(str(unknown), option_names())}")
+            for name, value in content.items():
+                _check_json(name, value)
+            if isinstance(fields := content.get("scenario"), Mapping):
+                content["scenario"] = Scenario.from_dict(fields)
+            return cls(**content)
+        except UserError as error:
+            raise UserError(f"{where}: {error}" if where else str(error)) from error
+
+    @classmethod
+    def from_options(cls, env_id: str, options: Mapping[str, Any]) -> tuple[GameSpec, dict[str, Any]]:
+        """Return the specification that runs and agents of version 0.2.0 and earlier hold, and what is left.
+
+        Args:
+            env_id: the environment id.
+            options: options of the game, with lists as comma-separated text, and options of the run.
+
+        Raises:
+            UserError: no such id, or an option of another kind.
+        """
+        own = {name: value for name, value in options.items() if name in option_names()}
+        for name in _LISTS:
+            if isinstance(text := own.get(name), str) and "(" not in text:  # not a script's constants
+                own[name] = text.split(",")
+        rest = {name: value for name, value in options.items() if name not in own}
+        return cls.from_dict({"id": env_id, **own}), rest
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the game, 64 hexadecimal digits: of its id, options, and the scenario's own hash.
+
+        Raises:
+            UserError: as :meth:`to_dict` and :meth:`resolve`.
+        """
+        content = self.to_dict() | {"scenario": self.resolve().hash}
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def option_names() -> tuple[str, ...]:
+    """Return the names of all options of games: the attributes of :class:`GameSpec` but ``id``."""
+    return tuple(each.name for each in dataclasses.fields(GameSpec) if each.name != "id")
+
+
+def _listed(name: str, value: Any) -> tuple[Any, ...] | None:
+    """Return an option of one or several names as a tuple; None stays."""
+    if value is None:
+        return None
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        if not value:
+            what = "players" if name in _SIDES else name
+            raise UserError(f"{name}: a list of {what} to draw from must not be empty")
+        return tuple(os.fspath(item) if isinstance(item, os.PathLike) else item for item in value)
+    return (os.fspath(value) if isinstance(value, os.PathLike) else value,)
+
+
+def _as_json(name: str, value: Any) -> Any:
+    if isinstance(value, Scenario):
+        return value.name or value.to_dict()
+    if isinstance(value, tuple):
+        return [_as_json(name, item) for item in value]
+    if isinstance(value, Mapping):
+        return dict(value)
+    if not isinstance(value, str | int):
+        raise UserError(
+            f"{name}: {type(value).__name__} is an object of this program, which cannot be written down; "
+            "name it package.module:object, or export it as an agent"
+        )
+    return value
+
+
+def _described(name: str, value: Any) -> Any:
+    try:
+        return _as_json(name, value)
+    except UserError:
+        return list(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+def _check_json(name: str, value: object) -> None:
+    """Raise UserError if a value read from JSON is not of an option's kind."""
+
+    def refuse(expected: str) -> NoReturn:
+        raise UserError(f"{name}: expected {expected}, got {value!r:.60}")
+
+    if name == "scenario" and not isinstance(value, str | Mapping):
+        refuse("a preset, a YAML file or a mapping of fields")
+    if name in _LISTS:
+        items = value if isinstance(value, list | tuple) else [value]
+        if not items or not all(isinstance(item, str) for item in items):
+            refuse("a name or a list of names")
+    if name == "history" and (not isinstance(value, int) or isinstance(value, bool)):
+        refuse("a whole number")
+    if name == "actions":
+        for mode in value.values() if isinstance(value, Mapping) else (value,):
+            one_of(mode, name, list(ACTION_MODES))
+    elif name in _NAMES and not isinstance(value, str):
+        refuse("a name")

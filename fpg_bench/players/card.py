@@ -1,0 +1,235 @@
+"""Cards of agents: ``agent.json``, which says what an agent is and how it was made, as one type."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import pydantic
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json, write_json, write_whole
+from fpg_bench.common.ids import DUEL, ENVS
+from fpg_bench.common.schema import Expected, NonNegativeInt, Strict, parse
+from fpg_bench.game.scenario import PRESETS, STANDARD, Scenario, as_scenario
+from fpg_bench.game.spec import GameSpec
+
+AGENT_FORMAT: Literal[2] = 2
+FILE = "agent.json"
+MOST_STEPS = 10**13  # of a training
+_LONGEST_NAME = 60
+_READ = (1, AGENT_FORMAT)
+
+if TYPE_CHECKING:
+    Game = GameSpec
+else:  # in a model of a file; of ``Any``, since pydantic cannot look into the dataclass
+
+    def _game(value: object) -> GameSpec:
+        return value if isinstance(value, GameSpec) else GameSpec.from_dict(value)
+
+    Game = Annotated[Any, pydantic.PlainValidator(_game), pydantic.PlainSerializer(GameSpec.to_dict)]
+
+_Name = Annotated[
+    str,
+    pydantic.Field(min_length=1, max_length=_LONGEST_NAME),
+    pydantic.AfterValidator(lambda text: _printable(text)),
+]
+_Steps = Annotated[
+    int, pydantic.Field(ge=0, le=MOST_STEPS), Expected(f"a whole number from 0 to {MOST_STEPS:,}")
+]
+_Sha256 = Annotated[str, pydantic.Field(pattern=r"^[0-9a-f]{64}$"), Expected("a SHA-256 hash")]
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise UserError(f"expected printable text, got {text!r:.40}")
+    return text
+
+
+class OfflineData(Strict):
+    """Data set that an agent learned from."""
+
+    model_config = pydantic.ConfigDict(extra="allow")
+
+    dataset: _Name
+    content_sha256: str | None = None
+    transitions: NonNegativeInt | None = None
+
+
+class AgentCard(Strict):
+    """Content of ``agent.json``; files of version 0.2.0 and earlier (format 1) are read as well.
+
+    Further keys are kept as they are.
+
+    Attributes:
+        algorithm: name of the algorithm.
+        game: the game of the training.
+        side: the side that the agent plays.
+        scenario: hash of the scenario of the training.
+        scenario_fields: the fields of that scenario that differ from ``standard``.
+        training_seed: training seed; None where there was none.
+        training_steps: training budget in environment steps, of offline algorithms in gradient steps.
+        policy_sha256: hash of ``policy.onnx``.
+        command: the command that made it.
+        suite: the suites that scored it during training.
+        options: options of the run beside those of the game.
+        hyperparameters: hyper-parameters of the run.
+        policies: hashes of the policies that it was trained against, by name.
+        offline: the data set that it learned from.
+        steps_done, seconds: steps and seconds of the training.
+        recipe: configuration of a champion's training.
+        largest_difference: between the actions of the trained model and the exported policy.
+    """
+
+    model_config = pydantic.ConfigDict(extra="allow")
+
+    format: Literal[1, 2] = AGENT_FORMAT
+    command: str | None = None
+    algorithm: _Name
+    game: Game
+    side: Literal["ally", "opponent"]
+    suite: str | None = None
+    scenario: _Sha256
+    scenario_fields: dict[str, Any] = pydantic.Field(default_factory=dict)
+    options: dict[str, Any] = pydantic.Field(default_factory=dict)
+    training_seed: Annotated[int | None, pydantic.Field(ge=0), Expected("a whole number or null")]
+    training_steps: _Steps
+    hyperparameters: dict[str, Any] = pydantic.Field(default_factory=dict)
+    policies: dict[str, str] = pydantic.Field(default_factory=dict)
+    offline: OfflineData | None = None
+    steps_done: int | None = None
+    seconds: Annotated[float, pydantic.Field(strict=False)] | None = None
+    recipe: dict[str, Any] | None = None
+    policy_sha256: _Sha256
+    largest_difference: Annotated[float, pydantic.Field(strict=False)] | None = None
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _read_any(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        if not _is_finite(content):
+            raise UserError("contains a number that is not finite")
+        if content.get("format", AGENT_FORMAT) == 1:
+            content = _from_first_format(content)
+        if isinstance(game := content.get("game"), dict):
+            _check_id(game.get("id"))
+            game = GameSpec.from_dict(game, "game")
+        if isinstance(game, GameSpec):
+            content = content | {"game": game}
+            if not game.is_duel:  # the id says the side
+                content["side"] = game.sides[0]
+        return content
+
+    @classmethod
+    def read(cls, file: Path, where: str = "agent") -> AgentCard:
+        """Read an ``agent.json``; raises as :meth:`parse`, and UserError where it cannot be read."""
+        return cls.parse(read_json(file, where), f"{where} {file}")
+
+    @classmethod
+    def parse(cls, content: Mapping[str, Any], where: str, side: str | None = None) -> AgentCard:
+        """Return the card of an ``agent.json``.
+
+        Args:
+            content: the content of the file.
+            where: begins the message of an error.
+            side: the side that the agent must play; None: either.
+
+        Raises:
+            UserError: a key missing or invalid, a number that is not finite, another format, id or side.
+        """
+        if (version := content.get("format", AGENT_FORMAT)) not in _READ:
+            raise UserError(f"{where}: format {version!r:.40}, this version reads {_READ[0]} and {_READ[-1]}")
+        card = parse(cls, dict(content), where)
+        if side is not None and card.side != side:
+            raise UserError(f"{where}: plays the {card.side} ({card.game.id}), not the {side}")
+        return card
+
+    def write(self, folder: Path, model: bytes | None = None) -> None:
+        """Write ``agent.json``, after ``policy.onnx`` if its bytes are given, in the present format."""
+        if model is not None:
+            write_whole(folder / "policy.onnx", model)
+        write_json(folder / FILE, self.to_dict())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of ``agent.json`` in the present format."""
+        return {"format": AGENT_FORMAT} | self.model_dump(mode="json", exclude_unset=True, exclude={"format"})
+
+    def played(self) -> Scenario:
+        """Return the scenario of the training.
+
+        Raises:
+            UserError: its fields are not known, or this version plays them by other rules.
+        """
+        if self.scenario == STANDARD.hash:
+            return STANDARD
+        try:
+            scenario = Scenario.from_dict(self.scenario_fields)
+        except UserError as error:
+            raise UserError(f"its scenario can't be played here: {error}; name the scenario") from error
+        if scenario.hash != self.scenario:
+            raise UserError("it was trained in a scenario that no longer exists; name the scenario")
+        return scenario
+
+    def home(self) -> Scenario:
+        """Return the scenario in which the agent is played elsewhere: that of its training, on a plain path.
+
+        Where the training's path was an option or a planner's, the path is that of ``standard``; rounds that
+        an id with a planner adds to a match go as well.
+
+        Raises:
+            UserError: as :meth:`played`.
+        """
+        played = self.played()
+        changes: dict[str, Any] = {}
+        is_planned = not self.game.is_duel and self.game.config.planner is not None
+        if is_planned or self.game.path is not None:
+            changes["opponent_path"] = STANDARD.opponent_path
+        if is_planned and (self.game.scenario is None or self.game.scenario in PRESETS):
+            changes["rounds_per_match"] = STANDARD.rounds_per_match
+        return as_scenario(played, **changes)
+
+    def __str__(self) -> str:
+        return f"{self.game.id}, {self.algorithm}"
+
+    @property
+    def flies(self) -> str:
+        """``learned`` if the opponent chose its own flight path in the training, otherwise ``pursuit``."""
+        path = self.scenario_fields.get("opponent_path")
+        return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
+
+    def describes(self, model: bytes) -> bool:
+        """Return True if the policy is the one that the card names."""
+        return hashlib.sha256(model).hexdigest() == self.policy_sha256
+
+
+def _from_first_format(content: dict[str, Any]) -> dict[str, Any]:
+    """Return the content of format 1 in the present one, where the game is one value."""
+    keys = ("algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
+    if missing := [key for key in keys if key not in content]:
+        raise UserError(f"lacks {', '.join(missing)}")
+    env_id, actions, options = content["id"], content.get("actions"), content.get("options") or {}
+    _check_id(env_id)
+    if not isinstance(options, dict):
+        raise UserError(f"options: expected a mapping, got {options!r:.60}")
+    if actions is not None and env_id != DUEL:
+        options = {"actions": actions, **options}
+    game, rest = GameSpec.from_options(env_id, options)
+    return {k: v for k, v in content.items() if k not in ("id", "actions")} | {"game": game, "options": rest}
+
+
+def _check_id(env_id: object) -> None:
+    if env_id not in (DUEL, *ENVS):
+        raise UserError(f"made for the id {env_id!r:.60}, which this version does not have")
+
+
+def _is_finite(value: object) -> bool:
+    """Return True if all numbers in a JSON value are finite."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, dict):
+        return all(map(_is_finite, value.values()))
+    return all(map(_is_finite, value)) if isinstance(value, list) else True
