@@ -137,7 +137,7 @@ def table(
     tables.write_table(summaries, suite, folder)
     width = None if wide else terminal_width()
     head, *lines = tables.lines_of_table(summaries, suite, width)
-    print_table(head, lines, tables.caption(suite))
+    print_table(head, lines, tables.caption(summaries, suite))
     typer.echo(f"written: {folder}/table.md, table.csv, table.png")
 
 

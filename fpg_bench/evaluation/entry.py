@@ -51,6 +51,7 @@ class EvaluatedPlayer:
         make: returns the player (or planner) that meets a rival.
         made: hash of all that made an agent except its training seed; None for all else.
         training: training steps and seconds of an agent, as far as they are known.
+        elsewhere: True if an agent's training had other rules than the suite.
     """
 
     name: str
@@ -59,6 +60,7 @@ class EvaluatedPlayer:
     make: Callable[[Rival], PlayerSpec | PlannerSpec]
     made: str | None = None
     training: dict[str, float] = dataclasses.field(default_factory=dict)
+    elsewhere: bool = False
 
 
 def player_entry(
@@ -107,7 +109,7 @@ def entries_of(
     if name in NAMED[suite.side]:
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
     names = _names(groups, players, name)
-    entries = [_entry(spec, players[spec], names[spec]) for spec in players]
+    entries = [_entry(spec, players[spec], names[spec], suite) for spec in players]
     check_seeds(entries)
     return list({(entry.name, entry.training_seed): entry for entry in entries}.values())
 
@@ -217,7 +219,7 @@ def _label(specs: Sequence[PlayerSpec]) -> str:
     return shared.rstrip("/_-.") or player_name(specs[0])
 
 
-def _entry(spec: PlayerSpec, player: Player, name: str) -> EvaluatedPlayer:
+def _entry(spec: PlayerSpec, player: Player, name: str, suite: Suite) -> EvaluatedPlayer:
     card = card_of(player)
     if card is None:
         is_nameless = not isinstance(spec, str | os.PathLike)
@@ -228,7 +230,13 @@ def _entry(spec: PlayerSpec, player: Player, name: str) -> EvaluatedPlayer:
     cost = {"steps": card.training_steps, "seconds": card.seconds}
     training = {key: value for key, value in cost.items() if value is not None}
     return EvaluatedPlayer(
-        name, card.training_seed, card.policy_sha256, FixedPlayer(player), made=made, training=training
+        name,
+        card.training_seed,
+        card.policy_sha256,
+        FixedPlayer(player),
+        made,
+        training,
+        elsewhere=not card.fits(suite.scenario),
     )
 
 

@@ -115,20 +115,19 @@ def play_into(
 def _summaries(folder: Path, suite: Suite) -> list[Summary]:
     """Return the summaries of a folder's records, with the cost of agents' training where it is known."""
     summaries = summarise(records_of(RowFile(folder / RECORDS)), suite)
-    trainings = _about(folder).training
-    return [
-        dataclasses.replace(each, training=_training(trainings.get(each.entry, {}), each))
-        for each in summaries
-    ]
+    about = _about(folder)
+    return [dataclasses.replace(each, training=_training(about, each)) for each in summaries]
 
 
-def _training(by_seed: Mapping[str, Mapping[str, float]], summary: Summary) -> Training:
+def _training(about: _ResultsFile, summary: Summary) -> Training:
+    by_seed, elsewhere = about.training.get(summary.entry, {}), summary.entry in about.elsewhere
     known = [by_seed.get(str(seed), {}) for seed in summary.seed_scores()]
     steps = [cost["steps"] for cost in known if "steps" in cost]
     seconds = [cost["seconds"] for cost in known if "seconds" in cost]
     if not steps:
-        return Training()
-    return Training(int(steps[0]), sum(seconds) / len(seconds) if len(seconds) == len(known) else None)
+        return Training(elsewhere=elsewhere)
+    mean = sum(seconds) / len(seconds) if len(seconds) == len(known) else None
+    return Training(int(steps[0]), mean, elsewhere)
 
 
 def records_of(file: RowFile) -> list[Record]:
@@ -156,13 +155,14 @@ def with_matches(suite: Suite, matches: int | None) -> Suite:
 
 
 class _ResultsFile(Strict):
-    """Content of ``evaluation.json``: the suite, and how the entries' agents were made and at what cost."""
+    """Content of ``evaluation.json``: the suite, and how, at what cost and where the agents were made."""
 
     suite: str
     suite_hash: str
     matches: PositiveInt
     made: dict[str, str] = pydantic.Field(default_factory=dict)
     training: dict[str, dict[str, dict[str, int | float]]] = pydantic.Field(default_factory=dict)
+    elsewhere: list[str] = pydantic.Field(default_factory=list)
 
 
 def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer]) -> None:
@@ -192,7 +192,10 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer
             about.made[entry.name] = entry.made
         if entry.training:
             about.training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training
-    write_json(out / ABOUT, about.model_dump(exclude=None if about.training else {"training"}))
+        if entry.elsewhere and entry.name not in about.elsewhere:
+            about.elsewhere.append(entry.name)
+    empty = {key for key in ("training", "elsewhere") if not getattr(about, key)}
+    write_json(out / ABOUT, about.model_dump(exclude=empty))
 
 
 def _about(folder: Path) -> _ResultsFile:

@@ -21,10 +21,12 @@ class Training:
     Attributes:
         steps: training budget of each seed.
         seconds: mean wall time over the training seeds, without evaluations.
+        elsewhere: True if the training had other rules than the suite.
     """
 
     steps: int | None = None
     seconds: float | None = None
+    elsewhere: bool = False
 
 
 @dataclass(frozen=True)

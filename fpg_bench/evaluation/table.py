@@ -55,26 +55,28 @@ def _width(columns: Iterable[list[str]]) -> int:
     return 1 + sum(2 + max(map(len, cells)) for cells in columns)
 
 
-def caption(suite: Suite) -> str:
+def caption(summaries: Sequence[Summary], suite: Suite) -> str:
     """Return the caption that explains the table's numbers."""
     met = f"{len(suite.rivals)} rivals, {suite.matches} matches each"
     if suite.rounds_per_match > 1:
         met += f" of {suite.rounds_per_match} rounds"
     whose = "ally's" if suite.side == "ally" else "opponent's"
+    elsewhere = [summary.entry for summary in summaries if summary.training.elsewhere]
+    note = f" Trained in another scenario than the suite's: {', '.join(elsewhere)}." if elsewhere else ""
     return (
         f"Suite {suite.name} ({suite.hash[:12]}): {met}. Return: the {whose}, per step, mean over "
         f"rivals; {suite.scale.description}; worst: the lowest return per step, against one of them. "
         "Rank 1-3: no better than first, no worse than third, over all pairs of the table. "
         f"{'' if suite.side == PLANNER else _COSTS}"
         "Intervals: 95 %, over training seeds; for scripts, planners and single training seeds over matches. "
-        "† fewer than three training seeds."
+        f"† fewer than three training seeds.{note}"
     )
 
 
 def markdown(summaries: Sequence[Summary], suite: Suite) -> str:
     """Return the table as Markdown, with all columns."""
     lines = [[cell.replace("|", "\\|") for cell in line] for line in lines_of_table(summaries, suite)]
-    return f"{markdown_table(lines)}\n\n{caption(suite)}\n"
+    return f"{markdown_table(lines)}\n\n{caption(summaries, suite)}\n"
 
 
 def markdown_table(lines: Sequence[Sequence[str]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,14 +13,17 @@ import numpy as np
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.ids import DUEL
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, make_match
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.scenario import STANDARD, Scenario
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import PlayerSpec
-from fpg_bench.players.registry import player_name
+from fpg_bench.players.registry import named_card, player_name
 from fpg_bench.rendering.recording import Recording
 
+_logger = logging.getLogger(__name__)
 SUFFIXES = (".html", ".gif", ".mp4")
 _HEADING = (
     " step  distance    ally    known  age  jamming        centre    SNR  clean  flags     ally  opponent",
@@ -78,7 +82,7 @@ def watch(
     for name, value in (("rounds", rounds), ("every", every)):
         integer(value, name)
     target = None if out is None else _checked_target(Path(out), overwrite)
-    duel = make_duel(**game)
+    duel = make_duel(game=_home(GameSpec.of(DUEL, **game), ally, opponent))
     names = {"ally": player_name(ally), "opponent": player_name(opponent)}
     match = make_match(duel, ally, opponent)
     recordings, measures = [], []
@@ -91,6 +95,35 @@ def watch(
         _write(recordings, target, names, every)
         print(f"wrote {target}")
     return measures
+
+
+def _home(game: GameSpec, ally: PlayerSpec, opponent: PlayerSpec) -> GameSpec:
+    """Return the game with the scenario and path of its agents' training, where it names none.
+
+    Raises:
+        UserError: the agents were trained in different scenarios, or in one that cannot be played.
+    """
+    players = {"ally": ally, "opponent": opponent}
+    cards = {side: card for side, spec in players.items() if (card := named_card(spec, side)) is not None}
+    if game.scenario is None:
+        homes = {}
+        for side, card in cards.items():
+            try:
+                homes[side] = card.home()
+            except UserError as error:
+                raise UserError(f"{side} {player_name(players[side])}: {error}") from error
+        if len(set(homes.values())) > 1:
+            raise UserError("scenario: the two agents were trained in different ones; name one of them")
+        if homes and (home := next(iter(homes.values()))) != STANDARD:
+            trained = " and ".join(player_name(players[side]) for side in homes)
+            kind = home.name or f"a scenario of its own ({', '.join(home.to_dict())})"
+            _logger.info(f"scenario: {kind}, in which {trained} was trained")
+            game = GameSpec.of(game, scenario=home)
+    if game.path is None and game.planner is None and "opponent" in cards:
+        flies = cards["opponent"].flies
+        if flies == "learned":
+            game = GameSpec.of(game, path=flies)
+    return game
 
 
 def _checked_target(path: Path, overwrite: bool) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import math
 from collections.abc import Mapping
@@ -191,6 +192,21 @@ class AgentCard(Strict):
         if is_planned and (self.game.scenario is None or self.game.scenario in PRESETS):
             changes["rounds_per_match"] = STANDARD.rounds_per_match
         return as_scenario(played, **changes)
+
+    def fits(self, scenario: Scenario) -> bool:
+        """Return False if the agent was trained by other rules than those of a scenario.
+
+        Flight path, rounds of a match, knowledge base and jamming types may differ. Of a training whose
+        scenario cannot be told nothing is known, which counts as True.
+        """
+        if self.scenario == scenario.hash:
+            return True
+        try:
+            home = self.home()
+        except UserError:
+            return True
+        varied = ("opponent_path", "rounds_per_match", "knowledge", "jamming_types")
+        return dataclasses.replace(home, **{name: getattr(scenario, name) for name in varied}) == scenario
 
     def __str__(self) -> str:
         return f"{self.game.id}, {self.algorithm}"
