@@ -38,7 +38,7 @@ from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import read_card, suites_folder
 from fpg_bench.players.player import SIDES
-from fpg_bench.training.league import (
+from fpg_bench.training.league.best_responses import (
     FULL_SEARCH,
     RESPONSE_REWARDS,
     best_responses,

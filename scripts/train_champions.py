@@ -14,7 +14,7 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.output import print_messages
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.training.league import load_champions, ship_champion, train_champion
+from fpg_bench.training.league.champions import load_champions, ship_champion, train_champion
 
 SEEDS = (0, 1, 2)
 

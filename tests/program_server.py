@@ -28,7 +28,7 @@ HEAVY = (
     "fpg_bench.evaluation.compare",
     "fpg_bench.leaderboard.verification",
     "fpg_bench.paper.experiment",
-    "fpg_bench.training.league",
+    "fpg_bench.training.league.best_responses",
     "cmaes",
     "matplotlib.pyplot",
     "onnxruntime",

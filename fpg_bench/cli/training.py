@@ -357,7 +357,7 @@ def selfplay(
     Example: fpg-bench selfplay ppo --generations 10 --out runs/selfplay
     """
     check_writable(out)
-    from fpg_bench.training.league import selfplay as play
+    from fpg_bench.training.league.selfplay import selfplay as play
 
     agents = play(
         algorithm,
@@ -453,8 +453,8 @@ def best_response(
     Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
     """
     check_writable(out)
-    from fpg_bench.training.league import FULL_SEARCH, response_label
-    from fpg_bench.training.league import best_responses as respond
+    from fpg_bench.training.league.best_responses import FULL_SEARCH, response_label
+    from fpg_bench.training.league.best_responses import best_responses as respond
 
     search_options: dict[str, Any] = {
         "steps": [whole_number(word) for word in steps.split(",")],

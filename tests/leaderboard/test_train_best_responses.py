@@ -12,7 +12,7 @@ from fpg_bench.evaluation.suite import identity, load_suite
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard.tracks import TRACKS, TrackSuites
 from fpg_bench.leaderboard.verification import verify
-from fpg_bench.training.league import evaluate_against
+from fpg_bench.training.league.evaluation import evaluate_against
 from tests.leaderboard.entering import enter
 
 pytestmark = pytest.mark.slow
@@ -131,7 +131,7 @@ def test_a_published_response_names_no_path_of_this_machine(script, small_suites
     pupil = kind | {"start": "strongest", "actions": "discrete"}
     monkeypatch.setattr(module, "FULL_SEARCH", (kind, pupil))
     monkeypatch.setattr(
-        "fpg_bench.training.league._strongest_player",
+        "fpg_bench.training.league.best_responses._strongest_player",
         lambda result, out: str(out / "nothing-ppo-400/seed_0/agent"),
     )
     keep = module.keep

@@ -17,8 +17,11 @@ from fpg_bench.evaluation.suite import Rival, Scale, load_suite
 from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.tactics import draw_variants
-from fpg_bench.training import league
 from fpg_bench.training.callbacks import GameMeasuresCallback
+from fpg_bench.training.league import best_responses as responding
+from fpg_bench.training.league import champions as championing
+from fpg_bench.training.league import evaluation
+from fpg_bench.training.league import selfplay as playing
 from tests.logged import logged
 from tests.training.tiny import settings, train, train_tiny
 
@@ -42,20 +45,22 @@ CHAMPION = {
 def few_matches():
     """Few matches in each evaluation."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(league, "MATCHES", 5)
+        for module in (responding, playing):
+            patched.setattr(module, "MATCHES", 5)
         yield
 
 
 @pytest.fixture
 def trained(monkeypatch):
     """The runs that a league trains, in their order."""
-    runs, real = [], league.train
+    runs, real = [], responding.train
 
     def record(config, out, **options):
         runs.append(config)
         return real(config, out, **options)
 
-    monkeypatch.setattr(league, "train", record)
+    for module in (responding, playing, championing):
+        monkeypatch.setattr(module, "train", record)
     return runs
 
 
@@ -79,7 +84,7 @@ def interrupt(*arguments, **options):
 def test_scores_are_on_the_scale_of_the_side_s_public_suite_in_its_own_scenario(side, scenario, suite):
     other = "adaptive" if side == "ally" else "expert"
     player = "idle" if side == "ally" else "tone"
-    summary = league.evaluate_against(player, {"it": other}, side, scenario, matches=1)
+    summary = evaluation.evaluate_against(player, {"it": other}, side, scenario, matches=1)
     assert summary.suite.scale == (Scale() if suite is None else load_suite(suite).scale)
 
 
@@ -87,7 +92,7 @@ def test_scores_are_on_the_scale_of_the_side_s_public_suite_in_its_own_scenario(
 def test_the_evaluation_equals_that_of_a_suite_with_the_same_players(seeds):
     suite = dataclasses.replace(load_suite("ally-v1"), matches=10)
     others = {"mine": "tone", "yours": "comb"}
-    summary = league.evaluate_against("idle", others, "ally", STANDARD, matches=10, seeds=seeds)
+    summary = evaluation.evaluate_against("idle", others, "ally", STANDARD, matches=10, seeds=seeds)
     for name, other in (("mine", "tone/pursuit"), ("yours", "comb/pursuit")):
         record = play(player_entry("idle"), suite, suite.named(other), seeds)
         assert summary.by_rival[name].value == suite.rewards(record.returns).mean()
@@ -110,7 +115,7 @@ def result(ally):
 
 def respond(agent, out, **options):
     given = {"hyperparams": settings("ppo"), "steps": 400, "n_seeds": 1, "progress": False}
-    return league.best_responses(str(agent), out, **(given | options))
+    return responding.best_responses(str(agent), out, **(given | options))
 
 
 def run_folder(out, seed, steps=400, algorithm="ppo"):
@@ -130,7 +135,7 @@ def test_the_full_search_tries_every_kind_of_response_with_two_seeds(tmp_path, m
     calls = []
     measures = {"return": 0.0, "measures": {"jamming_success_rate": 0.0}}
     row = {"responses": [], "scripts": {"tone": measures}, "lowest": {"return": 0.0, "against": "tone"}}
-    monkeypatch.setattr(league, "best_responses", lambda agent, out, **given: calls.append(given) or row)
+    monkeypatch.setattr(responding, "best_responses", lambda agent, out, **given: calls.append(given) or row)
     best_response("expert", tmp_path / "out", full=True)
     assert [call["algorithm"] for call in calls] == ["sac", "ppo-stack8", "ppo-stack8", "ppo-stack8"]
     assert {call["n_seeds"] for call in calls} == {2}
@@ -159,7 +164,7 @@ def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result
     agent = load_agent(out / "nothing-ppo-discrete-400" / "seed_0" / "agent", "opponent")
     assert agent.card.game.actions == "discrete"
     assert respond(ally, out, actions="discrete") == found
-    assert league.response_label(found["responses"][1]) == "ppo discrete, 400 steps, seed 0"
+    assert responding.response_label(found["responses"][1]) == "ppo discrete, 400 steps, seed 0"
 
 
 @pytest.mark.slow
@@ -181,7 +186,8 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
         agent = run_folder(out, seed) / "agent"
         about = load_agent(agent, "opponent").card.to_dict()
         assert (about["training_seed"], about["training_steps"]) == (seed, 400)
-        assert about["options"] == {"ally": str(ally), "path": "pursuit", "reward": "zero_sum"}
+        game = {"id": "FPG/OpponentVsScripted-v0", "ally": str(ally), "path": "pursuit", "reward": "zero_sum"}
+        assert about["game"] == game | {"id": "FPG/OpponentVsPolicy-v0"}
         record = play(player_entry(str(ally)), suite, Rival("it", (str(agent),), suite.scenario))
         reward = suite.rewards(record.returns).mean()
         earned = record.tally["opponent_return"] / record.tally["steps"]
@@ -189,7 +195,7 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
         assert row["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
     assert result["policy"] == load_agent(ally).card.policy_sha256
     assert list(result["scripts"]) == list(SCRIPTED["opponent"])
-    adaptive = league.evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
+    adaptive = evaluation.evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
     assert result["scripts"]["adaptive"]["score"] == round(adaptive.score.value, 2)
     assert result["lowest"] == lowest(result)
 
@@ -249,7 +255,7 @@ def test_a_response_keeps_its_teacher_when_a_stronger_one_is_found(ally, tmp_pat
 def test_an_interrupted_command_goes_on(ally, tmp_path, monkeypatch):
     for place, is_started in (("evaluate_against", False), ("train", True)):
         with monkeypatch.context() as patched:
-            patched.setattr(league, place, interrupt)
+            patched.setattr(responding, place, interrupt)
             with pytest.raises(KeyboardInterrupt):
                 respond(ally, tmp_path / "out")
         # The folder is taken before anything is trained
@@ -294,28 +300,31 @@ def test_a_resumed_response_is_marked(ally, tmp_path, monkeypatch):
 def test_the_game_is_that_of_the_agent_s_training(env_id, options, scenario, path, tmp_path, monkeypatch):
     agent = train("ppo", env_id, tmp_path / "agent", hyperparams=settings("ppo"), steps=400, **options)
     configs = []
-    monkeypatch.setattr(league, "train", lambda config, *a, **k: configs.append(config) or interrupt())
+    monkeypatch.setattr(responding, "train", lambda config, *a, **k: configs.append(config) or interrupt())
     with pytest.raises(KeyboardInterrupt):
         respond(agent, tmp_path / "out")
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
     assert (result["path"], result["scenario"]) == (path, scenario.hash)
-    assert league.game_scenario(configs[0].game) == scenario
-    assert configs[0].sides == ({"ally": "opponent", "opponent": "ally"}[result["side"]],)
+    assert configs[0].spec.resolve() == scenario
+    assert configs[0].spec.sides == ({"ally": "opponent", "opponent": "ally"}[result["side"]],)
     with pytest.raises(KeyboardInterrupt):
         respond(agent, tmp_path / "figures", scenario="figures")
-    assert configs[1].game == dataclasses.replace(configs[0].game, scenario="figures")
+    kept = {name: options[name] for name in LIMITS if name in options}
+    other = as_scenario("figures", opponent_path=path, rounds_per_match=1, **kept)
+    assert configs[1].spec.resolve() == other
 
 
 @pytest.mark.slow
-def test_a_scenario_file_that_has_changed_since_the_training_is_refused(tmp_path, monkeypatch):
+def test_an_agent_brings_its_scenario_whatever_becomes_of_the_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "mine.yml"
     file.write_text(yaml.safe_dump({"hop_cost": 20}))
     agent = train_tiny("ppo", tmp_path / "agent", steps=400, scenario="mine.yml")
+    trained_in = as_scenario("mine.yml").hash
     file.write_text(yaml.safe_dump({"hop_cost": 30}))
-    with pytest.raises(UserError, match="was trained in a scenario that no longer exists"):
-        respond(agent, tmp_path / "out")
-    assert respond(agent, tmp_path / "out", scenario="mine.yml")["scenario"] == as_scenario("mine.yml").hash
+    assert respond(agent, tmp_path / "out")["scenario"] == trained_in
+    now = as_scenario("mine.yml").hash
+    assert respond(agent, tmp_path / "other", scenario="mine.yml")["scenario"] == now != trained_in
 
 
 @pytest.mark.slow
@@ -335,7 +344,7 @@ def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
 
 def play_selfplay(out, generations=2, **options):
     given = {"hyperparams": TINY, "steps": 400, "progress": False, "evaluations": 0}
-    return league.selfplay("ppo", out, generations=generations, **(given | options))
+    return playing.selfplay("ppo", out, generations=generations, **(given | options))
 
 
 def read_rows(out):
@@ -373,9 +382,9 @@ def test_each_generation_has_a_row(played):
 @pytest.mark.slow
 def test_a_generation_starts_from_the_one_before_against_the_other_side_s_past(played):
     for side, other in (("ally", "opponent"), ("opponent", "ally")):
-        options = read_run(played, side, 1)["options"]
-        assert options[other] == [str(played / "generations" / f"{other}_0" / "agent")]
-        assert options["start"] == str(played / "generations" / f"{side}_0")
+        run = read_run(played, side, 1)
+        assert run["game"][other] == str(played / "generations" / f"{other}_0" / "agent")
+        assert run["options"]["start"] == str(played / "generations" / f"{side}_0")
         scores = [RowFile(played / f"generations/{side}_{k}/evaluations.jsonl").read() for k in range(2)]
         assert scores[1][0]["rivals"] == scores[0][-1]["rivals"]
         assert [read_run(played, side, k)["training_seed"] for k in range(2)] == [3000, 3001]
@@ -393,12 +402,12 @@ def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
 
 
 def test_past_generations_are_drawn_uniformly_by_the_seed():
-    every = [league.draw_past("ally", 8, 3, seed) for seed in range(60)]
-    assert every == [league.draw_past("ally", 8, 3, seed) for seed in range(60)]
-    assert every != [league.draw_past("opponent", 8, 3, seed) for seed in range(60)]
+    every = [playing.draw_past("ally", 8, 3, seed) for seed in range(60)]
+    assert every == [playing.draw_past("ally", 8, 3, seed) for seed in range(60)]
+    assert every != [playing.draw_past("opponent", 8, 3, seed) for seed in range(60)]
     assert {len(set(past)) for past in every} == {3}
     assert {past for drawn in every for past in drawn} == set(range(8))
-    assert league.draw_past("ally", 2, 3, 0) == [0, 1]
+    assert playing.draw_past("ally", 2, 3, 0) == [0, 1]
 
 
 @pytest.mark.slow
@@ -407,7 +416,7 @@ def test_finished_generations_are_kept_and_more_can_be_added(played, trained):
     play_selfplay(played, evaluations=1, seed=3)
     assert (read_rows(played), trained) == (before, [])
     play_selfplay(played, 3, seed=3)
-    assert [(run.sides, run.seed) for run in trained] == [(("ally",), 3002), (("opponent",), 3002)]
+    assert [(run.spec.sides, run.seed) for run in trained] == [(("ally",), 3002), (("opponent",), 3002)]
     assert read_rows(played)[:4] == before
     assert load_agent(played / "ally").card.training_steps == 1200
     play_selfplay(played, 1, seed=3)  # fewer generations change nothing
@@ -426,10 +435,10 @@ def test_self_play_goes_on_wherever_it_was_killed(tmp_path, monkeypatch):
 
     interrupted(GameMeasuresCallback, "_on_rollout_end")
     assert not read_rows(tmp_path)
-    interrupted(league, "evaluate_against")
+    interrupted(playing, "evaluate_against")
     finished = read_run(tmp_path, "ally", 0)
     assert (finished["finished"], finished["part"], finished["steps_done"]) == (True, 0, 400)
-    interrupted(league, "write_whole")
+    interrupted(playing, "read_card")
     assert len(read_rows(tmp_path)) == 2
     play_selfplay(tmp_path, 1)
     assert len(read_rows(tmp_path)) == 2
@@ -455,32 +464,32 @@ def test_another_self_play_needs_another_folder(played):
 def load_champion(folder, **changes):
     file = folder / "champions.yml"
     file.write_text(json.dumps({"brave": {**CHAMPION, **changes}}))  # JSON is YAML
-    return league.load_champions(file)["brave"]
+    return championing.load_champions(file)["brave"]
 
 
 @pytest.mark.slow
 def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp_path, monkeypatch):
     config, runs = load_champion(tmp_path), tmp_path / "runs"
-    real, calls = league.train, []
+    real, calls = championing.train, []
 
     def stopped(*arguments, **options):
         calls.append(arguments)
         return interrupt() if len(calls) == 3 else real(*arguments, **options)
 
     with monkeypatch.context() as patched:
-        patched.setattr(league, "train", stopped)
+        patched.setattr(championing, "train", stopped)
         with pytest.raises(KeyboardInterrupt):
-            league.train_champion(config, 3, runs)
+            championing.train_champion(config, 3, runs)
     made = {path: path.stat().st_mtime_ns for path in runs.rglob("policy.onnx")}
     assert len(made) == 2
     with logged() as messages:
-        agent = league.train_champion(config, 3, runs)
+        agent = championing.train_champion(config, 3, runs)
     assert all(path.stat().st_mtime_ns == time for path, time in made.items())
     assert sum(" trained, against " in line for line in messages) == 2
     first, last = (runs / "brave" / "seed_3" / f"stage_{i}" for i in (0, 1))
-    assert json.loads((first / "run/run.json").read_text())["options"]["opponent"] == CHAMPION["against"]
+    assert json.loads((first / "run/run.json").read_text())["game"]["opponent"] == CHAMPION["against"]
     about = json.loads((last / "run/run.json").read_text())
-    options, kept = about["options"], json.loads((last / "population.json").read_text())
+    options, kept = about["game"] | about["options"], json.loads((last / "population.json").read_text())
     assert set(options["opponent"]) == {*CHAMPION["against"], str(first / "responder_0/agent")}
     assert options["start"] == str(first / "run")
     assert about["hyperparameters"]["learning_rate"] == 0.0001
@@ -489,8 +498,8 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
     assert len(options["opponent"]) == sum(kept["copies"].values())
     assert agent == last / "run" / "agent"
     with pytest.raises(UserError, match="was drawn with another priority; choose another folder"):
-        league.train_champion(load_champion(tmp_path, priority=4), 3, runs)
-    league.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
+        championing.train_champion(load_champion(tmp_path, priority=4), 3, runs)
+    championing.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
     about = load_agent(tmp_path / "out", "ally").card.to_dict()
     assert about["recipe"] == {"name": "brave", **CHAMPION, "options": {}}
     described = (about["command"], about["training_steps"], about["training_seed"])
@@ -498,8 +507,8 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
 
 
 def test_the_hardest_player_is_drawn_most_often():
-    assert league.copies_by_hardness([5.0, 0.0, 10.0], 5) == [2, 5, 1]
-    assert league.copies_by_hardness([1.0, 1.0], 5) == [1, 1]
+    assert championing.copies_by_hardness([5.0, 0.0, 10.0], 5) == [2, 5, 1]
+    assert championing.copies_by_hardness([1.0, 1.0], 5) == [1, 1]
 
 
 def test_an_invalid_champion_is_refused_in_one_line(tmp_path):

@@ -1,0 +1,72 @@
+"""Evaluation of a player against players that no suite names."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json
+from fpg_bench.common.rows import Row
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import SeedSource, play
+from fpg_bench.evaluation.suite import Rival, Scale, Suite, side_suite
+from fpg_bench.evaluation.summary import Summary, summarise
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.players.player import Player
+
+MATCHES = 100  # against each player, in the evaluation of best responses and generations
+
+
+def evaluate_against(
+    player: str | Player,
+    others: Mapping[str, str],
+    side: str,
+    scenario: Scenario,
+    matches: int,
+    seeds: SeedSource | None = None,
+) -> Summary:
+    """Evaluate a player against players that no suite names.
+
+    The scale of the scores is that of the side's public suite where the scenario is that suite's own, apart
+    from the path.
+
+    Args:
+        player: the player, as :func:`fpg_bench.players.registry.as_player` takes it.
+        others: players of the other side, by the names that the summary calls them.
+        side: side of the player.
+        scenario: the scenario that is played.
+        matches: number of matches against each of the others.
+        seeds: function from a number of matches to their seeds; None takes the evaluation seeds.
+
+    Raises:
+        UserError: no such player, or one of the wrong side.
+    """
+    public = side_suite(side, scenario)
+    same_path = dataclasses.replace(scenario, opponent_path=public.scenario.opponent_path)
+    scale = public.scale if same_path.hash == public.scenario.hash else Scale()
+    rivals = tuple(Rival(name, (other,), scenario) for name, other in others.items())
+    suite = Suite("league", side, scenario, matches, rivals, scale)
+    entry = player_entry(player)
+    (summary,) = summarise([play(entry, suite, rival, seeds) for rival in rivals], suite)
+    return summary
+
+
+def result_row(summary: Summary) -> Row:
+    """Return the means ``score`` and ``return`` per step, ``returns`` against each, and ``measures``."""
+    return {
+        "score": round(summary.score.value, 2),
+        "return": round(summary.reward.value, 4),
+        "returns": {name: round(result.value, 4) for name, result in summary.by_rival.items()},
+        "measures": {name: None if x is None else round(x, 5) for name, x in summary.measures.items()},
+    }
+
+
+def check_same(file: Path, kind: str, about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
+    content = read_json(file, kind)
+    if different := [key for key in about if content.get(key) != about[key]]:
+        raise UserError(f"{file}: holds {kind} with another {different[0]}; choose another folder")
+    return content
