@@ -77,9 +77,9 @@ def test_every_shipped_agent_plays_as_its_records_say(group):
     for member in SHIPPED.members(group.name):
         if not member.shipped:
             continue
-        about = load_agent(member.name).card.to_dict()
-        assert (about["id"], about["training_seed"]) == (group.id, member.seed), member.name
-        assert about["training_steps"] == member.steps, member.name
+        card = load_agent(member.name).card
+        assert (card.game.id, card.training_seed) == (group.id, member.seed), member.name
+        assert card.training_steps == member.steps, member.name
         for suite in suites if not member.seed else ():  # the first seed of each algorithm is played
             rival = suite.rivals[-1]
             returns = first_returns(member, suite, rival, 1)

@@ -172,7 +172,7 @@ def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(
     monkeypatch.setattr(module, "keep", keep_much_spite)
     script("opponent/flying")
     about = json.loads((small_suites / "suites/responses-v2/opponent/flying/agent.json").read_text())
-    assert about["options"]["reward"] == "own"
+    assert about["game"]["reward"] == "own"
     capsys.readouterr()
     script("--table")
     head, _, line = capsys.readouterr().out.splitlines()[-3:]

@@ -40,7 +40,7 @@ def test_the_players_met_are_part_of_a_run_s_description(ally, tmp_path):
     shutil.copytree(ally / "agent", agent)
     respond(tmp_path / "run", [agent, "expert"])
     about = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert about["options"] == {"ally": [agent, "expert"]}
+    assert about["game"] == {"id": AGAINST_ALLIES, "ally": [agent, "expert"]}
     assert about["command"].endswith(f"--ally {agent},expert")
     assert about["policies"] == {agent: load_agent(agent).card.policy_sha256}
     assert respond(tmp_path / "run", None, ally=[agent, "expert"]) == tmp_path / "run" / "agent"
@@ -56,7 +56,9 @@ def test_the_players_met_are_part_of_a_run_s_description(ally, tmp_path):
 def test_impossible_players_are_refused(ally, tmp_path):
     other, both = tmp_path / "other", tmp_path / "both"
     other.mkdir()
-    about = json.loads((ally / "agent" / "agent.json").read_text()) | {"id": "FPG/AllyVsScripted-v9"}
+    about = json.loads((ally / "agent" / "agent.json").read_text()) | {
+        "game": {"id": "FPG/AllyVsScripted-v9"}
+    }
     (other / "agent.json").write_text(json.dumps(about))
     for side in ("ally", "opponent"):
         (both / "agent" / side).mkdir(parents=True)

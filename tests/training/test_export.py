@@ -25,7 +25,7 @@ from fpg_bench.training.export import (
 
 ABOUT = {
     "algorithm": "x",
-    "id": "FPG/AllyVsScripted-v0",
+    "game": {"id": "FPG/AllyVsScripted-v0"},
     "scenario": "0" * 64,
     "training_seed": 0,
     "training_steps": 0,

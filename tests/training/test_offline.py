@@ -116,7 +116,7 @@ def test_each_algorithm_lowers_its_loss_and_exports_an_agent_that_plays(
     }
     assert (about["training_steps"], about["algorithm"]) == (300, algorithm)
     assert about["command"] == f"fpg-bench offline {algorithm} {data.spec.name} --seed 0 --steps 300"
-    assert about.get("actions", "continuous") == data.spec.actions
+    assert about["game"].get("actions", "continuous") == data.spec.actions
     player = load_agent(agent, "ally")
     actions, _ = player.predict(data.read()[0][:, 0])
     assert actions.shape == (12, 9)
