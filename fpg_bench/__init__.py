@@ -1,7 +1,7 @@
 """fpg-bench: the benchmark suite for the UAV frequency point game.
 
-Importing registers the ids with Gymnasium and PettingZoo and loads nothing heavy; the names below load
-what they need when they are first used.
+Importing registers the ids with Gymnasium and PettingZoo, turns the telemetry of libraries off and loads
+nothing heavy; the names below load what they need when they are first used.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import pettingzoo
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, id_with
+from fpg_bench.common.telemetry import turn_off_telemetry
 from fpg_bench.version import __version__
 
 if TYPE_CHECKING:
@@ -78,4 +79,5 @@ def _register() -> None:
         )
 
 
+turn_off_telemetry()
 _register()

@@ -6,18 +6,25 @@ import socket
 import struct
 import subprocess
 import sys
+from collections import Counter
+from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from fpg_bench import UserError, load_agent
 from fpg_bench.cli import app
 from fpg_bench.leaderboard.playing import OPEN
 from fpg_bench.leaderboard.verification import verify
-from fpg_bench.players.sandbox import process
+from fpg_bench.players.sandbox import client, process
+from fpg_bench.players.sandbox.client import PolicyClient, check_policy
 from fpg_bench.players.sandbox.isolation import Layer, missing
 from fpg_bench.players.sandbox.process import Limits, Sandbox
 from tests.attacks.prisoner import escapes
 from tests.leaderboard.entering import enter
+from tests.leaderboard.making import as_policy, policy, write_submission
+from tests.players.test_agent import model_bytes
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the layers are Linux's")
 
@@ -82,6 +89,100 @@ def test_each_layer_stands_where_the_others_cannot_be_had(open_doors, kept, laye
     if not standing & layer:
         pytest.skip("this kernel does not have it")
     assert {name for name, result in results.items() if result == "out"} <= open_still
+
+
+def threads_and_files(pid):
+    """The status of each thread of a process, the files that it holds, and those that it can write by memory."""
+    folder = Path(f"/proc/{pid}")
+    threads = [
+        dict(line.split(":\t", 1) for line in task.joinpath("status").read_text().splitlines() if ":\t" in line)
+        for task in folder.joinpath("task").iterdir()
+    ]
+    files = Counter(os.readlink(file).partition(":")[0] for file in folder.joinpath("fd").iterdir())
+    maps = [line.split(maxsplit=5) for line in folder.joinpath("maps").read_text().splitlines()]
+    shared = [line[5] for line in maps if line[1].endswith("s") and "w" in line[1]]
+    return threads, files, shared
+
+
+@pytest.mark.parametrize("data", [policy(0), model_bytes(state=3, noise=2)], ids=["plain", "all inputs"])
+def test_every_thread_of_a_policy_is_behind_all_walls_and_holds_no_file(data):
+    with PolicyClient(as_policy(data)) as playing:
+        playing.predict(np.zeros((2, 15), np.float32))
+        threads, files, shared = threads_and_files(playing.pid)
+        roots = os.listdir(f"/proc/{playing.pid}/root")
+        mounts = Path(f"/proc/{playing.pid}/mountinfo").read_text().splitlines()
+    for status in threads:
+        assert (status["Seccomp"], status["NoNewPrivs"], int(status["CapEff"], 16)) == ("2", "1", 0)
+    assert len(threads) == 1
+    assert files == {"/dev/null": 3, "socket": 1}
+    assert shared == []
+    assert roots == []
+    assert len(mounts) == 1
+
+
+THREAD = """
+import threading, time
+threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
+"""
+LAYERS = """
+import os
+from fpg_bench.players.sandbox import isolation
+isolation.isolate = lambda: (isolation.Layer(0), os.getpid())
+isolation.shut = lambda layers: isolation.Layer({})
+"""
+
+
+@pytest.fixture
+def machine(monkeypatch, tmp_path):
+    """Let the processes of policies begin with some code, as on a machine that lacks what isolates them."""
+
+    def machine_with(code):
+        (tmp_path / "site").mkdir()
+        (tmp_path / "site" / "sitecustomize.py").write_text(code)
+        environment = process._environment
+
+        def changed():
+            given = environment()
+            return given | {"PYTHONPATH": os.pathsep.join([str(tmp_path / "site"), given["PYTHONPATH"]])}
+
+        monkeypatch.setattr(process, "_environment", changed)
+        monkeypatch.setattr(process, "_MISSING", {})
+        monkeypatch.setattr(client, "_PROBLEMS", {})
+
+    return machine_with
+
+
+@pytest.mark.parametrize(
+    ("code", "line"),
+    [(THREAD, "has 2 threads before it is locked down"), (LAYERS.format(0), "FPG_BENCH_UNPROTECTED=1")],
+    ids=["a thread", "no layer"],
+)
+def test_policies_are_refused_where_nothing_holds_them(machine, tmp_path, code, line):
+    agent = write_submission(tmp_path / "entry", seeds=(0,)) / "seed_0"
+    player = load_agent(agent)
+    machine(code)
+    with pytest.raises(UserError, match=line):
+        load_agent(agent)
+    with pytest.raises(UserError, match=line):
+        player.predict(np.zeros((1, 15), np.float32))
+    done = CliRunner().invoke(app, ["submit", "check", str(agent.parent)])
+    assert line in str(done.exception)
+
+
+def test_policies_play_without_any_layer_where_the_user_allows_it(machine, monkeypatch, messages):
+    machine(LAYERS.format(0))
+    monkeypatch.setenv("FPG_BENCH_UNPROTECTED", "1")
+    assert check_policy(policy(0)) == []
+    assert messages == ["this machine cannot keep policies of others from files, the network, other processes"]
+
+
+def test_what_a_policy_cannot_be_kept_from_is_said_once_wherever_it_plays(machine, messages, tmp_path):
+    folder = write_submission(tmp_path / "entry", seeds=(0,))
+    machine(LAYERS.format(int(Layer.LANDLOCK)))
+    player = load_agent(folder / "seed_0")
+    assert messages == ["this machine cannot keep policies of others from the network"]
+    player.predict(np.zeros((1, 15), np.float32))
+    assert len(messages) == 1
 
 
 def test_what_could_not_be_had_is_in_the_verdict(board, in_process, monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import os
 import resource
 import socket
 import sys
@@ -26,11 +27,19 @@ class SandboxChild:
         self._standing, self._outside = standing, outside
 
     def lock_down(self) -> None:
-        """Forbid files and processes, once everything is loaded; then report to the parent."""
+        """Forbid files and processes, once everything is loaded; then report to the parent.
+
+        The process ends here if it is not to read untrusted bytes; see
+        :func:`fpg_bench.players.sandbox.isolation.refusal`.
+        """
+        threads = isolation.count_threads()
+        isolation.close_files(but=self.connection.fileno())
         for kind in (resource.RLIMIT_FSIZE, resource.RLIMIT_NPROC):
             _limit(kind, 0)
         self._standing = isolation.shut(self._standing)
-        self.connection.sendall(HELLO.pack(self._outside, int(self._standing)))
+        self.connection.sendall(HELLO.pack(self._outside, int(self._standing), threads))
+        if isolation.refusal(self._standing, threads):
+            os._exit(1)
 
 
 def main() -> None:

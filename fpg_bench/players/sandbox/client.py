@@ -16,7 +16,7 @@ from fpg_bench.common.strict_json import read_plain
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Memory
-from fpg_bench.players.sandbox.process import Limits, PolicyFailed, Sandbox
+from fpg_bench.players.sandbox.process import Limits, PolicyFailed, Sandbox, Unprotected
 from fpg_bench.players.seeded import Batched
 
 MOST_BYTES = 5_000_000  # of policy.onnx
@@ -94,6 +94,8 @@ def _ask(sandbox: Sandbox, model: bytes) -> list[str]:
             sandbox.send(SIZE.pack(len(model)), model)
             (size,) = SIZE.unpack(sandbox.receive(SIZE.size))
             lines = read_plain(sandbox.receive(size))
+    except Unprotected:
+        raise
     except (PolicyFailed, ValueError):
         return [_UNREADABLE]
     lines = lines if isinstance(lines, list) else [_UNREADABLE]
@@ -115,6 +117,7 @@ class PolicyClient(Batched):
         card: the agent's card; None if it cannot be read.
 
     Raises:
+        Unprotected: on entering: nothing would isolate the process.
         PolicyFailed: on entering, or in a later ``predict``: the process died or exceeded its limits.
         ValueError: ``predict`` with a ``state`` that is not what the last call returned.
     """
@@ -132,7 +135,7 @@ class PolicyClient(Batched):
             with self._sandbox.within(self.limits.start_s):
                 self._sandbox.send(HEAD.pack(LOAD, len(self.policy.model), 0), self.policy.model)
                 _, self._draws, _ = self._head(READY)
-        except PolicyFailed:
+        except BaseException:
             self.close()
             raise
         return self

@@ -11,6 +11,7 @@ import enum
 import os
 import signal
 import struct
+import threading
 
 
 class Layer(enum.IntFlag):
@@ -29,12 +30,14 @@ _SHUT_OUT = {
     "other processes": Layer.NAMESPACES | Layer.LANDLOCK | Layer.CALLS,
 }
 
+UNPROTECTED = "FPG_BENCH_UNPROTECTED"  # environment variable: play policies where no layer can be had
 _NEW_USER, _NEW_REST = 0x10000000, 0x00020000 | 0x08000000 | 0x04000000 | 0x20000000 | 0x40000000
-_PRIVATE, _TMPFS, _READ_ONLY = 0x4000 | 0x40000, 0x2 | 0x4 | 0x8, 0x20 | 0x1
+_PRIVATE, _EMPTY, _DETACH = 0x4000 | 0x40000, 0x1 | 0x2 | 0x4 | 0x8, 0x2
 _NOBODY = 65534
 _DEATH_SIGNAL, _NO_NEW_PRIVILEGES = 1, 38
 _CREATE_RULESET, _RESTRICT_SELF = 444, 446  # of Landlock, on every kind of machine
 _ALLOW, _REFUSE = 0x7FFF0000, 0x00050000 | 1
+_ALL_THREADS = 4  # attribute of a libseccomp filter
 # Allowed: memory, time, waiting, signals of its own, and the sockets and pipes that are open already.
 # Everything else is refused, also calls that later kernels add.
 _ALLOWED = """
@@ -48,6 +51,42 @@ sched_getaffinity sched_yield select sendto set_robust_list sigaltstack time tim
 def missing(layers: Layer) -> list[str]:
     """Return the resources that these layers do not shut out."""
     return [name for name, any_of in _SHUT_OUT.items() if not layers & any_of]
+
+
+def refusal(layers: Layer, threads: int) -> str | None:
+    """Return why a process must not read untrusted bytes, and what to do; None if it may.
+
+    Args:
+        layers: those that stand around it.
+        threads: how many it had when they were raised, as most layers bind only the thread that raises them.
+    """
+    if threads != 1:
+        return (
+            f"a sandboxed process has {threads} threads before it is locked down, which its isolation would not "
+            "reach; does a sitecustomize module or LD_PRELOAD start one?"
+        )
+    if not layers and not os.environ.get(UNPROTECTED):
+        return (
+            "this machine cannot isolate policies of others at all (no namespaces, Landlock or seccomp); use "
+            f"Linux, or set {UNPROTECTED}=1 if you trust them"
+        )
+    return None
+
+
+def count_threads() -> int:
+    """Return the number of this process's threads, those of libraries included."""
+    try:
+        return len(os.listdir("/proc/self/task"))
+    except OSError:  # no Linux
+        return threading.active_count()
+
+
+def close_files(but: int = -1) -> None:
+    """Close all file descriptors but one and the standard three, which are ``/dev/null``."""
+    for name in os.listdir("/dev/fd"):
+        if int(name) > 2 and int(name) != but:
+            with contextlib.suppress(OSError):  # the listing's own
+                os.close(int(name))
 
 
 def isolate() -> tuple[Layer, int]:
@@ -117,7 +156,7 @@ def _unshared() -> bool:
 
 def _stand_for(inner: int) -> None:
     """Wait for the child, and end as it ends."""
-    os.closerange(3, 256)  # its socket, most of all
+    close_files()  # its socket, most of all
     _, status = os.waitpid(inner, 0)
     if os.WIFSIGNALED(status):
         with contextlib.suppress(OSError):  # SIGKILL has no other meaning
@@ -127,17 +166,17 @@ def _stand_for(inner: int) -> None:
 
 
 def _empty_root() -> bool:
-    """Make the current folder, emptied and read-only, the root folder; return whether that worked."""
+    """Make an empty, read-only folder the root, and detach all others; return whether that worked."""
     libc = _libc()
     here = os.fsencode(os.getcwd())
     try:
         _check(libc.mount(None, b"/", None, _PRIVATE, None))
-        _check(libc.mount(b"none", here, b"tmpfs", _TMPFS, b"size=4k,mode=755"))
+        _check(libc.mount(b"none", here, b"tmpfs", _EMPTY, b"size=4k,mode=755"))
         os.chdir(here)
-        _check(libc.mount(b"none", here, b"tmpfs", _TMPFS | _READ_ONLY, None))
-        os.chroot(".")
+        _check(libc.pivot_root(b".", b"."))  # the old root now lies on top of the new one
+        _check(libc.umount2(b".", _DETACH))
         os.chdir("/")
-    except OSError:
+    except (OSError, AttributeError):
         return False
     return True
 
@@ -181,6 +220,7 @@ def _calls_refused(library: ctypes.CDLL) -> bool:
     rules = ctypes.c_void_p(library.seccomp_init(ctypes.c_uint32(_REFUSE)))
     if not rules:
         return False
+    library.seccomp_attr_set(rules, _ALL_THREADS, ctypes.c_uint32(1))
     for name in _ALLOWED.split():
         number = library.seccomp_syscall_resolve_name(name.encode())
         if number >= 0:  # this architecture has it

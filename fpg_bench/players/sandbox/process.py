@@ -1,13 +1,15 @@
 """Sandboxed processes for untrusted bytes: limits and layers around them, raw bytes in and out.
 
 Nothing from the process is ever unpickled. It starts with an environment without keys, in an empty folder,
-and ends with its parent. Before it reads an untrusted byte it reports the layers that stand around it.
+and ends with its parent. Before it reads an untrusted byte it reports the layers that stand around it, and
+ends if there are none or if it has several threads.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import logging
 import os
 import re
 import signal
@@ -21,15 +23,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.players.sandbox.isolation import Layer, missing
+from fpg_bench.common.telemetry import OFF
+from fpg_bench.players.sandbox.isolation import UNPROTECTED, Layer, missing, refusal
 
 # Environment variables that the process gets: nothing that could be a secret.
 _KEPT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG")
+_KEPT = (*_KEPT, UNPROTECTED)
 _SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
 _NEEDED = "RAY_"  # a cluster's
 _ONES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX")
 LARGEST_ANSWER = 1 << 26
-HELLO = struct.Struct("<II")  # the process id as seen from outside, and the layers that stand
+HELLO = struct.Struct("<III")  # the process id as seen from outside, the layers that stand, and the threads
+_logger = logging.getLogger(__name__)
 _AT_ONCE = 1 << 16
 _LATER_S = 0.5  # by how much a time limit may be overdrawn
 
@@ -40,6 +45,17 @@ _MISSING: dict[str, None] = {}  # resources that processes could not be kept fro
 def missing_here() -> list[str]:
     """Return the resources that this machine could not keep its sandboxed processes from."""
     return list(_MISSING)
+
+
+def _warn_of(lacking: list[str]) -> None:
+    """Warn once of the resources that a process cannot be kept from, wherever a policy is received."""
+    if not _MISSING.keys() >= set(lacking):
+        _MISSING.update(dict.fromkeys(lacking))
+        _logger.warning(f"this machine cannot keep policies of others from {', '.join(_MISSING)}")
+
+
+class Unprotected(UserError):
+    """No policy can be played on this machine, as nothing would isolate it."""
 
 
 class PolicyFailed(UserError):
@@ -125,13 +141,19 @@ class Sandbox:
         self._socket.sendall(b"".join(parts))
 
     def receive(self, count: int) -> bytes:
-        """Receive exactly so many bytes, inside :meth:`within`."""
+        """Receive exactly so many bytes, inside :meth:`within`.
+
+        Raises:
+            Unprotected: the process is not isolated, and has ended for that reason.
+        """
         if count > LARGEST_ANSWER:
             raise PolicyFailed(f"answers with {count:,} bytes")
         if self._hello is None:
-            outside, standing = HELLO.unpack(self._reader.read(HELLO.size, self._wait))
+            outside, standing, threads = HELLO.unpack(self._reader.read(HELLO.size, self._wait))
             self._hello = outside, Layer(standing)
-            _MISSING.update(dict.fromkeys(missing(Layer(standing))))
+            if why := refusal(Layer(standing), threads):
+                raise Unprotected(why)
+            _warn_of(missing(Layer(standing)))
         return self._reader.read(count, self._wait)
 
     def close(self) -> None:
@@ -214,4 +236,4 @@ def _overwrite(name: str) -> None:
 
 def _environment() -> dict[str, str]:
     kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
-    return kept | dict.fromkeys(_ONES, "1") | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
+    return kept | OFF | dict.fromkeys(_ONES, "1") | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
