@@ -31,6 +31,14 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def own_data_folder(tmp_path_factory):
+    """A data folder of the module's own: what one exports is no other's, nor this user's."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("XDG_DATA_HOME", str(tmp_path_factory.mktemp("data")))
+        yield
+
+
 def pytest_make_parametrize_id(val):
     """Names of tests without addresses of objects, so that all workers collect the same ones."""
     name = str(val)

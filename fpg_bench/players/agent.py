@@ -18,10 +18,11 @@ from fpg_bench.common.files import read_json
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import FILE, AgentCard
-from fpg_bench.players.hub import PULLED, is_on_hub, resolve
+from fpg_bench.players.hub import is_on_hub, resolve
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
 from fpg_bench.players.player import SIDES, Memory
 from fpg_bench.players.seeded import SeededPolicy
+from fpg_bench.players.trust import is_exported_here, remember_exported
 
 if TYPE_CHECKING:
     from fpg_bench.players.sandbox.agent import SandboxedAgent
@@ -114,15 +115,17 @@ class OnnxPlayer(SeededPolicy):
         return "OnnxPlayer()" if self.card is None else f"OnnxPlayer({self.card})"
 
 
-def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer | SandboxedAgent:
+def load_agent(
+    name: str | os.PathLike[str], side: str | None = None, *, trusted: bool | None = None
+) -> OnnxPlayer | SandboxedAgent:
     """Load a trained agent as a player, without torch or Stable-Baselines3.
-
-    Agents of others play in a sandbox: an agent on the Hugging Face Hub, one that was pulled from
-    there, and one of a leaderboard submission, whose folder lies beside ``submission.yaml``.
 
     Args:
         name: a shipped agent (``ally-scripted/ppo/seed_0``), an agent folder, or ``hf://owner/name@revision``.
         side: the side that it is to play; None: whichever it was trained for.
+        trusted: True: its policy plays in this process. False: in a sandbox, with the same results. None:
+            agents of the package and those that this user exported are trusted; see
+            :mod:`fpg_bench.players.trust`.
 
     Raises:
         UserError: no such agent, a file missing, truncated or changed, another format, id, size or side; for
@@ -137,13 +140,15 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
         raise UserError(f"{where}: policy.onnx cannot be read: {error.strerror}") from error
     if not card.describes(model):
         raise UserError(f"{where}: policy.onnx is not the file that agent.json describes (sha256)")
-    marks = (folder / PULLED, folder.absolute().parent / "submission.yaml")
+    if trusted is None:
+        is_shipped = baselines_folder().resolve() in folder.resolve().parents
+        trusted = is_shipped or is_exported_here(card.policy_sha256)
     try:
-        if is_on_hub(name) or any(mark.exists() for mark in marks):
-            from fpg_bench.players.sandbox.agent import SandboxedAgent
+        if trusted:
+            return OnnxPlayer(model, card)
+        from fpg_bench.players.sandbox.agent import SandboxedAgent
 
-            return SandboxedAgent(model, card)
-        return OnnxPlayer(model, card)
+        return SandboxedAgent(model, card)
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
 
@@ -278,6 +283,7 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
         OnnxPlayer(data, card)
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
+    remember_exported(card.policy_sha256)
     card.write(Path(folder), data)
 
 

@@ -37,6 +37,7 @@ from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.players.agent import OnnxPlayer, stripped
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Player
+from fpg_bench.players.trust import remember_exported
 from fpg_bench.training.actor import Actor, core_of, waterfall_of
 
 OPSET = 20
@@ -187,6 +188,7 @@ def write_exported(
     content = {**about, "game": game, "policy_sha256": hashlib.sha256(data).hexdigest()}
     card = AgentCard.parse(content, f"agent {folder}")
     difference = _checked(largest_difference(model, OnnxPlayer(data, card), actor.choices), model)
+    remember_exported(card.policy_sha256)
     card.model_copy(update={"largest_difference": difference}).write(folder, data)
     return difference
 

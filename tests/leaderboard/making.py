@@ -85,7 +85,7 @@ def policy(seed: int) -> bytes:
 
 
 def as_policy(data: bytes, seed: int = 0) -> Policy:
-    return Policy(seed, {"algorithm": "linear"}, data, hashlib.sha256(data).hexdigest())
+    return Policy(seed, None, data, hashlib.sha256(data).hexdigest())
 
 
 def write_seed(folder: Path, seed: int, data: bytes | None = None, **changes) -> None:
