@@ -1,10 +1,13 @@
 """Checks, errors and row files."""
 
+import json
+
 import numpy as np
 import pytest
 
 from fpg_bench.common.checks import check_keys, flag, integer, mapping
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.extras import install_command, require_extra
 from fpg_bench.common.rows import RowFile
 from tests.programs import python
 
@@ -50,6 +53,58 @@ KNOWN = ["ally/tone", "ally/comb", "random"]
 )
 def test_a_hint_names_what_is_near_in_all_parts_or_else_everything_once(word, hint):
     assert nearest(word, KNOWN * 2) == hint
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [
+        ("hop_kost", "; did you mean 'hop_cost'?"),
+        ("opponent_power", "; did you mean 'opponent_power_dbm'?"),
+        ("jamming_power_dbm", "; did you mean one of base_power_dbm, jamming_types, opponent_power_dbm?"),
+        ("n_points", "; did you mean one of frequency_points?"),
+    ],
+)
+def test_another_word_in_the_place_of_a_part_is_no_misspelling(word, hint):
+    names = [
+        "hop_cost",
+        "opponent_power_dbm",
+        "base_power_dbm",
+        "jamming_types",
+        "frequency_points",
+        "waypoints",
+    ]
+    assert nearest(word, names) == hint
+
+
+@pytest.mark.parametrize(
+    ("origin", "command"),
+    [
+        (None, 'pip install "fpg-bench[train]"'),
+        ("{", 'pip install "fpg-bench[train]"'),
+        (
+            {"url": "file:///some/folder", "dir_info": {"editable": True}},
+            'pip install -e "/some/folder[train]"',
+        ),
+        (
+            {"url": "file:///some/fpg_bench-1-py3-none-any.whl", "archive_info": {}},
+            'pip install "fpg-bench[train] @ file:///some/fpg_bench-1-py3-none-any.whl"',
+        ),
+        (
+            {"url": "https://example.org/a.git", "vcs_info": {"vcs": "git", "commit_id": "abc"}},
+            'pip install "fpg-bench[train] @ git+https://example.org/a.git@abc"',
+        ),
+    ],
+)
+def test_a_missing_extra_is_installed_from_where_the_package_came(origin, command, monkeypatch):
+    class Installed:
+        def read_text(self, name):
+            assert name == "direct_url.json"
+            return json.dumps(origin) if isinstance(origin, dict) else origin
+
+    monkeypatch.setattr("fpg_bench.common.extras.distribution", lambda name: Installed())
+    assert install_command("train") == command
+    with pytest.raises(UserError, match="no_such_package is not installed: pip install"):
+        require_extra("train", "no_such_package")
 
 
 def test_a_hint_names_no_more_than_a_line_can_bear():

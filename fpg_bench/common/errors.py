@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 _NEAR = 0.6  # of difflib's ratio
+_UNIT = 3  # letters of the longest unit that ends a name
 _MOST = 30  # names in a line
 
 
@@ -36,24 +37,46 @@ def first_line(error: BaseException) -> str:
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return the end of an error message on an unknown word: the nearest known word, or all of them.
+    """Return the end of an error message on an unknown word: the nearest known word, its kin, or all of them.
 
-    Of very many the first are named, and how many more there are.
+    Kin are known names that share a part of a name such as ``jamming_power_dbm``. Of very many the first are
+    named, and how many more there are.
     """
     known = sorted(set(known))
-    more = f" and {len(known) - _MOST} more" if len(known) > _MOST else ""
-    return meant(word, known) or f"; known: {', '.join(known[:_MOST])}{more}"
+    kin = [name for name in known if _parts(word) & _parts(name)]
+    if (hint := meant(word, known)) or not kin:
+        more = f" and {len(known) - _MOST} more" if len(known) > _MOST else ""
+        return hint or f"; known: {', '.join(known[:_MOST])}{more}"
+    return f"; did you mean one of {', '.join(kin[:_MOST])}?"
 
 
 def meant(word: str, known: Iterable[str]) -> str:
     """Return the end of an error message on an unknown word: the nearest known word, or nothing.
 
     Capitals do not matter. Of words as ``a/b`` the last parts must be near, too: all that lies in one
-    folder begins alike.
+    folder begins alike. Of names as ``a_power_dbm`` those that share a part are preferred, and each of the
+    word's parts must be near one of the name's.
     """
-    near = {name.lower(): name for name in sorted(set(known)) if _ends_near(word.lower(), name.lower())}
-    close = difflib.get_close_matches(word.lower(), near, n=1, cutoff=_NEAR)
-    return f"; did you mean {near[close[0]]!r}?" if close else ""
+    known = sorted(set(known))
+    kin = [name for name in known if _parts(word) & _parts(name)]
+    near = {name.lower(): name for name in kin or known if _ends_near(word.lower(), name.lower())}
+    for close in difflib.get_close_matches(word.lower(), near, n=3, cutoff=_NEAR):
+        if _differs_little(word.lower(), close):
+            return f"; did you mean {near[close]!r}?"
+    return ""
+
+
+def _parts(name: str) -> set[str]:
+    """Return the parts of a name with underscores, without short ones such as units."""
+    return {part for part in name.lower().split("_") if len(part) > _UNIT} if "_" in name else set()
+
+
+def _differs_little(word: str, name: str) -> bool:
+    """Return True if each part of a word is near some part of a name: another part means something else."""
+    parts = name.split("_")
+    return "_" not in word or all(
+        difflib.get_close_matches(part, parts, 1, _NEAR) for part in word.split("_")
+    )
 
 
 def _ends_near(word: str, name: str) -> bool:

@@ -6,7 +6,12 @@ The core plays the game: environments, scripts, shipped agents, ``play``. Everyt
 
 from __future__ import annotations
 
+import contextlib
+import json
 import sys
+import urllib.parse
+import urllib.request
+from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 
 from fpg_bench.common.errors import UserError
@@ -24,7 +29,23 @@ def require_extra(extra: str, *packages: str) -> None:
     """
     for package in packages:
         if not has(package):
-            raise UserError(f'{package} is not installed: pip install "fpg-bench[{extra}]"')
+            raise UserError(f"{package} is not installed: {install_command(extra)}")
+
+
+def install_command(extra: str) -> str:
+    """Return the ``pip`` command that adds an extra to this installation, from where it was installed.
+
+    That is the folder, archive or repository of PEP 610's ``direct_url.json``, else the package index.
+    """
+    with contextlib.suppress(PackageNotFoundError, KeyError, ValueError):
+        origin = json.loads(distribution("fpg-bench").read_text("direct_url.json") or "{}")
+        url = urllib.parse.urlsplit(origin["url"])
+        if origin.get("dir_info", {}).get("editable"):
+            return f'pip install -e "{urllib.request.url2pathname(url.path)}[{extra}]"'
+        vcs = origin.get("vcs_info")
+        source = f"{vcs['vcs']}+{origin['url']}@{vcs['commit_id']}" if vcs else origin["url"]
+        return f'pip install "fpg-bench[{extra}] @ {source}"'
+    return f'pip install "fpg-bench[{extra}]"'
 
 
 def has(package: str) -> bool:

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 from pydantic import Field, field_validator, model_validator
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.extras import has
+from fpg_bench.common.extras import has, install_command
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.schema import Expected, Items, PositiveInt, Strict, parse
 from fpg_bench.planning.llm.local_server import has_model, model_file, shared_server
@@ -22,7 +22,7 @@ SERVER_FOLDER = Path(__file__).with_name("servers")
 SERVERS = tuple(sorted(path.stem for path in SERVER_FOLDER.glob("*.yml")))
 EMBEDDED = "embedded"  # the profile of a model on this machine
 BASE_URL, MODEL, KEY, SERVER = "FPG_LLM_BASE_URL", "FPG_LLM_MODEL", "FPG_LLM_API_KEY", "FPG_LLM_SERVER"
-_INSTALL = 'pip install "fpg-bench[local-llm]" and fpg-bench llm fetch'
+_INSTALL = f"{install_command('local-llm')} and fpg-bench llm fetch"
 
 ResponseFormat = Literal["json_object", "json_object_with_schema", "json_schema"]
 TokenField = Literal["max_tokens", "max_completion_tokens"]
