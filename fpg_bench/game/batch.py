@@ -168,6 +168,10 @@ class GameBatch:
             self._step_in_threads()
         self._record_flown()
 
+    def received(self, side: str) -> np.ndarray:
+        """Return a side's actions of the last step, ``(N, 9)`` float32 within [-1, 1]; a buffer."""
+        return self._ally_actions if side == "ally" else self._opponent_actions
+
     def keep_flown(self) -> None:
         """Record from now on the ally's position after each second of its round."""
         self.flown_m = np.zeros((self.count, self.scenario.steps_per_round + 1, 3))
