@@ -178,10 +178,10 @@ def difference_in_own_games(
         numbers = np.concatenate([getattr(batch, f"{side}_observations") for side, batch in batches])
         step = np.concatenate([batch.games["step"] for _, batch in batches])
         masks: dict[str, Any] = {}
-        if choices is not None and takes_masks(model) and not choices.mask.all():
+        if choices is not None and takes_masks(model):
             masks["action_masks"] = np.stack(games.env_method("action_masks"))
         actions, model_state = model.predict(seen, model_state, starts, True, **masks)
-        answers, player_state = player.predict(numbers, player_state, starts)
+        answers, player_state = player.predict(numbers, player_state, starts, True)
         seen, _, starts, _ = games.step(actions)
         received = np.concatenate([batch.received(side) for side, batch in batches])
         after = np.concatenate([batch.games["step"] for _, batch in batches])
@@ -259,8 +259,8 @@ def _check_not_normalized(name: str, model: Any) -> None:
     if isinstance(last, np.ndarray) and isinstance(space, gymnasium.spaces.Box) and last.dtype.kind == "f":
         if (last < space.low).any() or (last > space.high).any():
             raise UserError(
-                f"{name}: it was trained with VecNormalize, whose statistics are not with it; load them with "
-                "VecNormalize.load(path, fpg_bench.make_sb3(id)) and give it these games by model.set_env"
+                f"{name}: it was trained with VecNormalize, whose statistics are not with it; load it with "
+                f"{name}.load(path, env=VecNormalize.load(statistics, fpg_bench.make_sb3(id)))"
             )
 
 
@@ -279,6 +279,8 @@ def _copied_games(model: Any) -> Any:
 def _copied(env: Any) -> Any:
     """Return a deep copy of a ``VecEnv``; ``VecNormalize`` leaves its games out of its own."""
     if "venv" not in vars(env):
+        if hasattr(env, "remotes"):
+            raise TypeError("a copy would close the pipes of the games")
         return copy.deepcopy(env)
     twin = object.__new__(type(env))
     for name, value in vars(env).items():
