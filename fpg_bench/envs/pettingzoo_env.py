@@ -13,6 +13,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
 from fpg_bench.envs.two_player import DuelOptions, make_duel
+from fpg_bench.game.choices import Choices
 from fpg_bench.game.full_state import FULL_STATE_SIZE
 from fpg_bench.players.player import SIDES
 from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
@@ -29,7 +30,8 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
     :class:`fpg_bench.envs.gymnasium_env.FPGEnv`. ``state()`` is the full state ``(54,)`` float32.
 
     With ``actions="discrete"`` or ``"multi-discrete"`` both agents choose from lists, with a mapping from
-    agents to action modes those that it names; their infos have ``action_mask``.
+    agents to action modes those that it names. Their infos have ``action_mask`` as ``sample`` of their
+    action space takes it: int8, in mode ``multi-discrete`` a tuple of one array per list.
 
     Args:
         render_mode: None, ``rgb_array`` or ``human``.
@@ -108,8 +110,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         return {"ally": batch.ally_observations[0].copy(), "opponent": batch.opponent_observations[0].copy()}
 
     def _infos(self) -> _Infos:
-        masks = {side: choices.mask for side, choices in self.duel.choices.items() if choices is not None}
-        return {side: {"action_mask": masks[side]} if side in masks else {} for side in SIDES}
+        return {side: _mask_info(self.duel.choices[side]) for side in SIDES}
 
     def state(self) -> np.ndarray:
         """Return the full state, ``(54,)`` float32."""
@@ -122,6 +123,13 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
     def close(self) -> None:
         """Close the window, if there is one."""
         self._screen.close()
+
+
+def _mask_info(choices: Choices | None) -> dict[str, Any]:
+    if choices is None:
+        return {}
+    masks = tuple(each.allowed.astype(np.int8) for each in choices.lists)
+    return {"action_mask": masks if choices.is_multi else masks[0]}
 
 
 def parallel_env(render_mode: str | None = None, **options: Unpack[DuelOptions]) -> FPGParallelEnv:
