@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 _NEAR = 0.6  # of difflib's ratio
 _MOST = 30  # names in a line
+_LONGEST = 80  # characters of a refused value in a message
 
 
 class UserError(ValueError):
@@ -23,6 +24,15 @@ class UnknownOptionError(UserError, TypeError):
 def printable(text: str) -> str:
     """Return a text from outside with control characters and lone surrogates replaced."""
     return "".join(c if c.isprintable() or c == "\n" else "�" for c in text)
+
+
+def shown(value: object) -> str:
+    """Return a refused value as it stands in a message: its ``repr``, cut where it is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def one_line(error: BaseException) -> str:

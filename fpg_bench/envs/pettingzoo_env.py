@@ -10,6 +10,7 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import OrderEnforcingWrapper
 from pettingzoo.utils.conversions import parallel_to_aec
 
+from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
 from fpg_bench.envs.two_player import DuelOptions, make_duel
@@ -73,8 +74,8 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
         # PettingZoo's own tests hand over options of no meaning, so unknown ones pass here
         self.duel.reset(seeds=seeds, new_match=bool((options or {}).get("new_match", False)))
-        if seed is not None:
-            self.np_random = np.random.default_rng(seed)
+        if seed is not None and seeds is not None:
+            self.np_random = np.random.default_rng(int(seeds[0]))
         self._begun = True
         self.agents = list(SIDES)
         self._screen.record(begin=True)
@@ -93,7 +94,8 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
             raise UserError("step: the round is over; call reset first")
         batch = self.duel.batch
         choices = self.duel.choices
-        ally, opponent = (one_action(actions.get(side), side, choices[side]) for side in SIDES)
+        given = mapping(actions, "step: actions by agent")
+        ally, opponent = (one_action(given.get(side), side, choices[side]) for side in SIDES)
         batch.step(self.duel.decode("ally", ally), self.duel.decode("opponent", opponent))
         self._screen.record()
         over = bool(batch.games["truncated"][0])

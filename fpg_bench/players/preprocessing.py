@@ -22,11 +22,11 @@ from fpg_bench.game.waterfall import Waterfall
 from fpg_bench.players.player import Player
 
 GREATEST_DIFFERENCE = 1e-4  # of an action entry, between a model and what plays in its place
-# Wrappers that change neither observations nor actions, of these packages only.
-_HARMLESS = {"Monitor", "OrderEnforcing", "OrderEnforcingWrapper", "PassiveEnvChecker", "TimeLimit", "Autoreset"}
-_HARMLESS |= {"RecordEpisodeStatistics", "NormalizeReward", "TransformReward", "ClipReward", "ClipAction"}
-_HARMLESS |= {"VecMonitor", "VecCheckNan", "SuperSuitVecEnv", "SB3VecEnvWrapper"}
+# Wrappers of known packages that change neither observations nor actions; recorders would film a copy, too.
 _RECORDERS = {"VecVideoRecorder", "RecordVideo", "RenderCollection", "HumanRendering"}
+_HARMLESS = {"Monitor", "OrderEnforcing", "PassiveEnvChecker", "TimeLimit", "Autoreset", "ClipAction"}
+_HARMLESS |= {"RecordEpisodeStatistics", "NormalizeReward", "TransformReward", "ClipReward", *_RECORDERS}
+_HARMLESS |= {"VecMonitor", "VecCheckNan", "SuperSuitVecEnv", "SB3VecEnvWrapper"}
 _PACKAGES = {"gymnasium", "pettingzoo", "stable_baselines3", "supersuit", "fpg_bench"}
 _INSTEAD = (
     "train with VecNormalize and VecFrameStack alone, or write the whole policy as ONNX and call "
@@ -57,12 +57,13 @@ class Preprocessing:
 
     def pushed(self, stack: np.ndarray | None, seen: np.ndarray, starts: np.ndarray | None) -> np.ndarray:
         """Return the stack with the frames of a step added; None begins with an empty one."""
+        if stack is None:
+            shape = (self.frames * OBSERVATION_SIZE,) if self.waterfall is None else self.waterfall.shape
+            stack = np.zeros((len(seen), *shape), np.float32)
         if self.waterfall is not None:
-            return self.waterfall.pushed(self.waterfall.empty(len(seen)) if stack is None else stack, seen, starts)
+            return self.waterfall.pushed(stack, seen, starts)
         for normalize in self.before:
             seen = normalize.normalize_obs(seen)
-        if stack is None:
-            stack = np.zeros((len(seen), self.frames * OBSERVATION_SIZE), np.float32)
         kept = stack[:, OBSERVATION_SIZE:]
         if starts is not None:
             kept = np.where(np.asarray(starts)[:, None], np.float32(0), kept)
@@ -83,8 +84,8 @@ def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preproce
         waterfall: the waterfall that it sees; None for the 15 numbers.
 
     Raises:
-        UserError: wrappers that no player can have, observations of another size, statistics that are lost, or
-            weights that are not float32.
+        UserError: wrappers that no player can have, observations of another size, statistics that are lost,
+            or weights that are not float32.
     """
     name, env, core = type(model).__name__, games_of(model), core_of(model)
     _check_weights(name, model)
@@ -110,8 +111,8 @@ def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preproce
         if space.shape != expected:
             behind = f" behind {', '.join(unknown(model))}" if unknown(model) else ""
             raise UserError(
-                f"{name}: it sees observations of shape {space.shape}{behind}, expected {expected}: one side's "
-                f"numbers, with as many frames as VecFrameStack stacks; {_INSTEAD}"
+                f"{name}: it sees observations of shape {space.shape}{behind}, expected {expected}, the numbers "
+                f"of one side in as many frames as VecFrameStack stacks; {_INSTEAD}"
             )
     return Preprocessing(frames, waterfall, tuple(before), tuple(after))
 
@@ -132,7 +133,7 @@ def core_of(model: Any) -> Any:
 
 def unknown(model: Any) -> list[str]:
     """Return the names of wrappers of a model's games that may change what it sees or does."""
-    return _names(games_of(model), lambda layer: not _is(layer, _HARMLESS | _RECORDERS))
+    return _names(games_of(model), lambda layer: not _is_harmless(layer))
 
 
 def check_difference(model: Any, difference: float | None) -> None:
@@ -150,11 +151,11 @@ def check_difference(model: Any, difference: float | None) -> None:
 def difference_in_own_games(
     model: Any, player: Player, choices: Choices | None = None, steps: int = 200
 ) -> float | None:
-    """Return the largest difference of any action entry between a model and a player in the model's own games.
+    """Return the largest difference of any action entry between a model and a player in the model's games.
 
     A copy of the games is played, through all of their wrappers. The model sees what the wrappers show, the
-    player the numbers of the game. What the game receives is compared, and each step must be one of the game.
-    If two choices have almost equal values, rounding decides between them. So one in a hundred discrete
+    player the numbers of the game. What the game receives is compared; a step that is not one step of the
+    game makes the difference infinite. If two choices have almost equal values, rounding decides between them. So one in a hundred discrete
     actions may differ, and is left out.
 
     Args:
@@ -230,23 +231,23 @@ def _names(env: Any, is_meant: Callable[[Layer], bool]) -> list[str]:
     return list(dict.fromkeys(each if isinstance(each, str) else each.__name__ for each in layers))
 
 
-def _is(layer: Layer, names: set[str]) -> bool:
-    """Return True for a wrapper of these names, from a known package, or of rewards only."""
+def _is_harmless(layer: Layer) -> bool:
+    """Return True for a wrapper that changes neither observations nor actions."""
     if isinstance(layer, str):
-        return layer in names
-    is_known = layer.__name__ in names and layer.__module__.partition(".")[0] in _PACKAGES
+        return layer in _HARMLESS
+    is_known = layer.__name__ in _HARMLESS and layer.__module__.partition(".")[0] in _PACKAGES
     return is_known or issubclass(layer, gymnasium.RewardWrapper)
 
 
 def _is_refused(layer: Layer) -> bool:
     changes = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper)
-    return isinstance(layer, type) and issubclass(layer, changes) and not _is(layer, _HARMLESS)
+    return isinstance(layer, type) and issubclass(layer, changes) and not _is_harmless(layer)
 
 
 def _check_weights(name: str, model: Any) -> None:
     parameters = getattr(getattr(model, "policy", None), "parameters", None)
-    kinds = {str(each.dtype).removeprefix("torch.") for each in parameters()} if callable(parameters) else set()
-    if others := sorted(kinds - {"float32"}):
+    kinds = {str(each.dtype) for each in parameters()} if callable(parameters) else set()
+    if others := sorted(kinds - {"torch.float32"}):
         raise UserError(
             f"{name}: its weights are {', '.join(others)}, and predict gives them float32; call "
             "model.policy.float() first"
@@ -256,19 +257,24 @@ def _check_weights(name: str, model: Any) -> None:
 def _check_not_normalized(name: str, model: Any) -> None:
     """Raise UserError if the last observation that a model saved lies outside its space."""
     last, space = getattr(model, "_last_obs", None), getattr(model, "observation_space", None)
-    if isinstance(last, np.ndarray) and isinstance(space, gymnasium.spaces.Box) and last.dtype.kind == "f":
-        if (last < space.low).any() or (last > space.high).any():
-            raise UserError(
-                f"{name}: it was trained with VecNormalize, whose statistics are not with it; load it with "
-                f"{name}.load(path, env=VecNormalize.load(statistics, fpg_bench.make_sb3(id)))"
-            )
+    if not (isinstance(last, np.ndarray) and isinstance(space, gymnasium.spaces.Box)):
+        return
+    if (last < space.low).any() or (last > space.high).any():
+        raise UserError(
+            f"{name}: it was trained with VecNormalize, whose statistics are not with it; load it with "
+            f"{name}.load(path, env=VecNormalize.load(statistics, fpg_bench.make_sb3(id)))"
+        )
 
 
 def _copied_games(model: Any) -> Any:
-    """Return a copy of a model's games that does not learn; None if they cannot be copied or played at will."""
+    """Return a copy of a model's games that does not learn; None if they cannot be copied or played."""
     env, core = games_of(model), core_of(model)
     asks = getattr(getattr(core, "planner", None), "asks_language_model", False)
-    if core is None or asks or _names(env, lambda layer: _is(layer, _RECORDERS) and not _is(layer, set())):
+    if (
+        core is None
+        or asks
+        or _names(env, lambda layer: isinstance(layer, type) and layer.__name__ in _RECORDERS)
+    ):
         return None
     try:
         return _copied(env)

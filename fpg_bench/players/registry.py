@@ -189,8 +189,10 @@ def _choices(player: Player, side: str, scenario: Scenario) -> Choices | None:
 def _waterfall(player: Player, side: str, scenario: Scenario) -> Waterfall | None:
     """Return the waterfall that a model sees, by its ``observation_space``."""
     space, core = getattr(player, "observation_space", None), core_of(player)
-    if not isinstance(space, spaces.Box) or len(space.shape) != 2 or (
-        core is not None and core.waterfall is None
+    if (
+        not isinstance(space, spaces.Box)
+        or len(space.shape) != 2
+        or (core is not None and core.waterfall is None)
     ):
         return None
     waterfall = Waterfall(scenario, space.shape[0])

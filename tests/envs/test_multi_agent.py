@@ -12,6 +12,7 @@ with warnings.catch_warnings():  # importing PettingZoo's tests warns of Petting
     warnings.simplefilter("ignore")
     from pettingzoo.test import api_test, parallel_api_test, seed_test
 
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ACTION_MODES
 from fpg_bench.envs.pettingzoo_env import aec_env, parallel_env
 from fpg_bench.game.scenario import as_scenario
@@ -52,6 +53,14 @@ def test_masks_are_what_the_action_spaces_sample_with(actions):
         sampled = {side: env.action_space(side).sample(info["action_mask"]) for side, info in infos.items()}
         *_, infos = env.step(sampled)
     assert "measures" in infos["ally"]
+
+
+@pytest.mark.parametrize("bad", [None, 5, [], {}, {"ally": [10**400] * 9}, {"ally": None, "opponent": None}])
+def test_anything_but_a_mapping_of_actions_is_refused_in_one_line(bad):
+    env = registered("parallel")
+    env.reset(seed=0)
+    with pytest.raises(UserError, match=r"^(ally|step: actions by agent): expected"):
+        env.step(bad)
 
 
 def test_taking_turns_is_the_same_game():
