@@ -111,8 +111,8 @@ def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preproce
         if space.shape != expected:
             behind = f" behind {', '.join(unknown(model))}" if unknown(model) else ""
             raise UserError(
-                f"{name}: it sees observations of shape {space.shape}{behind}, expected {expected}, the numbers "
-                f"of one side in as many frames as VecFrameStack stacks; {_INSTEAD}"
+                f"{name}: it sees observations of shape {space.shape}{behind}, expected {expected}, frames of "
+                f"the {OBSERVATION_SIZE} numbers of a side; {_INSTEAD}"
             )
     return Preprocessing(frames, waterfall, tuple(before), tuple(after))
 
@@ -155,8 +155,8 @@ def difference_in_own_games(
 
     A copy of the games is played, through all of their wrappers. The model sees what the wrappers show, the
     player the numbers of the game. What the game receives is compared; a step that is not one step of the
-    game makes the difference infinite. If two choices have almost equal values, rounding decides between them. So one in a hundred discrete
-    actions may differ, and is left out.
+    game makes the difference infinite. If two choices have almost equal values, rounding decides between
+    them. So one in a hundred discrete actions may differ, and is left out.
 
     Args:
         model: a trained model.
@@ -270,11 +270,7 @@ def _copied_games(model: Any) -> Any:
     """Return a copy of a model's games that does not learn; None if they cannot be copied or played."""
     env, core = games_of(model), core_of(model)
     asks = getattr(getattr(core, "planner", None), "asks_language_model", False)
-    if (
-        core is None
-        or asks
-        or _names(env, lambda layer: isinstance(layer, type) and layer.__name__ in _RECORDERS)
-    ):
+    if core is None or asks or _RECORDERS & set(_names(env, lambda layer: True)):
         return None
     try:
         return _copied(env)
