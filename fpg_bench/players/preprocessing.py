@@ -111,7 +111,7 @@ def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preproce
         if space.shape != expected:
             behind = f" behind {', '.join(unknown(model))}" if unknown(model) else ""
             raise UserError(
-                f"{name}: it sees observations of shape {space.shape}{behind}, expected {expected}, frames of "
+                f"{name}: it sees observations of shape {space.shape}{behind}, not {expected}, frames of "
                 f"the {OBSERVATION_SIZE} numbers of a side; {_INSTEAD}"
             )
     return Preprocessing(frames, waterfall, tuple(before), tuple(after))

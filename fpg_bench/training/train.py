@@ -255,7 +255,7 @@ class _Run:
         parameters, core, name = self.parameters, self.games.core, self.algorithm.name
         options = config.options()
         entry = {"n_envs": parameters.n_envs, "normalize": parameters.normalize} | parameters.entry()
-        del entry["n_timesteps"]
+        entry.pop("n_timesteps", None)
         command_options: dict[str, Any] = {"seed": config.seed, "steps": budget}
         if isinstance(config.hyperparams, str | Path):
             command_options["hyperparams"] = config.hyperparams
