@@ -81,10 +81,10 @@ CHAINS = {
 @pytest.mark.parametrize("kind", [PPO, SAC, RecurrentPPO])
 def test_a_live_model_and_its_agent_play_as_the_model_does_in_its_own_games(chain, kind, tmp_path):
     model = a_model(learned(CHAINS[chain]()), kind)
-    assert export_agent(model, tmp_path, training_seed=0) < 1e-5
+    assert export_agent(model, tmp_path, training_seed=0) < 1e-4
     agent, live = load_agent(tmp_path), as_player(model, "ally", STANDARD)
     for player in (agent, live, ActorPlayer(model)):
-        assert difference_in_own_games(model, player) < 1e-5
+        assert difference_in_own_games(model, player) < 1e-4
     naked = a_model(sb3(), kind)
     if chain in ("normalized", "monitored"):
         naked.policy.load_state_dict(model.policy.state_dict())
@@ -193,8 +193,8 @@ def test_wrappers_that_no_player_has_are_refused_by_name(message, tmp_path):
 @pytest.mark.parametrize("wrapper", [None, Shaped, lambda env: TransformReward(env, abs)])
 def test_wrappers_of_rewards_are_no_obstacle(wrapper, tmp_path):
     model = a_model(VecNormalize(gym_games(wrapper)))
-    assert export_agent(model, tmp_path, training_seed=0) < 1e-5
-    assert difference_in_own_games(model, as_player(model, "ally", STANDARD)) < 1e-5
+    assert export_agent(model, tmp_path, training_seed=0) < 1e-4
+    assert difference_in_own_games(model, as_player(model, "ally", STANDARD)) < 1e-4
 
 
 def test_masks_of_ones_own_are_no_part_of_a_player(tmp_path):
@@ -211,7 +211,7 @@ def test_masks_of_ones_own_are_no_part_of_a_player(tmp_path):
 @pytest.mark.process
 def test_games_in_other_processes_are_judged_by_the_names_of_their_wrappers(tmp_path):
     games = gym_games(vec_env_cls=SubprocVecEnv)
-    assert export_agent(a_model(games), tmp_path, training_seed=0) < 1e-5
+    assert export_agent(a_model(games), tmp_path, training_seed=0) < 1e-4
     games.close()
     games = gym_games(Flipped, vec_env_cls=SubprocVecEnv)
     with pytest.raises(UserError, match="Flipped of its games can't be copied"):
@@ -232,17 +232,17 @@ def test_a_model_that_lost_its_statistics_is_refused(tmp_path):
     model.get_env().save(str(tmp_path / "statistics.pkl"))
     games = VecNormalize.load(str(tmp_path / "statistics.pkl"), make_sb3(ALLY))
     loaded = PPO.load(tmp_path / "model.zip", env=games, device="cpu")
-    assert export_agent(loaded, tmp_path / "agent", training_seed=0) < 1e-5
+    assert export_agent(loaded, tmp_path / "agent", training_seed=0) < 1e-4
     expected = as_player(model, "ally", STANDARD)
-    assert difference_in_own_games(model, as_player(loaded, "ally", STANDARD)) < 1e-5
-    assert difference_in_own_games(loaded, expected) < 1e-5
+    assert difference_in_own_games(model, as_player(loaded, "ally", STANDARD)) < 1e-4
+    assert difference_in_own_games(loaded, expected) < 1e-4
 
 
 def test_a_stacked_model_without_its_games_is_known_by_its_size(tmp_path):
     model = a_model(VecFrameStack(sb3(), 3))
     model.save(tmp_path / "model.zip")
     loaded = PPO.load(tmp_path / "model.zip", device="cpu")
-    assert difference_in_own_games(model, as_player(loaded, "ally", STANDARD)) < 1e-5
+    assert difference_in_own_games(model, as_player(loaded, "ally", STANDARD)) < 1e-4
 
 
 @pytest.mark.parametrize("kind", [torch.float64, torch.bfloat16])
@@ -270,7 +270,7 @@ def test_one_policy_of_both_sides_is_exported_for_either(side, tmp_path):
     with pytest.raises(UserError, match="give the id"):
         export_agent(model, tmp_path, training_seed=0)
     id = {"ally": ALLY, "opponent": "FPG/OpponentVsScripted-v0"}[side]
-    assert export_agent(model, tmp_path, training_seed=0, id=id) < 1e-5
+    assert export_agent(model, tmp_path, training_seed=0, id=id) < 1e-4
     seen = np.random.default_rng(0).uniform(-1, 1, (20, 15)).astype(np.float32)
     live = as_player(model, side, STANDARD).predict(seen)[0]
-    assert np.abs(fpg_bench.load_agent(tmp_path).predict(seen)[0] - live).max() < 1e-5
+    assert np.abs(fpg_bench.load_agent(tmp_path).predict(seen)[0] - live).max() < 1e-4
