@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from numbers import Integral
 from typing import Any
 
-from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest, shown
 
 
 def is_integer(value: object, least: int = 1) -> bool:
@@ -18,7 +18,7 @@ def integer(value: object, where: str, least: int = 1) -> int:
     """Return the value if it is an integer of at least ``least``; raise UserError otherwise."""
     if not isinstance(value, Integral) or not is_integer(value, least):
         bound = "a whole number above 0" if least == 1 else f"a whole number, {least} or more"
-        raise UserError(f"{where}: expected {bound}, got {value!r}")
+        raise UserError(f"{where}: expected {bound}, got {shown(value)}")
     return int(value)
 
 
@@ -26,21 +26,21 @@ def one_of(value: object, where: str, known: Collection[str]) -> str:
     """Return the value if it is one of the known words; raise UserError otherwise, naming the nearest."""
     if not isinstance(value, str) or value not in known:
         hint = nearest(str(value), known)
-        raise UserError(f"{where}: expected one of {', '.join(known)}, got {value!r}{hint}")
+        raise UserError(f"{where}: expected one of {', '.join(known)}, got {shown(value)}{hint}")
     return value
 
 
 def flag(value: object, where: str) -> bool:
     """Return the value if it is a bool; raise UserError otherwise."""
     if not isinstance(value, bool):
-        raise UserError(f"{where}: expected true or false, got {value!r}")
+        raise UserError(f"{where}: expected true or false, got {shown(value)}")
     return value
 
 
 def mapping(value: object, where: str) -> Mapping[Any, Any]:
     """Return the value if it is a mapping; raise UserError otherwise."""
     if not isinstance(value, Mapping):
-        raise UserError(f"{where}: expected a mapping, got {value!r}")
+        raise UserError(f"{where}: expected a mapping, got {shown(value)}")
     return value
 
 

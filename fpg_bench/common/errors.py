@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
 _NEAR = 0.6  # of difflib's ratio
 _UNIT = 3  # letters of the longest unit that ends a name
 _MOST = 30  # names in a line
+_PART = re.compile("[_-]")
+_LONGEST = 80  # characters of a refused value in a message
 
 
 class UserError(ValueError):
@@ -24,6 +27,15 @@ class UnknownOptionError(UserError, TypeError):
 def printable(text: str) -> str:
     """Return a text from outside with control characters and lone surrogates replaced."""
     return "".join(c if c.isprintable() or c == "\n" else "�" for c in text)
+
+
+def shown(value: object) -> str:
+    """Return a refused value as it stands in a message: its ``repr``, cut where it is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def one_line(error: BaseException) -> str:
@@ -43,7 +55,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     named, and how many more there are.
     """
     known = sorted(set(known))
-    kin = [name for name in known if _parts(word) & _parts(name)]
+    kin = [name for name in known if "_" in word and _parts(word) & _parts(name)]
     if (hint := meant(word, known)) or not kin:
         more = f" and {len(known) - _MOST} more" if len(known) > _MOST else ""
         return hint or f"; known: {', '.join(known[:_MOST])}{more}"
@@ -58,7 +70,7 @@ def meant(word: str, known: Iterable[str]) -> str:
     word's parts must be near one of the name's.
     """
     known = sorted(set(known))
-    kin = [name for name in known if _parts(word) & _parts(name)]
+    kin = [name for name in known if "_" in word and _parts(word) & _parts(name)]
     near = {name.lower(): name for name in kin or known if _ends_near(word.lower(), name.lower())}
     for close in difflib.get_close_matches(word.lower(), near, n=3, cutoff=_NEAR):
         if _differs_little(word.lower(), close):
@@ -68,15 +80,13 @@ def meant(word: str, known: Iterable[str]) -> str:
 
 def _parts(name: str) -> set[str]:
     """Return the parts of a name with underscores, without short ones such as units."""
-    return {part for part in name.lower().split("_") if len(part) > _UNIT} if "_" in name else set()
+    return {part for part in _PART.split(name.lower()) if len(part) > _UNIT}
 
 
 def _differs_little(word: str, name: str) -> bool:
     """Return True if each part of a word is near some part of a name: another part means something else."""
-    parts = name.split("_")
-    return "_" not in word or all(
-        difflib.get_close_matches(part, parts, 1, _NEAR) for part in word.split("_")
-    )
+    parts, own = _PART.split(name), _PART.split(word)
+    return "_" not in word or all(difflib.get_close_matches(part, parts, 1, _NEAR) for part in own)
 
 
 def _ends_near(word: str, name: str) -> bool:

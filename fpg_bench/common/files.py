@@ -49,6 +49,23 @@ class _CarefulLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+def _ordered(loader: _CarefulLoader, node: yaml.SequenceNode) -> dict[Any, Any]:
+    """Return an ``OrderedDict`` that PyYAML wrote: an argument, which is a list of pairs."""
+    (pairs,) = loader.construct_sequence(node, deep=True)
+    if len(written := dict(pairs)) < len(pairs):
+        raise yaml.constructor.ConstructorError(None, None, "a key stands there twice", node.start_mark)
+    return written
+
+
+def _listed(loader: _CarefulLoader, node: yaml.SequenceNode) -> list[Any]:
+    return loader.construct_sequence(node, deep=True)
+
+
+# As rl-zoo3 writes the configuration of a run; neither makes an object.
+_CarefulLoader.add_constructor("tag:yaml.org,2002:python/object/apply:collections.OrderedDict", _ordered)
+_CarefulLoader.add_constructor("tag:yaml.org,2002:python/tuple", _listed)
+
+
 def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
     """Return the number of values that a node stands for once its aliases are expanded."""
     if id(node) not in known:

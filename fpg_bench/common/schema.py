@@ -11,11 +11,10 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails, core_schema
 
-from fpg_bench.common.errors import UserError, meant, nearest
+from fpg_bench.common.errors import UserError, meant, nearest, shown
 
 T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
-_LONGEST = 80  # characters of a refused value in a message
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
 _RAISED = ("value_error", "assertion_error")  # by a validator of a model: its message says it all
 _ABSENT = object()
@@ -123,7 +122,7 @@ def _problem(kind: object, data: object, errors: Sequence[ErrorDetails]) -> str:
     expected = dict.fromkeys(map(_expected, same))
     value = same[0]["input"]
     hint = next((_hint(error) for error in same if error["type"] == "literal_error"), "")
-    return _at(path, f"expected {' or '.join(expected)}, got {_shown(value)}{hint}")
+    return _at(path, f"expected {' or '.join(expected)}, got {shown(value)}{hint}")
 
 
 def _path(data: object, error: ErrorDetails) -> tuple[int | str, ...]:
@@ -204,14 +203,6 @@ def _hint(error: ErrorDetails) -> str:
     words = str(error["ctx"]["expected"]).replace(" or ", ", ").split(", ")
     value = error["input"]
     return meant(value, [word.strip("'") for word in words]) if isinstance(value, str) else ""
-
-
-def _shown(value: object) -> str:
-    try:
-        text = repr(value)
-    except ValueError:  # a whole number of thousands of digits
-        text = f"a {type(value).__name__}"
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def _known_keys(kind: object, location: Sequence[int | str]) -> set[str]:

@@ -341,9 +341,14 @@ def one_action(action: object, whose: str, choices: Choices | None = None) -> np
         ActionError: another shape or kind.
     """
     if choices is not None:
-        return np.asarray(action)[None]
+        with contextlib.suppress(ValueError):  # lists of unlike lengths
+            array = np.asarray(action)
+            if array.dtype.kind in "iu":
+                return array[None]
+        expected = f"{len(choices.lists)} whole numbers" if choices.is_multi else "a whole number"
+        raise ActionError(f"{whose}: expected {expected}, got {described(action)} (actions={choices.mode!r})")
     if isinstance(action, list | tuple):
-        with contextlib.suppress(ValueError, TypeError):
+        with contextlib.suppress(ValueError, TypeError, OverflowError):
             action = np.array(action, float)
     if not isinstance(action, np.ndarray) or action.shape != (ACTION_SIZE,) or action.dtype.kind != "f":
         expected = f"expected a float array of shape ({ACTION_SIZE},)"

@@ -87,7 +87,7 @@ class FPGEnv(gymnasium.Env):
             UserError: a seed that is not a whole number in [0, 2^63), or an unknown option.
         """
         seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None or seeds is None else int(seeds[0]))
         self.core.reset(seeds=seeds, new_match=wants_new_match(options))
         self._begun = True
         self._screen.record(begin=True)

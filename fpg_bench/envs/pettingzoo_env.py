@@ -10,9 +10,11 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import OrderEnforcingWrapper
 from pettingzoo.utils.conversions import parallel_to_aec
 
+from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
 from fpg_bench.envs.two_player import make_duel
+from fpg_bench.game.choices import Choices
 from fpg_bench.game.full_state import FULL_STATE_SIZE
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
@@ -30,7 +32,8 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
     :class:`fpg_bench.envs.gymnasium_env.FPGEnv`. ``state()`` is the full state ``(54,)`` float32.
 
     With ``actions="discrete"`` or ``"multi-discrete"`` both agents choose from lists, with a mapping from
-    agents to action modes those that it names; their infos have ``action_mask``.
+    agents to action modes those that it names. Their infos have ``action_mask`` as ``sample`` of their
+    action space takes it: int8, in mode ``multi-discrete`` a tuple of one array per list.
 
     Args:
         render_mode: None, ``rgb_array`` or ``human``.
@@ -77,8 +80,8 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
         # PettingZoo's own tests hand over options of no meaning, so unknown ones pass here
         self.duel.reset(seeds=seeds, new_match=bool((options or {}).get("new_match", False)))
-        if seed is not None:
-            self.np_random = np.random.default_rng(seed)
+        if seed is not None and seeds is not None:
+            self.np_random = np.random.default_rng(int(seeds[0]))
         self._begun = True
         self.agents = list(SIDES)
         self._screen.record(begin=True)
@@ -97,7 +100,8 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
             raise UserError("step: the round is over; call reset first")
         batch = self.duel.batch
         choices = self.duel.choices
-        ally, opponent = (one_action(actions.get(side), side, choices[side]) for side in SIDES)
+        given = mapping(actions, "step: actions by agent")
+        ally, opponent = (one_action(given.get(side), side, choices[side]) for side in SIDES)
         batch.step(self.duel.decode("ally", ally), self.duel.decode("opponent", opponent))
         self._screen.record()
         over = bool(batch.games["truncated"][0])
@@ -114,8 +118,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         return {"ally": batch.ally_observations[0].copy(), "opponent": batch.opponent_observations[0].copy()}
 
     def _infos(self) -> _Infos:
-        masks = {side: choices.mask for side, choices in self.duel.choices.items() if choices is not None}
-        return {side: {"action_mask": masks[side]} if side in masks else {} for side in SIDES}
+        return {side: _mask_info(self.duel.choices[side]) for side in SIDES}
 
     def state(self) -> np.ndarray:
         """Return the full state, ``(54,)`` float32."""
@@ -128,6 +131,13 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
     def close(self) -> None:
         """Close the window, if there is one."""
         self._screen.close()
+
+
+def _mask_info(choices: Choices | None) -> dict[str, Any]:
+    if choices is None:
+        return {}
+    masks = tuple(each.allowed.astype(np.int8) for each in choices.lists)
+    return {"action_mask": masks if choices.is_multi else masks[0]}
 
 
 def parallel_env(render_mode: str | None = None, **options: Any) -> FPGParallelEnv:

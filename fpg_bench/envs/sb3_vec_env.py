@@ -60,7 +60,7 @@ class FPGVecEnv(VecEnv):
         self._stagger = stagger
         self._begun = self._new_match = False
         self._next_seeds = None if seed is None else first_seeds(seed, core.count)
-        self._actions: np.ndarray | None = None
+        self._actions: Any = None
         self._start_time = time.time()
 
     @property
@@ -97,7 +97,6 @@ class FPGVecEnv(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Play the step; games whose round is over begin the next one at once."""
         core = self.core
-        assert self._actions is not None, "step_wait without step_async"
         core.step(self._actions)
         rewards, dones = core.rewards.astype(np.float32), core.truncated.copy()
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]

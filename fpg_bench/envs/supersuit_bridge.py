@@ -68,6 +68,10 @@ class SuperSuitVecEnv(VecEnvWrapper):
                 info["TimeLimit.truncated"] = not terminated
         return observations, rewards, (terminations | truncations).astype(bool), infos
 
+    def has_attr(self, attr_name: str) -> bool:
+        """Return True if the games have an attribute."""
+        return VecEnv.has_attr(self, attr_name)
+
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return an attribute of the game of each slot asked for."""
         return [getattr(self._game(slot), attr_name) for slot in self._get_indices(indices)]

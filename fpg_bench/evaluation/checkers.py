@@ -29,7 +29,7 @@ from fpg_bench.planning.planner import check_described
 from fpg_bench.planning.registry import resolve
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.registry import as_player, player_name
+from fpg_bench.players.registry import ModelPlayer, as_player, player_name
 from fpg_bench.players.scripted import Scripted, player_seeds
 
 __all__ = ["check_env", "check_planner", "check_player", "check_scenario"]
@@ -186,7 +186,8 @@ def _replay(
 
 def _holds_torch(player: Player) -> bool:
     torch = sys.modules.get("torch")
-    parts = [player, *getattr(player, "__dict__", {}).values()]
+    model = player.model if isinstance(player, ModelPlayer) else player
+    parts = [model, *getattr(model, "__dict__", {}).values()]
     return torch is not None and any(isinstance(part, torch.nn.Module) for part in parts)
 
 

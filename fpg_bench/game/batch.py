@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.checks import integer, is_integer
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, shown
 from fpg_bench.game import step as kernel
 from fpg_bench.game.flight import LEARNED, PURSUIT
 from fpg_bench.game.rules import radio_record, rules_record
@@ -168,6 +168,10 @@ class GameBatch:
             self._step_in_threads()
         self._record_flown()
 
+    def received(self, side: str) -> np.ndarray:
+        """Return a side's actions of the last step, ``(N, 9)`` float32 within [-1, 1]; a buffer."""
+        return self._ally_actions if side == "ally" else self._opponent_actions
+
     def keep_flown(self) -> None:
         """Record from now on the ally's position after each second of its round."""
         self.flown_m = np.zeros((self.count, self.scenario.steps_per_round + 1, 3))
@@ -262,10 +266,13 @@ def check_seeds(seeds: Seeds, count: int) -> np.ndarray:
     Raises:
         UserError: a seed that is not a whole number in [0, 2^63), or another number of seeds.
     """
+    if isinstance(seeds, np.ndarray) and not seeds.ndim:
+        seeds = seeds.item()
     if isinstance(seeds, Sequence | np.ndarray):
         each = list(seeds)
     else:
         each = [int(seeds) + i for i in range(count)] if is_integer(seeds, least=0) else []
     if len(each) != count or not all(is_integer(seed, least=0) and seed <= MAX_SEED for seed in each):
-        raise UserError(f"seed: expected a whole number in [0, 2^63) or {count} of them, got {seeds!r}")
+        several = f" or {count} of them" if count > 1 else ""
+        raise UserError(f"seed: expected a whole number in [0, 2^63){several}, got {shown(seeds)}")
     return np.array(each, np.uint64)

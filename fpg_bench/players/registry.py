@@ -5,7 +5,6 @@ Models of other spaces become players of the 15 numbers and nine floats.
 
 from __future__ import annotations
 
-import inspect
 import os
 import re
 from pathlib import Path
@@ -24,6 +23,15 @@ from fpg_bench.players.card import AgentCard
 from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Memory, Player, PlayerSpec
+from fpg_bench.players.preprocessing import (
+    Preprocessing,
+    check_difference,
+    core_of,
+    difference_in_own_games,
+    preprocessing_of,
+    takes_masks,
+    unknown,
+)
 from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
 from fpg_bench.players.seeded import Batched
 from fpg_bench.players.tactics import Tactic
@@ -147,42 +155,50 @@ def player_name(spec: PlayerSpec) -> str:
 
 
 class ModelPlayer(Batched):
-    """Player of a model that sees a waterfall, predicts choices as Stable-Baselines3's DQN does, or both.
+    """Player of a model that sees more than the 15 numbers, predicts choices as SB3's DQN does, or both.
 
     Args:
         model: anything with ``predict``; its answers are floats ``(n, 9)`` or, with choices, whole numbers,
             ``(n,)`` or ``(n, lists)``.
         choices: the choices that it picks from; None: continuous actions.
-        waterfall: the waterfall that it sees; None: the 15 numbers.
+        preprocessing: what makes its observations of the 15 numbers.
     """
 
-    def __init__(self, model: Player, choices: Choices | None, waterfall: Waterfall | None) -> None:
-        self.model, self._choices, self._waterfall = model, choices, waterfall
-        takes_masks = "action_masks" in inspect.signature(model.predict).parameters  # as MaskablePPO's
-        self._mask = choices.mask if choices and takes_masks and not choices.mask.all() else None
+    def __init__(self, model: Player, choices: Choices | None, preprocessing: Preprocessing) -> None:
+        self.model, self._choices, self._preprocessing = model, choices, preprocessing
+        self._mask = choices.mask if choices and takes_masks(model) and not choices.mask.all() else None
 
     def _answer(
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
     ) -> tuple[np.ndarray, Memory]:
-        windows, state = (None, None) if state is None else state
-        looked_at = seen
-        if self._waterfall is not None:
-            windows = self._waterfall.empty(len(seen)) if windows is None else windows
-            looked_at = windows = self._waterfall.pushed(windows, seen, starts)
+        stack, state = (None, None) if state is None else state
+        stack = self._preprocessing.pushed(stack, seen, starts)
         masks: dict[str, Any] = {}
         if self._mask is not None:
             masks["action_masks"] = np.tile(self._mask, (len(seen), 1))
-        actions, state = self.model.predict(looked_at, state, starts, True, **masks)
+        actions, state = self.model.predict(self._preprocessing.shown(stack), state, starts, True, **masks)
         if self._choices is not None:
             actions = self._choices.decode(np.asarray(actions), seen)
-        return actions, (windows, state)
+        return actions, (stack, state)
 
 
 def _adapted(player: Player, side: str, scenario: Scenario) -> Player:
     """Return a player of the 15 numbers and nine floats: the player, or a wrapper of it."""
     choices = _choices(player, side, scenario)
-    waterfall = _waterfall(player, side, scenario)
-    return player if choices is None and waterfall is None else ModelPlayer(player, choices, waterfall)
+    preprocessing = preprocessing_of(player, _waterfall(player, side, scenario))
+    if unknown(player):
+        check_difference(player, _difference_in_own_games(player))
+    if choices is None and not preprocessing.is_needed:
+        return player
+    return ModelPlayer(player, choices, preprocessing)
+
+
+def _difference_in_own_games(model: Player) -> float | None:
+    """Return how far a model plays from its own player in its own games; None if they cannot be played."""
+    if (core := core_of(model)) is None:
+        return None
+    own = ModelPlayer(model, core.choices, preprocessing_of(model, core.waterfall))
+    return difference_in_own_games(model, own, core.choices)
 
 
 def _choices(player: Player, side: str, scenario: Scenario) -> Choices | None:
@@ -205,8 +221,12 @@ def _choices(player: Player, side: str, scenario: Scenario) -> Choices | None:
 
 def _waterfall(player: Player, side: str, scenario: Scenario) -> Waterfall | None:
     """Return the waterfall that a model sees, by its ``observation_space``."""
-    space = getattr(player, "observation_space", None)
-    if not isinstance(space, spaces.Box) or len(space.shape) != 2:
+    space, core = getattr(player, "observation_space", None), core_of(player)
+    if (
+        not isinstance(space, spaces.Box)
+        or len(space.shape) != 2
+        or (core is not None and core.waterfall is None)
+    ):
         return None
     waterfall = Waterfall(scenario, space.shape[0])
     if side != "ally" or space.shape != waterfall.shape:

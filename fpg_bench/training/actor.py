@@ -14,20 +14,38 @@ from sb3_contrib.qrdqn.policies import QRDQNPolicy
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
+from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.dqn.policies import DQNPolicy
 from torch import nn
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.core import Core, action_space
+from fpg_bench.envs.core import action_space
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
 from fpg_bench.players.player import Memory
+from fpg_bench.players.preprocessing import core_of, preprocessing_of
 from fpg_bench.players.seeded import Batched
 
 FORBIDDEN = np.float32(-1e30)  # value of a forbidden choice
 Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
+
+
+class Normalization(nn.Module):
+    """The computation of ``VecNormalize.normalize_obs``; its statistics are copied."""
+
+    def __init__(self, normalize: VecNormalize) -> None:
+        super().__init__()
+        statistics = cast(RunningMeanStd, normalize.obs_rms)
+        scale = np.sqrt(statistics.var + normalize.epsilon)
+        self.mean = nn.Buffer(torch.as_tensor(statistics.mean, dtype=torch.float32))
+        self.scale = nn.Buffer(torch.as_tensor(scale, dtype=torch.float32))
+        self.clip = float(normalize.clip_obs)
+
+    def forward(self, obs: torch.Tensor) -> torch.Tensor:
+        """Return normalized observations."""
+        return ((obs - self.mean) / self.scale).clamp(-self.clip, self.clip)
 
 
 class Actor(nn.Module):
@@ -43,6 +61,7 @@ class Actor(nn.Module):
     Attributes:
         choices: None where actions are continuous.
         waterfall: None where the policy sees the 15 numbers.
+        before, after: normalizations, of each frame before it is stacked and of the whole stack.
         frame_size, frames_size: size of one frame, and of all frames in the state.
         penalty: ``(choices,)`` float32, added to the values of the choices so that no forbidden one is best.
 
@@ -62,8 +81,10 @@ class Actor(nn.Module):
         # TD3's networks already end in a tanh.
         has_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
         self.squash = self.choices is None and bool(policy.squash_output) and not has_tanh
-        self._set_normalization(model)
         self.waterfall = waterfall_of(model)
+        preprocessing = preprocessing_of(model, self.waterfall)
+        self.before = nn.Sequential(*map(Normalization, preprocessing.before))
+        self.after = nn.Sequential(*map(Normalization, preprocessing.after))
         self.frame_size = OBSERVATION_SIZE
         if self.waterfall is not None:
             self.frame_size = self.waterfall.shape[1]
@@ -74,37 +95,25 @@ class Actor(nn.Module):
             self.state_size += 2 * self.lstm.num_layers * self.lstm.hidden_size
         self.cpu().eval()
 
-    def _set_normalization(self, model: BaseAlgorithm) -> None:
-        normalize = model.get_vec_normalize_env()
-        mean: np.ndarray = np.zeros(1)
-        scale: np.ndarray = np.ones(1)
-        self.clip = np.inf
-        if normalize is not None and normalize.norm_obs:
-            statistics = cast(RunningMeanStd, normalize.obs_rms)
-            mean, scale = statistics.mean, np.sqrt(statistics.var + normalize.epsilon)
-            self.clip = float(normalize.clip_obs)
-        self.mean = nn.Buffer(torch.as_tensor(mean, dtype=torch.float32))
-        self.scale = nn.Buffer(torch.as_tensor(scale, dtype=torch.float32))
-
     def forward(self, observation: torch.Tensor, state: torch.Tensor | None = None) -> Any:
         """Return the action (n, 9), and the next state if a state is given."""
-        frame = observation if self.waterfall is None else waterfall_rows(observation, self.table)
+        rows = observation if self.waterfall is None else waterfall_rows(observation, self.table)
+        frame = self.before(rows)
         if state is None:
-            return self._action(self.features(self._normalize(frame)), observation)
+            return self._action(self.features(self._shown(frame)), observation)
         obs = torch.cat((state[:, : self.frames_size], frame), 1)
-        latent = self.features(self._normalize(obs))
+        latent = self.features(self._shown(obs))
         next_state = [obs[:, self.frame_size :]]
         if self.lstm is not None:
             latent, memory = self._forward_lstm(latent, state[:, self.frames_size :])
             next_state.append(memory)
         return self._action(latent, observation), torch.cat(next_state, 1)
 
-    def _normalize(self, obs: torch.Tensor) -> torch.Tensor:
+    def _shown(self, obs: torch.Tensor) -> torch.Tensor:
         if self.waterfall is not None:
             obs = obs.reshape(-1, *self.waterfall.shape)
-        if not np.isfinite(self.clip):
-            return obs
-        return ((obs - self.mean) / self.scale).clamp(-self.clip, self.clip)
+        normalized: torch.Tensor = self.after(obs)
+        return normalized
 
     def _forward_lstm(self, latent: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         assert self.lstm is not None
@@ -135,27 +144,21 @@ class Actor(nn.Module):
         return action
 
 
-def core_of(model: BaseAlgorithm) -> Core | None:
-    """Return the core of a model's games; None if it has no games of this package."""
-    env = model.get_env()
-    return env.get_attr("core")[0] if env is not None and env.has_attr("core") else None
-
-
 def waterfall_of(model: BaseAlgorithm) -> Waterfall | None:
     """Return the waterfall that a model observes; None for a model of the 15 numbers, stacked or not.
 
     Raises:
-        UserError: the model observes a waterfall but has no games with it, or stacked waterfalls.
+        UserError: the model observes a waterfall but has no games.
     """
     shape = cast(tuple[int, ...], model.observation_space.shape)
     if len(shape) == 1:
         return None
-    waterfall: Waterfall | None = getattr(core_of(model), "waterfall", None)
-    if waterfall is None or waterfall.shape != shape:
+    if (core := core_of(model)) is None:
         raise UserError(
             f"the model observes {model.observation_space}, not the waterfall of its games; give it games of "
-            "fpg_bench with set_env, without stacked frames"
+            "fpg_bench with set_env"
         )
+    waterfall: Waterfall | None = getattr(core, "waterfall", None)
     return waterfall
 
 

@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -37,11 +37,19 @@ from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.players.agent import OnnxPlayer, stripped
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Player
+from fpg_bench.players.preprocessing import (
+    GREATEST_DIFFERENCE,
+    check_difference,
+    core_of,
+    difference_in_own_games,
+    largest,
+    preprocessing_of,
+    takes_masks,
+)
 from fpg_bench.players.trust import remember_exported
-from fpg_bench.training.actor import Actor, core_of, waterfall_of
+from fpg_bench.training.actor import Actor, Normalization, waterfall_of
 
 OPSET = 20
-GREATEST_DIFFERENCE = 1e-4
 
 
 def export_onnx(model: BaseAlgorithm) -> bytes:
@@ -215,39 +223,39 @@ def largest_difference(
 ) -> float:
     """Return the largest difference of any action entry between a model and a player.
 
-    If two choices have almost equal values, rounding decides between them. So one in a hundred discrete
-    actions may differ, and is left out.
+    They are compared in a copy of the model's own games, or, if it has none that can be copied, in five games
+    of uniformly random observations, which restart every twenty steps on average.
 
     Args:
-        model: its ``predict`` gets stacked and normalized observations or waterfalls, as in training.
-        player: its ``predict`` gets the raw observations, which are uniformly random.
+        model: a trained model.
+        player: what plays in its place; its ``predict`` gets the numbers of the game.
         choices: the choices of a discrete model; None for continuous actions.
-        steps: steps of each of five games, which restart every twenty steps on average.
+        steps: number of steps.
+
+    Raises:
+        UserError: wrappers of the games change what the model sees or does, or cannot be looked into.
     """
-    games, rng, normalize = 5, np.random.default_rng(0), model.get_vec_normalize_env()
-    waterfall = waterfall_of(model)
-    stack = np.zeros((games, *cast(tuple[int, ...], model.observation_space.shape)), np.float32)
-    model_state = player_state = None
+    difference = difference_in_own_games(model, player, choices, steps)
+    check_difference(model, difference)
+    if difference is not None:
+        return difference
+    games, rng = 5, np.random.default_rng(0)
+    preprocessing = preprocessing_of(model, waterfall_of(model))
+    stack = model_state = player_state = None
     starts, differences = np.ones(games, bool), []
     masks: dict[str, Any] = {}
-    if choices is not None and not choices.mask.all():
+    if choices is not None and takes_masks(model) and not choices.mask.all():
         masks["action_masks"] = np.tile(choices.mask, (games, 1))
     for _ in range(steps):
         observation = rng.uniform(-1, 1, (games, OBSERVATION_SIZE)).astype(np.float32)
-        stack[starts] = 0
-        if waterfall is None:
-            stack = np.concatenate((stack[:, OBSERVATION_SIZE:], observation), axis=1)
-        else:
-            stack = waterfall.pushed(stack, observation)
-        model_obs = stack if normalize is None else normalize.normalize_obs(stack.copy())
-        expected, model_state = model.predict(cast(np.ndarray, model_obs), model_state, starts, True, **masks)
+        stack = preprocessing.pushed(stack, observation, starts)
+        expected, model_state = model.predict(preprocessing.shown(stack), model_state, starts, True, **masks)
         if choices is not None:
             expected = choices.decode(expected, observation)
         actions, player_state = player.predict(observation, player_state, starts)
         differences.append(np.abs(expected - actions).max(1))
         starts = rng.random(games) < 0.05
-    each = np.sort(np.concatenate(differences))
-    return float(each[-1] if choices is None else each[-1 - len(each) // 100])
+    return largest(differences, choices)
 
 
 def plain_onnx(actor: Actor) -> bytes | None:
@@ -261,11 +269,11 @@ def plain_onnx(actor: Actor) -> bytes | None:
     graph = _Graph()
     inputs = [_rows("observation", OBSERVATION_SIZE)]
     outputs = [_rows("action", ACTION_SIZE)]
-    obs, next_state = "observation", []
+    obs, next_state = _layer(graph, actor.before, "observation"), []
     if actor.frames_size:
         obs = graph.add("Concat", graph.columns("state", 0, actor.frames_size), obs, axis=1)
         next_state.append(graph.columns(obs, actor.frame_size, actor.frame_size + actor.frames_size))
-    latent = _layer(graph, actor.features, _normalize(graph, actor, obs))
+    latent = _layer(graph, actor.features, _layer(graph, actor.after, obs))
     if actor.lstm is not None:
         latent, memory = _lstm(graph, actor.lstm, latent, actor.frames_size)
         next_state += memory
@@ -329,12 +337,9 @@ def _rows(name: str, size: int) -> Any:
     return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
 
 
-def _normalize(graph: _Graph, actor: Actor, obs: str) -> str:
-    if not np.isfinite(actor.clip):
-        return obs
-    centred = graph.add("Sub", obs, graph.constant(actor.mean.flatten()))
-    scaled = graph.add("Div", centred, graph.constant(actor.scale.flatten()))
-    return graph.clip(scaled, -actor.clip, actor.clip)
+def _normalized(graph: _Graph, layer: Normalization, x: str) -> str:
+    centred = graph.add("Sub", x, graph.constant(layer.mean))
+    return graph.clip(graph.add("Div", centred, graph.constant(layer.scale)), -layer.clip, layer.clip)
 
 
 def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
@@ -381,6 +386,7 @@ def _sequential(graph: _Graph, layers: nn.Sequential, x: str) -> str:
 # Layers whose attributes describe them completely, and the operators of each. Inputs are flat already.
 _LAYERS: dict[type[nn.Module], Callable[[_Graph, Any, str], str]] = {
     nn.Sequential: _sequential,
+    Normalization: _normalized,
     nn.Linear: _linear,
     FlattenExtractor: lambda graph, layer, x: x,
     nn.Flatten: lambda graph, layer, x: x,

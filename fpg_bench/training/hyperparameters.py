@@ -10,11 +10,15 @@ from pydantic import ConfigDict, Field
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
-from fpg_bench.common.schema import Expected, PositiveInt, Strict, parse
+from fpg_bench.common.ids import DUEL, ENVS
+from fpg_bench.common.schema import Expected, PositiveInt, Strict, problems_of
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
+from fpg_bench.training.rl_zoo3_format import argument_problems, read_entry, whole_arguments
 
+# Arguments of algorithms that the runner sets itself.
+_RESERVED = {"env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}
 CUSTOM_N_ENVS = 64  # of a custom class without hyper-parameters
 
 
@@ -40,7 +44,7 @@ class Hyperparameters(Strict):
     """Hyper-parameters of an algorithm on one environment id: an entry of a file.
 
     Attributes:
-        n_envs: number of games played in parallel.
+        n_envs: number of games played in parallel; 1 if none is given, as in rl-zoo3.
         n_timesteps: training budget in steps, over all games; 0 if none is given.
         normalize: arguments of SB3's ``VecNormalize``; None trains without it.
         frame_stack: number of stacked observations; None for no stacking.
@@ -49,8 +53,8 @@ class Hyperparameters(Strict):
 
     model_config = ConfigDict(extra="allow", allow_inf_nan=True)
 
-    n_envs: PositiveInt
-    n_timesteps: PositiveInt
+    n_envs: PositiveInt = 1
+    n_timesteps: PositiveInt = 0
     normalize: dict[str, Any] | None = None
     frame_stack: PositiveInt | None = None
     imitate: ImitationConfig | None = None
@@ -64,7 +68,7 @@ class Hyperparameters(Strict):
         """Return the hyper-parameters as an entry of a file."""
         values: dict[str, Any] = {
             "n_envs": self.n_envs,
-            "n_timesteps": self.n_timesteps,
+            "n_timesteps": self.n_timesteps or None,
             "normalize": self.normalize,
             "frame_stack": self.frame_stack,
             "imitate": self.imitate and self.imitate.model_dump(),
@@ -87,18 +91,23 @@ def load_hyperparameters(
             shipped file of the algorithm, and for a custom class the defaults of that class with 64 games.
 
     Raises:
-        UserError: an unknown algorithm, no entry for the id, or a missing or invalid key.
+        UserError: an unknown algorithm, no entry for the id, or invalid keys, all in one line.
     """
     if not isinstance(algorithm, Algorithm):
         algorithm = find_algorithm(algorithm)
-    game = GameSpec.of(game)
-    env_id = game.id
+    if isinstance(game, str) and game not in (DUEL, *ENVS) and file is not None:
+        env_id = game  # rl-zoo3's files hold other environments, too
+    else:
+        game = GameSpec.of(game)
+        env_id = game.id
     if isinstance(file, Mapping):
         return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
         return Hyperparameters.model_construct(n_envs=CUSTOM_N_ENVS, n_timesteps=0, policy="MlpPolicy")
-    file = _named_file(Path(file)) if file else _shipped_file(algorithm, game)
+    file = _named_file(Path(file)) if file else _shipped_file(algorithm, GameSpec.of(game))
     content = read_yaml(file, "hyper-parameters")
+    if isinstance(content.get("policy"), str):  # of a run of rl-zoo3: one entry, without an id
+        return _parse(algorithm, content, f"hyper-parameters {file}")
     if not isinstance(content.get(env_id), dict):
         raise UserError(
             f"hyper-parameters {file}: no entry for {env_id!r}{nearest(env_id, map(str, content))}"
@@ -134,10 +143,24 @@ def _shipped_file(algorithm: Algorithm, game: GameSpec) -> Path:
 
 
 def _parse(algorithm: Algorithm, content: dict[str, Any], where: str) -> Hyperparameters:
-    parameters = parse(Hyperparameters, content, where)
+    content, unreadable = read_entry(content)
+    content = whole_arguments(content, algorithm.kind.__init__)
+    parameters, invalid = problems_of(Hyperparameters, content)
+    if problems := [*unreadable, *invalid, *_argument_problems(algorithm, parameters)]:
+        raise UserError(f"{where}: {'; '.join(problems)}")
     frame_stack = parameters.frame_stack or algorithm.frame_stack
     if algorithm.frame_stack not in (None, frame_stack):
         raise UserError(
             f"{where}: frame_stack: {algorithm.name} stacks {algorithm.frame_stack}, got {frame_stack}"
         )
     return parameters.model_copy(update={"frame_stack": frame_stack})
+
+
+def _argument_problems(algorithm: Algorithm, parameters: Hyperparameters) -> list[str]:
+    """Return a line per invalid argument of the algorithm or of ``VecNormalize``."""
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    arguments = {name: value for name, value in parameters.algorithm.items() if not name.startswith("noise_")}
+    normalize = argument_problems(parameters.normalize or {}, VecNormalize.__init__, {"venv"})
+    own = argument_problems(arguments, algorithm.kind.__init__, _RESERVED)
+    return [*own, *(f"normalize: {problem}" for problem in normalize)]

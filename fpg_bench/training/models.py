@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import copy
-import inspect
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,16 +15,15 @@ from stable_baselines3.common.utils import LinearSchedule, set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 from torch import nn
 
-from fpg_bench.common.checks import check_keys, flag, mapping
+from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.imports import imported, reason
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
+from fpg_bench.training.rl_zoo3_format import SCHEDULED, net_arch
 
-_RESERVED = {"self", "env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}  # set by the runner
-_SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
 # Elementwise activations of torch that ONNX also has, without weights and randomness.
 # LogSigmoid is left out because its export differs by 8e-4.
 _NAMES = (
@@ -101,33 +100,7 @@ def _wrapped(games: VecEnv, parameters: Hyperparameters, where: str) -> VecEnv:
         games = VecFrameStack(games, parameters.frame_stack)
     if parameters.normalize is None:
         return games
-    _check_arguments(parameters.normalize, VecNormalize.__init__, f"{where}: normalize", {"venv"})
     return VecNormalize(games, **{"gamma": parameters.algorithm.get("gamma", 0.99), **parameters.normalize})
-
-
-def _check_arguments(
-    values: dict[str, Any], function: Callable[..., Any], where: str, reserved: set[str]
-) -> None:
-    """Raise UserError for a key that is not an argument of a function, or a value of the wrong type."""
-    arguments = inspect.signature(function).parameters
-    known = set(arguments) - {"self"} - reserved
-    if not any(argument.kind == argument.VAR_KEYWORD for argument in arguments.values()):
-        check_keys(values, known, where)
-    for name in known & set(values):
-        _check_value(values[name], arguments[name], f"{where}: {name}")
-
-
-def _check_value(value: object, argument: inspect.Parameter, where: str) -> None:
-    """Raise UserError if an argument's default is a number or a bool, but the value is not."""
-    default = argument.default
-    takes_text = "str" in str(argument.annotation) or argument.name in _SCHEDULED
-    if isinstance(default, bool):
-        flag(value, where)
-    elif isinstance(default, int | float) and not (takes_text and isinstance(value, str | list)):
-        is_integer = argument.annotation in (int, "int")
-        if isinstance(value, bool) or not isinstance(value, int if is_integer else int | float):
-            number = "a whole number" if is_integer else "a number (1.0e-4, not 1e-4)"
-            raise UserError(f"{where}: expected {number}, got {value!r}")
 
 
 def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict[str, Any]:
@@ -141,15 +114,16 @@ def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: 
             )
         sigma = np.array(_per_action(noise_std, f"{where}: noise_std"))
         arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), sigma)
-    _check_arguments(arguments, algorithm.kind.__init__, where, _RESERVED)
     policy: Any = mapping(arguments.get("policy_kwargs", {}), f"{where}: policy_kwargs")
     if isinstance(policy.get("log_std_init"), list):  # one per action
         policy["log_std_init"] = torch.tensor(_per_action(policy["log_std_init"], f"{where}: log_std_init"))
     if isinstance(name := policy.get("features_extractor_class"), str):
         policy["features_extractor_class"] = imported(name, f"{where}: features_extractor_class")
+    if "net_arch" in policy:
+        policy["net_arch"] = net_arch(policy["net_arch"], f"{where}: net_arch")
     if "activation_fn" in policy:
         policy["activation_fn"] = as_activation(policy["activation_fn"], f"{where}: activation_fn")
-    for name in _SCHEDULED:
+    for name in SCHEDULED:
         if isinstance(arguments.get(name), str):
             arguments[name] = _schedule(arguments[name], f"{where}: {name}")
     if isinstance(arguments.get("train_freq"), list):
@@ -171,7 +145,10 @@ def _schedule(text: str, where: str) -> LinearSchedule:
     try:
         if not text.startswith("lin_"):
             raise ValueError
-        return LinearSchedule(float(text.removeprefix("lin_")), 0.0, 1.0)
+        start = float(text.removeprefix("lin_"))
+        if not 0 < start < math.inf:
+            raise ValueError
+        return LinearSchedule(start, 0.0, 1.0)
     except ValueError as error:
         raise UserError(
             f"{where}: expected a number (1.0e-4, not 1e-4) or lin_<number>, got {text!r}"
@@ -188,6 +165,7 @@ def as_activation(value: object, where: str) -> type[nn.Module]:
         return value
     if not isinstance(value, str):
         raise UserError(f"{where}: expected the name of an activation such as ReLU, got {value!r}")
+    value = value.rpartition("nn.")[2]  # as rl-zoo3 writes it
     if value not in ACTIVATIONS:
         raise UserError(f"{where}: unknown activation {value!r}{nearest(value, ACTIVATIONS)}")
     return ACTIVATIONS[value]

@@ -247,7 +247,7 @@ class _Run:
         config, parameters, name = self.config, self.parameters, self.algorithm.name
         spec, scenario, options = config.spec, config.spec.resolve(), config.options()
         entry = {"n_envs": parameters.n_envs, "normalize": parameters.normalize} | parameters.entry()
-        del entry["n_timesteps"]
+        entry.pop("n_timesteps", None)
         command_options: dict[str, Any] = {"seed": config.seed, "steps": budget}
         if isinstance(config.hyperparams, str | Path):
             command_options["hyperparams"] = config.hyperparams

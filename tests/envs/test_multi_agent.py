@@ -12,24 +12,55 @@ with warnings.catch_warnings():  # importing PettingZoo's tests warns of Petting
     warnings.simplefilter("ignore")
     from pettingzoo.test import api_test, parallel_api_test, seed_test
 
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import ACTION_MODES
 from fpg_bench.envs.pettingzoo_env import aec_env, parallel_env
+from fpg_bench.game.scenario import as_scenario
 
 from .playing import SHORT, STEPS, tape
 
-# PettingZoo would like agents to be named player_0 and the like
-pytestmark = pytest.mark.filterwarnings("error", "ignore:We recommend agents to be named")
+# PettingZoo would like agents to be named player_0 and the like, and no MultiDiscrete
+pytestmark = pytest.mark.filterwarnings(
+    "error", "ignore:We recommend agents to be named", "ignore:Action space for each agent probably should be"
+)
 
 
-def registered(kind):
+def registered(kind, **options):
+    options = {"scenario": SHORT, **options}
     if not hasattr(pettingzoo, "make"):  # before 1.27
-        return {"parallel": parallel_env, "aec": aec_env}[kind](scenario=SHORT)
-    return pettingzoo.make(kind, "FPG/duel_v0", scenario=SHORT)
+        return {"parallel": parallel_env, "aec": aec_env}[kind](**options)
+    return pettingzoo.make(kind, "FPG/duel_v0", **options)
 
 
-def test_pettingzoo_finds_nothing_amiss():
-    parallel_api_test(registered("parallel"), 3 * STEPS)
-    api_test(registered("aec"), 3 * STEPS)
-    seed_test(lambda: aec_env(scenario=SHORT), 2 * STEPS)
+MASKED = as_scenario(SHORT, knowledge="none", jamming_types=("tone",))
+
+
+@pytest.mark.parametrize("scenario", [SHORT, MASKED], ids=["all", "masked"])
+@pytest.mark.parametrize("actions", [*ACTION_MODES, {"ally": "discrete"}, {"opponent": "multi-discrete"}])
+def test_pettingzoo_finds_nothing_amiss(actions, scenario):
+    options = {"actions": actions, "scenario": scenario}
+    if scenario is SHORT:  # this test knows no masks in infos
+        parallel_api_test(registered("parallel", **options), 3 * STEPS)
+    api_test(registered("aec", **options), 3 * STEPS)
+    seed_test(lambda: aec_env(**options), 2 * STEPS)
+
+
+@pytest.mark.parametrize("actions", ["discrete", "multi-discrete"])
+def test_masks_are_what_the_action_spaces_sample_with(actions):
+    env = registered("parallel", actions=actions, scenario=MASKED)
+    _, infos = env.reset(seed=0)
+    for _ in range(STEPS):
+        sampled = {side: env.action_space(side).sample(info["action_mask"]) for side, info in infos.items()}
+        *_, infos = env.step(sampled)
+    assert "measures" in infos["ally"]
+
+
+@pytest.mark.parametrize("bad", [None, 5, [], {}, {"ally": [10**400] * 9}, {"ally": None, "opponent": None}])
+def test_anything_but_a_mapping_of_actions_is_refused_in_one_line(bad):
+    env = registered("parallel")
+    env.reset(seed=0)
+    with pytest.raises(UserError, match=r"^(ally|step: actions by agent): expected"):
+        env.step(bad)
 
 
 def test_taking_turns_is_the_same_game():

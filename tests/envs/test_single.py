@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from gymnasium.wrappers import TimeAwareObservation
 
+from fpg_bench import make_sb3
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import find_env
+from fpg_bench.game.batch import ActionError
 from fpg_bench.game.scenario import STANDARD
 
 from .playing import ALLY, ALLY_POLICY, OPPONENT, OPPONENT_POLICY, PLANNED, REST, SHORT, STEPS, tape
@@ -31,6 +33,19 @@ def test_a_round_that_is_over_waits_for_reset():
         env.step(REST)
     with pytest.raises(UserError, match="the round is over; call reset first"):
         env.step(REST)
+
+
+@pytest.mark.parametrize("actions", ["continuous", "discrete", "multi-discrete"])
+@pytest.mark.parametrize("bad", [None, [10**400] * 9, [[1], [1, 2]], "abc", {}, [1j] * 9, object()])
+def test_anything_but_an_action_is_refused_in_one_line(actions, bad):
+    env = gymnasium.make(ALLY, scenario=SHORT, actions=actions).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match=r"^action: expected .*, got "):
+        env.step(bad)
+    games = make_sb3(ALLY, 1, seed=0, scenario=SHORT, actions=actions)
+    games.reset()
+    with pytest.raises(ActionError, match=r"expected .*, got "):
+        games.step(bad)
 
 
 def test_the_ally_is_shown_what_the_knowledge_base_advises_and_the_opponent_is_not():

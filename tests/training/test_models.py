@@ -191,7 +191,7 @@ def test_an_unknown_activation_is_refused_before_anything_is_written(tmp_path, m
     for value, message in (
         ("Rellu", "unknown activation 'Rellu'; did you mean 'ReLU'"),
         ("relu", "did you mean 'ReLU'"),
-        ("torch.nn.ReLU", "unknown activation 'torch.nn.ReLU'; "),
+        ("torch.nn.Rellu", "unknown activation 'Rellu'; did you mean 'ReLU'"),
         ("__import__('os').system('touch evaluated')", "unknown activation .*; known: CELU, ELU"),
         (3, "expected the name of an activation such as ReLU, got 3"),
         (str, "expected the name of an activation"),
@@ -202,6 +202,7 @@ def test_an_unknown_activation_is_refused_before_anything_is_written(tmp_path, m
         assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
     assert as_activation(nn.GELU, "here") is nn.GELU  # a class, from Python
+    assert as_activation("nn.GELU", "here") is nn.GELU  # as rl-zoo3 writes it
 
 
 def test_the_trial_export_keeps_torch_s_random_state_and_checks():

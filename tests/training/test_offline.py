@@ -104,6 +104,7 @@ def test_each_algorithm_lowers_its_loss_and_exports_an_agent_that_plays(
 
     monkeypatch.setattr(Logger, "record", kept)
     monkeypatch.setattr(FPGVecEnv, "step_wait", stepped)
+    monkeypatch.setattr("fpg_bench.training.export.difference_in_own_games", lambda *_: None)  # plays a copy
     data = discrete if algorithm.startswith("discrete") else mixed
     agent = learn(algorithm, data, tmp_path, **({"n_actions": 2} if algorithm == "cql" else {}))
     assert losses[-1] < losses[0]

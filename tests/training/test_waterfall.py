@@ -59,7 +59,7 @@ def make_model(algorithm, policy="MlpPolicy", norm_obs=False, policy_kwargs=None
 def test_agents_play_as_the_model_does_in_its_own_games(algorithm, options, tmp_path):
     """Over rounds that end at different steps; through onnxruntime, through torch and as the model itself."""
     model = make_model(algorithm, **options)
-    assert export_agent(model, tmp_path, training_seed=0) < 1e-5
+    assert export_agent(model, tmp_path, training_seed=0) < 1e-4
     agent = load_agent(tmp_path)
     assert agent.row_wise
     words = {name: options[name] for name in ("scenario", "actions", "history") if name in options}

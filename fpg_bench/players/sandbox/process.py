@@ -27,8 +27,16 @@ from fpg_bench.common.telemetry import OFF
 from fpg_bench.players.sandbox.isolation import UNPROTECTED, Layer, missing, refusal
 
 # Environment variables that the process gets: nothing that could be a secret.
-_KEPT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG")
-_KEPT = (*_KEPT, UNPROTECTED)
+_KEPT = (
+    "PATH",
+    "HOME",
+    "XDG_CACHE_HOME",
+    "NUMBA_CACHE_DIR",
+    "LD_LIBRARY_PATH",
+    "DYLD_LIBRARY_PATH",
+    "LANG",
+    UNPROTECTED,
+)
 _SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
 _NEEDED = "RAY_"  # a cluster's
 _ONES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX")

@@ -248,9 +248,6 @@ class SinglePlayer:
         self.observation_space = self.policy.observation_space
         self.predict = self.policy.predict
 
-    def get_vec_normalize_env(self) -> None:
-        """Return None; observations are not normalized."""
-
 
 class _Losses:
     """Losses of all players' critics and actors, and an update of both (Lowe et al. 2017, Algorithm 1)."""
