@@ -11,6 +11,7 @@ from fpg_bench.cli.completion import complete_algorithm, complete_id
 from fpg_bench.cli.options import (
     ActionsOption,
     AddressOption,
+    AllowOption,
     BackendOption,
     JobsOption,
     PathOption,
@@ -73,6 +74,7 @@ def run(
     actions: ActionsOption = None,
     backend: BackendOption = "loky",
     address: AddressOption = None,
+    allow: AllowOption = None,
 ) -> None:
     """Search hyper-parameters; run it again to resume, or on further machines to share the work.
 
@@ -104,6 +106,7 @@ def run(
         actions=actions,
         backend=backend,
         address=address,
+        allow=allow or (),
     )
 
 
@@ -136,6 +139,7 @@ def export(
     n_jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
+    allow: AllowOption = None,
 ) -> None:
     """Retrain a study's best trials on fresh seeds, and write the best values into a file.
 
@@ -156,4 +160,5 @@ def export(
         n_jobs=n_jobs,
         backend=backend,
         address=address,
+        allow=allow or (),
     )

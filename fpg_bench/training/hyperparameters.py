@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import ENVS
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Expected, PositiveInt, Strict, parse
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
@@ -79,6 +80,7 @@ def load_hyperparameters(
     *,
     path: str | Sequence[str] | None = None,
     actions: str = "continuous",
+    allow: Collection[str] = (),
 ) -> Hyperparameters:
     """Load the hyper-parameters of an algorithm on an environment id.
 
@@ -89,9 +91,12 @@ def load_hyperparameters(
             shipped file of the algorithm, and for a custom class the defaults of that class with 64 games.
         path: flight path of the opponent; opponents on the path ``learned`` have their own shipped values.
         actions: action mode; discrete actions have their own shipped values.
+        allow: the ``package.module:object`` and agents of the Hub that the file may name; neither is run on a
+            file's word.
 
     Raises:
-        UserError: an unknown algorithm, no entry for the id, or a missing or invalid key.
+        UserError: an unknown algorithm, no entry for the id, a name that is not allowed, or a missing or
+            invalid key.
     """
     if not isinstance(algorithm, Algorithm):
         algorithm = find_algorithm(algorithm)
@@ -105,6 +110,7 @@ def load_hyperparameters(
         raise UserError(
             f"hyper-parameters {file}: no entry for {env_id!r}{nearest(env_id, map(str, content))}"
         )
+    check_allowed(content[env_id], allow, f"hyper-parameters {file}")
     return _parse(algorithm, content[env_id], f"hyper-parameters {file}: {env_id}")
 
 

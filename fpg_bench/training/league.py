@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -23,6 +23,7 @@ from fpg_bench.common.checks import integer, mapping
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_own_folder, read_json, read_yaml, write_json, write_whole
 from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env, sides_of
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import code_fingerprint, player_entry
@@ -145,6 +146,7 @@ def best_responses(
     actions: str | None = None,
     search: int = 0,
     progress: bool = True,
+    allow: Collection[str] = (),
 ) -> dict[str, Any]:
     """Train best responses to a fixed player, and evaluate the player against them.
 
@@ -173,6 +175,8 @@ def best_responses(
         actions: action mode of the responses; None for continuous.
         search: number of scripts with random constants to evaluate in addition to the scripts.
         progress: show the progress of each training.
+        allow: the ``package.module:object`` and agents of the Hub that the file of the hyper-parameters may
+            name; neither is run on a file's word.
 
     Returns:
         The content of ``best_responses.json``: the player, the game, ``responses`` (how each was made, the
@@ -227,7 +231,12 @@ def best_responses(
         }
         run_folder = RunFolder(Path(out) / response_folder(config))
         values = load_hyperparameters(
-            name, env_id, hyperparams, path=target.game.path, actions=actions or "continuous"
+            name,
+            env_id,
+            hyperparams,
+            path=target.game.path,
+            actions=actions or "continuous",
+            allow=allow,
         ).entry()
         if kind == "strongest":
             values |= {"imitate": {"teacher": _teacher(run_folder) or _strongest_player(result, Path(out))}}
@@ -270,6 +279,7 @@ def _teacher(run: RunFolder) -> str | None:
         return None
     imitation = run.read().get("hyperparameters", {}).get("imitate") or {}
     teacher: str | None = imitation.get("teacher")
+    check_allowed(teacher, (), f"run {run.description}")
     return teacher
 
 
@@ -375,6 +385,7 @@ def selfplay(
     jamming_types: str | Sequence[str] | None = None,
     evaluations: int = 1,
     progress: bool = True,
+    allow: Collection[str] = (),
 ) -> dict[str, Path]:
     """Train both sides alternately, each generation against past generations of the other side.
 
@@ -397,6 +408,8 @@ def selfplay(
         evaluations: number of evaluations of each generation on its suite, besides the one at its start; 0
             for none.
         progress: show the progress of each training.
+        allow: the ``package.module:object`` and agents of the Hub that the file of the hyper-parameters may
+            name; neither is run on a file's word.
 
     Returns:
         The folders of both agents.
@@ -409,7 +422,7 @@ def selfplay(
     for name, value in (("generations", generations), ("pool", pool)):
         integer(value, name)
     game = GameOptions(scenario=scenario, path=path, knowledge=knowledge, jamming_types=jamming_types)
-    league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, game)
+    league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, game, allow)
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
     check_own_folder(league.folder, ABOUT, "self-play", ROWS)
     with file.locked():
@@ -440,12 +453,17 @@ class _SelfPlay:
     seed: int
     hyperparams: Hyperparams
     game: GameOptions
+    allow: Collection[str]
 
     def describe(self) -> dict[str, Any]:
         """Return the settings that distinguish it from another self-play, as they are read from JSON."""
         parameters = {
             side: load_hyperparameters(
-                self.algorithm, policy_env(side).id, self.hyperparams, path=self.game.path
+                self.algorithm,
+                policy_env(side).id,
+                self.hyperparams,
+                path=self.game.path,
+                allow=self.allow,
             )
             for side in SIDES
         }
@@ -483,6 +501,7 @@ class _SelfPlay:
             self.game,
             against=list(self.others(side, generation).values()),
             start=self.run(side, generation - 1).path if generation else None,
+            allow=self.allow,
         )
 
     def evaluate(self, side: str, generation: int) -> Row:
@@ -607,6 +626,7 @@ def load_champions(file: Path) -> dict[str, ChampionConfig]:
     configs = {}
     for name, content in read_yaml(file, "champions").items():
         where = f"champions {file}: {name}"
+        check_allowed(content, (), where)
         config = parse(ChampionConfig, {"name": name, **mapping(content, where)}, where)
         if config.id != policy_env(config.side).id:
             raise UserError(f"{where}: id: expected {policy_env(config.side).id}, got {config.id}")

@@ -117,7 +117,7 @@ def train(
     run = _Run(config, RunFolder(Path(out)))
     run.setup()
     evaluators = {
-        side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side)
+        side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side, allow=config.allow)
         for side, suite in zip(run.sides, run.suites, strict=True)
         if evaluations
     }
@@ -232,7 +232,12 @@ class _Run:
             raise UserError(f"{self.algorithm.name}: is trained by fpg-bench {how}")
         options = config.game_options()
         self.parameters = load_hyperparameters(
-            self.algorithm, config.id, config.hyperparams, path=options.get("path"), actions=config.actions
+            self.algorithm,
+            config.id,
+            config.hyperparams,
+            path=options.get("path"),
+            actions=config.actions,
+            allow=config.allow,
         )
         budget = self.parameters.n_timesteps if config.steps is None else integer(config.steps, "steps")
         if not budget:

@@ -6,7 +6,7 @@ import json
 import sqlite3
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, first_line, nearest
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.ids import DUEL, find_env, sides_of
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.evaluation.suite import load_suite, suite_of
 from fpg_bench.training.algorithms import find_algorithm
@@ -102,6 +103,7 @@ def make_task(
     suite: str | None = None,
     rounds: int = 100,
     options: Mapping[str, Any] | None = None,
+    allow: Collection[str] = (),
 ) -> Task:
     """Build a task from the arguments of :func:`fpg_bench.training.tuning.tune.tune`.
 
@@ -124,15 +126,17 @@ def make_task(
     if actions != "continuous":
         options["actions"] = actions
     parameters = load_hyperparameters(
-        registered, env_id, hyperparams, path=options.get("path"), actions=actions
+        registered, env_id, hyperparams, path=options.get("path"), actions=actions, allow=allow
     )
     if not (parameters.n_timesteps or steps):
         raise UserError(f"steps: {registered.name} has no hyper-parameter file with a budget; give the steps")
     entry = parameters.entry() | {"n_timesteps": parameters.n_timesteps or steps}
     name = suite or suite_of(env_id, options, sides[0])
-    scoring = load_suite(name)
+    scoring = load_suite(name, allow=allow)
     if scoring.side not in sides:
         raise UserError(f"suite {name}: measures the {scoring.side}; in {env_id} the {sides[0]} learns")
+    values = load_space(registered.base, Path(space) if space else None, actions)
+    check_allowed({name: each.model_dump() for name, each in values.items()}, allow, f"search space {space}")
     return Task(
         algorithm=algorithm,
         env_id=env_id,
@@ -142,7 +146,7 @@ def make_task(
         suite=name,
         suite_hash=scoring.hash,
         rounds=rounds,
-        space=load_space(registered.base, Path(space) if space else None, actions),
+        space=values,
         hyperparameters=_storable(entry, "hyper-parameters"),
     )
 

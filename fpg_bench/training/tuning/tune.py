@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -63,6 +63,7 @@ def tune(
     actions: str | None = None,
     backend: str = "loky",
     address: str | None = None,
+    allow: Collection[str] = (),
 ) -> optuna.Study:
     """Run trials of a study until enough of them are finished; resume an existing study.
 
@@ -93,6 +94,8 @@ def tune(
             games, see :class:`fpg_bench.envs.core.SingleAgentGame`. A study stores them, so they are names.
         backend: where several workers run, ``loky`` or ``ray``.
         address: address of a Ray cluster.
+        allow: the ``package.module:object`` and agents of the Hub that the files (hyper-parameters, search
+            space, suite) may name; neither is run on a file's word.
 
     Returns:
         The study.
@@ -124,8 +127,9 @@ def tune(
             "reward": reward,
             "actions": actions,
         },
+        allow=allow,
     )
-    Objective(task)  # refuses an unsuitable search space
+    Objective(task, allow=allow)  # refuses an unsuitable search space
     if pruner is None:  # prunes from half of a seed's budget on: fast learners need not end best
         pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=N_EVALS // 2, reduction_factor=2)
     opened = open_storage(Path(out), storage)
@@ -136,10 +140,10 @@ def tune(
     if is_finished:
         _logger.info("this study was already finished; nothing was trained")
     elif (n_jobs, backend, address) == (1, "loky", None):
-        run_worker(study, opened, partial(Objective, task), n_trials, timeout)
+        run_worker(study, opened, partial(Objective, task, allow=allow), n_trials, timeout)
     else:
         folder = Path(out).absolute()
-        work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout)
+        work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout, allow)
         jobs = [Job(f"worker {index}", work) for index in range(n_jobs)]
         check_all_done(run_jobs(jobs, n_jobs, backend, address))
     with opened.errors():
@@ -166,6 +170,7 @@ def _work(
     pruner: optuna.pruners.BasePruner,
     n_trials: int,
     timeout: float | None,
+    allow: Collection[str],
 ) -> None:
     """Run a worker in a separate process."""
     print_messages()
@@ -175,4 +180,4 @@ def _work(
         )
     opened = open_storage(out, storage)
     study = open_study(opened, study_name, task, sampler, pruner)
-    run_worker(study, opened, partial(Objective, task), n_trials, timeout)
+    run_worker(study, opened, partial(Objective, task, allow=allow), n_trials, timeout)
