@@ -14,7 +14,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import has, require_extra
-from fpg_bench.common.files import read_json, write_json, write_whole
+from fpg_bench.common.files import read_bounded, read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS, find_env, sides_of
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.hub import PULLED, is_on_hub, resolve
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from fpg_bench.players.sandbox.agent import SandboxedAgent
 
 AGENT_FORMAT = 1
+_MOST_POLICY = 2**28  # bytes
 _SEED = re.compile(r"seed_(\d+)")
 _FIELDS = ("format", "algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
 
@@ -133,10 +134,7 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
     where = f"agent {name if is_on_hub(name) else folder}"
     about = read_json(folder / "agent.json", "agent")
     check_about(about, where, side)
-    try:
-        model = (folder / "policy.onnx").read_bytes()
-    except OSError as error:
-        raise UserError(f"{where}: policy.onnx cannot be read: {error.strerror}") from error
+    model = read_bounded(folder / "policy.onnx", "agent", _MOST_POLICY)
     if hashlib.sha256(model).hexdigest() != about["policy_sha256"]:
         raise UserError(f"{where}: policy.onnx is not the file that agent.json describes (sha256)")
     marks = (folder / PULLED, folder.absolute().parent / "submission.yaml")
