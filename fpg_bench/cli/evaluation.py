@@ -15,6 +15,7 @@ from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.options import (
     OUTPUT,
     AddressOption,
+    AllowOption,
     BackendOption,
     JobsOption,
     JsonOption,
@@ -88,6 +89,7 @@ def evaluate(
     n_jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
+    allow: AllowOption = None,
 ) -> None:
     """Evaluate players on a suite; existing records are kept and not played again.
 
@@ -106,6 +108,7 @@ def evaluate(
             n_jobs=n_jobs,
             backend=backend,
             address=address,
+            allow=allow or (),
         )
     table(out, wide)
 

@@ -22,7 +22,10 @@ UpdateOption = Annotated[
 ]
 SinceOption = Annotated[
     str | None,
-    typer.Option(help="A trusted git revision; entries that changed since are played again and replaced."),
+    typer.Option(
+        help="A trusted git revision; entries that changed since are played again and replaced, others with "
+        "--sample alone."
+    ),
 ]
 ChangesKnownOption = Annotated[
     bool,

@@ -214,7 +214,7 @@ def suites(
 
     Example: fpg-bench suites season-2
     """
-    from fpg_bench.evaluation.suite import load_suite
+    from fpg_bench.evaluation.suite import read_suite
     from fpg_bench.players.agent import suites_folder
 
     if name is not None and ((suites_folder() / name).is_dir() or Path(name).is_dir()):
@@ -224,7 +224,7 @@ def suites(
             print_line(line)
         return
     names = sorted(path.stem for path in suites_folder().glob("*.yml")) if name is None else [name]
-    for suite in map(load_suite, names):
+    for suite in map(read_suite, names):
         typer.echo(f"{suite.name}: {_described(suite)}")
         name_all("", [rival.name for rival in suite.rivals])
     if name is None:

@@ -22,6 +22,7 @@ EVALUATION = "Evaluation"
 OUTPUT = "Output"
 PARALLEL = "Parallel processes"
 LLM = "Language model"
+TRUST = "Files of others"
 
 
 def whole_number(text: str) -> int:
@@ -117,6 +118,13 @@ HyperparamsOption = Annotated[
 SuiteOption = Annotated[str, typer.Option(help="A suite's name or YAML file.", autocompletion=complete_suite)]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print a JSON list of mappings instead of the table.")
+]
+AllowOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="What files may load: package.module:object, or an agent of the Hub. May be repeated.",
+        rich_help_panel=TRUST,
+    ),
 ]
 WideOption = Annotated[bool, typer.Option("--wide", help="Print all columns, for a wide terminal.")]
 JobsOption = Annotated[

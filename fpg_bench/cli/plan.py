@@ -14,6 +14,7 @@ from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.options import (
     GAME,
     LLM,
+    AllowOption,
     CallsOption,
     DeadlineOption,
     PromptOption,
@@ -139,10 +140,7 @@ def run(
 @app.command()
 def replay(
     file: Annotated[Path, typer.Argument(help="File written by plan run.")],
-    allow: Annotated[
-        list[str] | None,
-        typer.Option(help="What the file may load: package.module:object, or an agent of the Hub."),
-    ] = None,
+    allow: AllowOption = None,
 ) -> None:
     """Replay a match from its file, without a network, and check that it is identical to the bit.
 
@@ -212,6 +210,7 @@ def compare(
     concurrency: Annotated[
         int | None, typer.Option(min=1, help="Maximum number of concurrent calls.", rich_help_panel=LLM)
     ] = None,
+    allow: AllowOption = None,
 ) -> None:
     """Compare planners on a suite of allies; existing records are kept and not played again.
 
@@ -232,6 +231,7 @@ def compare(
             transcripts=transcripts,
             llm=llm,
             progress=lambda entry, ally, rounds: show(f"{entry.name} - {ally.name}, {rounds} rounds played"),
+            allow=allow or (),
         )
     table(out, wide)
 

@@ -25,6 +25,7 @@ from fpg_bench.cli.options import (
     TRAINING,
     ActionsOption,
     AddressOption,
+    AllowOption,
     BackendOption,
     CallsOption,
     DeadlineOption,
@@ -167,6 +168,7 @@ def train(
     tokens: TokensOption = None,
     seconds: SecondsOption = None,
     deadline: DeadlineOption = None,
+    allow: AllowOption = None,
 ) -> None:
     """Train an algorithm on an environment and export the agent.
 
@@ -206,6 +208,7 @@ def train(
         start=start,
         transcript=transcript,
         llm=llm,
+        allow=allow or (),
     )
     if seeds is None and (backend, address) != ("loky", None):
         raise UserError("backend, address: need several runs; list their --seeds")
@@ -240,6 +243,7 @@ def offline(
     suite: ScoringSuiteOption = None,
     n_evals: EvaluationsOption = 5,
     n_jobs: JobsOption = 2,
+    allow: AllowOption = None,
 ) -> None:
     """Train an offline algorithm on a data set without interacting with the environment; export the agent.
 
@@ -251,7 +255,13 @@ def offline(
     from fpg_bench.training.config import RunConfig
 
     config = RunConfig.offline(
-        algorithm, open_dataset(dataset), seed=seed or 0, steps=steps, hyperparams=hyperparams, suite=suite
+        algorithm,
+        open_dataset(dataset),
+        seed=seed or 0,
+        steps=steps,
+        hyperparams=hyperparams,
+        suite=suite,
+        allow=allow or (),
     )
     _train(config, out, seed, seeds, n_evals, resume, restart, n_jobs)
 
@@ -351,6 +361,7 @@ def selfplay(
     path: PathOption = None,
     knowledge: KnowledgeOption = None,
     jamming_types: JammingTypesOption = None,
+    allow: AllowOption = None,
 ) -> None:
     """Train both sides alternately against past generations of each other; run it again to resume.
 
@@ -372,6 +383,7 @@ def selfplay(
         path=listed(path),
         knowledge=knowledge,
         jamming_types=listed(jamming_types),
+        allow=allow or (),
     )
     print_line(f"agents: {agents['ally']}, {agents['opponent']}")
 
@@ -447,6 +459,7 @@ def best_response(
             rich_help_panel=TRAINING,
         ),
     ] = False,
+    allow: AllowOption = None,
 ) -> None:
     """Train best responses to a fixed player and report its return against each.
 
@@ -466,7 +479,16 @@ def best_response(
         "search": search,
     }
     for one in FULL_SEARCH if full else [search_options]:
-        row = respond(agent, out, side=side, scenario=scenario, path=listed(path), reward=reward, **one)
+        row = respond(
+            agent,
+            out,
+            side=side,
+            scenario=scenario,
+            path=listed(path),
+            reward=reward,
+            allow=allow or (),
+            **one,
+        )
     for response in row["responses"]:
         print_line(
             f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}; "

@@ -11,6 +11,7 @@ from fpg_bench.cli.completion import complete_algorithm, complete_id
 from fpg_bench.cli.options import (
     ActionsOption,
     AddressOption,
+    AllowOption,
     BackendOption,
     JobsOption,
     PathOption,
@@ -73,6 +74,7 @@ def run(
     actions: ActionsOption = None,
     backend: BackendOption = "loky",
     address: AddressOption = None,
+    allow: AllowOption = None,
 ) -> None:
     """Search hyper-parameters; run it again to resume, or on further machines to share the work.
 
@@ -108,6 +110,7 @@ def run(
         rounds=rounds,
         backend=backend,
         address=address,
+        allow=allow or (),
     )
 
 
@@ -140,6 +143,7 @@ def export(
     n_jobs: JobsOption = 1,
     backend: BackendOption = "loky",
     address: AddressOption = None,
+    allow: AllowOption = None,
 ) -> None:
     """Retrain a study's best trials on fresh seeds, and write the best values into a file.
 
@@ -160,4 +164,5 @@ def export(
         n_jobs=n_jobs,
         backend=backend,
         address=address,
+        allow=allow or (),
     )

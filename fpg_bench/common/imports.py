@@ -1,4 +1,8 @@
-"""Import of objects from the user's own code, named ``package.module:object``."""
+"""Import of objects from the user's own code, named ``package.module:object``.
+
+A name that a user types or gives in Python is imported. A name that comes out of a file is imported only if
+the user allows it: every reader of such files calls :func:`check_allowed`.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,15 @@ import importlib
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
+
+HUB = "hf://"  # begins the name of an agent on the Hugging Face Hub
+SUITE = "suite:"  # begins the name of a suite's members
+_OWN = ("fpg_bench.training.waterfall_cnn:WaterfallCNN",)  # code of the package that files may name
 
 
 def import_object(name: str, what: str, methods: Sequence[str], scenario: object) -> Any:
@@ -30,15 +38,48 @@ def import_object(name: str, what: str, methods: Sequence[str], scenario: object
     return ready(imported(name, what), f"{what} {name!r}", methods, scenario)
 
 
+def check_allowed(content: object, allow: Collection[str], where: str) -> None:
+    """Refuse the code and the agents of the Hub that the content of a file names, but those that are allowed.
+
+    Args:
+        content: text, or mappings and lists with texts in them.
+        allow: the names that the user trusts.
+        where: names the file; begins the message.
+
+    Raises:
+        UserError: the content names code (``package.module:object``) or an agent of the Hub that is not
+            allowed.
+    """
+    for text in _texts(content):
+        if (is_code(text) or text.startswith(HUB)) and text not in (*_OWN, *allow):
+            raise UserError(f"{where}: would run {text}; if you trust it, add --allow {text}")
+
+
+def is_code(name: str) -> bool:
+    """Return True if a name is of the form ``package.module:object``, the only one that is ever imported."""
+    module, _, attribute = name.partition(":")
+    return all(module.split(".")) and attribute.isidentifier() and not name.startswith(SUITE)
+
+
+def _texts(content: object) -> Iterator[str]:
+    if isinstance(content, str):
+        yield content
+    elif isinstance(content, Mapping):
+        yield from _texts([*content, *content.values()])
+    elif isinstance(content, list | tuple):
+        for each in content:
+            yield from _texts(each)
+
+
 def imported(name: str, what: str) -> Any:
     """Return what ``package.module:object`` names, as it is; the current folder is searched, too.
 
     Raises:
         UserError: no such module or object, or a module that fails; ``what`` begins the message.
     """
-    module, _, attribute = name.partition(":")
-    if not all([*module.split("."), attribute]):
+    if not is_code(name):
         raise UserError(f"{what} {name!r}: expected package.module:object")
+    module, _, attribute = name.partition(":")
     if "" not in sys.path:
         sys.path.insert(0, "")
     try:

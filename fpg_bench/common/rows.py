@@ -14,6 +14,7 @@ from types import MappingProxyType, UnionType
 from typing import IO, Any
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_bounded
 from fpg_bench.common.strict_json import read_object
 
 Row = dict[str, Any]
@@ -46,13 +47,8 @@ class RowFile:
         Raises:
             UserError: the file cannot be read, is too large, or holds an invalid line.
         """
-        try:
-            there = self.path.exists() and not self.path.is_char_device()  # a device may never end
-            if there and self.path.stat().st_size > _LARGEST:
-                raise UserError(f"rows {self.path}: larger than {_LARGEST:,} bytes")
-            data = self.path.read_bytes() if there else b""
-        except OSError as error:
-            raise UserError(f"rows {self.path}: cannot be read: {error.strerror}") from error
+        is_there = self.path.exists() and not self.path.is_char_device()  # such as /dev/null
+        data = read_bounded(self.path, "rows", _LARGEST) if is_there else b""
         lines = data.splitlines(keepends=True)
         if lines and not lines[-1].endswith(b"\n"):
             lines.pop()  # partial: the run that wrote it was stopped

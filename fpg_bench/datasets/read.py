@@ -12,7 +12,7 @@ import minari
 import numpy as np
 
 from fpg_bench.common.errors import UserError, first_line, nearest
-from fpg_bench.common.files import read_json
+from fpg_bench.common.files import check_regular, read_json
 from fpg_bench.common.schema import parse
 from fpg_bench.datasets.make import METADATA, RECIPE, content_sha256, datasets_root
 from fpg_bench.datasets.rounds import round_digest
@@ -120,6 +120,8 @@ def iterate_rounds(
     ends = {"terminations": np.zeros(steps, bool), "truncations": np.arange(steps) == steps - 1}
     k, digests = 0, []
     try:
+        for file in Path(data).iterdir():
+            check_regular(file)
         dataset = minari.MinariDataset(data)
         seeds = [about.get("seed") for about in dataset.storage.get_episode_metadata(range(spec.episodes))]
         for k, episode in enumerate(dataset.iterate_episodes(range(spec.episodes))):

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 from h5py import h5a, h5d, h5g, h5p, h5s, h5t
 
-from fpg_bench.common.files import write_whole
+from fpg_bench.common.files import check_regular, write_whole
 from fpg_bench.datasets.rounds import Rounds
 
 MAIN = "main_data.hdf5"
@@ -67,6 +67,7 @@ def write_part(path: Path, first: int, rounds: Rounds) -> None:
 
 def part_digests(path: Path) -> bytes:
     """Return the concatenated SHA-256 hashes of a part's rounds; raises OSError for a damaged file."""
+    check_regular(path)
     with h5py.File(path) as file:
         return bytes(file[_DIGESTS][()].tobytes())
 

@@ -38,6 +38,7 @@ def compare(
     transcripts: str | Path | None = None,
     llm: Mapping[str, Any] | None = None,
     progress: Progress = lambda entry, rival, rounds: None,
+    allow: Collection[str] = (),
 ) -> list[Summary]:
     """Play planners against a suite of allies; records that the folder has already are not played again.
 
@@ -52,6 +53,8 @@ def compare(
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
             allies together, and ``server``, the profile of its endpoint.
         progress: called before each matchup and after each of its rounds.
+        allow: the code and agents of the Hub that the suite's file may name; see
+            :func:`fpg_bench.evaluation.suite.load_suite`.
 
     Returns:
         The summaries of all planners in the folder, best first.
@@ -62,7 +65,7 @@ def compare(
             for a language model where none is named, or transcripts that do not hold these matches.
     """
     out = Path(out)
-    played = with_matches(load_suite(suite, side=PLANNER), matches)
+    played = with_matches(load_suite(suite, side=PLANNER, allow=allow), matches)
     specs: list[PlannerSpec] = []
     for named in planners:
         for spec in [name for name in PLANNERS if name not in LLM_CONTROLS] if named == ALL else [named]:

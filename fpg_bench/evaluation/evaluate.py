@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from fpg_bench.evaluation.entry import MADE, EvaluatedPlayer, check_kept, check_
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_records
 from fpg_bench.evaluation.rounds import Players
-from fpg_bench.evaluation.suite import Rival, Suite, load_suite
+from fpg_bench.evaluation.suite import Rival, Suite, load_suite, read_suite
 from fpg_bench.evaluation.summary import Summary, Training, summarise
 from fpg_bench.evaluation.table import Results
 from fpg_bench.players.player import PlayerSpec
@@ -42,6 +42,7 @@ def evaluate(
     n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
+    allow: Collection[str] = (),
 ) -> Results:
     """Evaluate players on a suite; records that the folder has already are not played again.
 
@@ -56,6 +57,8 @@ def evaluate(
         progress: called before each matchup and after each of its rounds, if there is one job.
         n_jobs: number of matchups that are played at once; the records are the same, in another order.
         backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
+        allow: the code and agents of the Hub that the suite's file may name; see
+            :func:`fpg_bench.evaluation.suite.load_suite`.
 
     Returns:
         The summaries of all entries in the folder, best first, with ``table()`` and ``dataframe()``.
@@ -64,7 +67,7 @@ def evaluate(
         UserError: an unknown player or suite, a player of the wrong side, a folder that holds other files or
             another suite's records, or a folder for players without a name to recognize them by.
     """
-    played = with_matches(load_suite(suite), matches)
+    played = with_matches(load_suite(suite, allow=allow), matches)
     if played.side not in ("ally", "opponent"):
         raise UserError(f"suite {suite}: measures planners; write fpg-bench plan compare --suite {suite}")
     entries = entries_of(players, played, name)
@@ -136,14 +139,14 @@ def records_of(file: RowFile) -> list[Record]:
 
 
 def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
-    """Return the summaries of a results folder, and its suite.
+    """Return the summaries of a results folder, and its suite, whose players are not loaded.
 
     Raises:
         UserError: not a results folder, or one of another version of its suite.
     """
     folder = Path(folder)
     about = _about(folder)
-    suite = with_matches(load_suite(about.suite), about.matches)
+    suite = with_matches(read_suite(about.suite), about.matches)
     if suite.hash != about.suite_hash:
         raise UserError(f"results {folder}: played under another version of {about.suite}; evaluate again")
     return _summaries(folder, suite), suite

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
 from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match
@@ -133,9 +134,7 @@ def replay_match(path: str | Path, *, allow: Collection[str] = ()) -> tuple[Matc
     """
     file = MatchFile(Path(path))
     match, rows = file.read()
-    for name in (match.planner, match.ally, match.opponent):
-        if ":" in name and name not in allow:
-            raise UserError(f"match {path}: would run {name}; if you trust it, add --allow {name}")
+    check_allowed((match.planner, match.ally, match.opponent), allow, f"match {path}")
     planner = _replayed_planner(match, file.path)
     players = {side: as_player(getattr(match, side), side, match.scenario) for side in SIDES}
     return match, list(_rounds(match, planner, players, file, rows))

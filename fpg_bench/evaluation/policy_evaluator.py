@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,8 @@ class PolicyEvaluator:
         scenario: replaces the suite's scenario, but for the rivals' paths. Scores are then returns per step,
             as the suite's scale holds for its own game. None: the suite's scenario.
         side: the side that must be measured; None: the suite's.
+        allow: the code and agents of the Hub that the suite's file may name; see
+            :func:`fpg_bench.evaluation.suite.load_suite`.
 
     Raises:
         UserError: no such suite, or one of the other side or of planners.
@@ -42,8 +44,9 @@ class PolicyEvaluator:
         rounds: int = MATCHES,
         scenario: Scenario | None = None,
         side: str | None = None,
+        allow: Collection[str] = (),
     ) -> None:
-        loaded = load_suite(suite) if isinstance(suite, str) else suite
+        loaded = load_suite(suite, allow=allow) if isinstance(suite, str) else suite
         if side not in (None, loaded.side) or loaded.side == PLANNER:
             raise UserError(
                 f"suite {loaded.name}: measures the {loaded.side}, not the {side or 'ally or opponent'}"

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -19,6 +18,7 @@ from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
+from fpg_bench.common.imports import SUITE, check_allowed
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -28,6 +28,7 @@ from fpg_bench.players.agent import read_card, suites_folder
 from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.registry import as_player
 
+MOST_ROUNDS = 1_000_000  # per rival
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
 _SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # so that sums can be pooled
 _SHIPPED = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*", re.ASCII)
@@ -70,7 +71,6 @@ class Rival:
         scenario: what is played, path included.
         planner: planner of the opponent's path between rounds, if any.
         group: the group of similar rivals whose results are also shown separately, if any.
-        identities: per player the hash of an agent's policy, or a script's name.
     """
 
     name: str
@@ -78,10 +78,11 @@ class Rival:
     scenario: Scenario
     planner: str | None = None
     group: str | None = None
-    identities: tuple[str, ...] = dataclasses.field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "identities", tuple(map(identity, self.players)))
+    @functools.cached_property
+    def identities(self) -> tuple[str, ...]:
+        """Per player the hash of an agent's policy, or a script's name."""
+        return tuple(map(identity, self.players))
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,13 @@ class Suite:
     opponent: str = "adaptive"
     last_rounds: int | None = None
     season: str = SEASON
+
+    def __post_init__(self) -> None:
+        if self.rounds > MOST_ROUNDS:
+            raise UserError(
+                f"matches: {self.matches:,} of {self.rounds_per_match:,} rounds; at most {MOST_ROUNDS:,} "
+                "rounds per rival are allowed"
+            )
 
     @property
     def other_side(self) -> str:
@@ -167,7 +175,7 @@ class Suite:
 
 def identity(name: str) -> str:
     """Return what decides how a named player plays: the hash of an agent's policy, or its name."""
-    if name.startswith("suite:"):
+    if name.startswith(SUITE):
         raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
     if not is_on_hub(name) and (":" in name or "/" not in name):
         return name
@@ -252,13 +260,18 @@ class _SuiteFile(Strict):
     scale: _ScaleFile | None = None
     season: str = SEASON
 
-    def check_shipped(self) -> None:
-        """Refuse names of user code (``a:b``), and paths that lead out of the package."""
+    @property
+    def names(self) -> list[str]:
+        """The names of all players and planners."""
         names = [self.opponent]
         for rival in self.rivals:
             for players in (rival.ally, rival.opponent, rival.planner):
                 names += [players] if isinstance(players, str) else players or ()
-        for name in names:
+        return names
+
+    def check_shipped(self) -> None:
+        """Refuse names of user code (``a:b``), and paths that lead out of the package."""
+        for name in self.names:
             if not _SHIPPED.fullmatch(name):
                 raise UserError(f"{name!r}: a board plays scripts and agents of the package alone; name one")
 
@@ -310,17 +323,44 @@ class _SuiteFile(Strict):
         return Rival(name, players, as_scenario(played, **changes), file.planner, file.group)
 
 
-def load_suite(name: str, side: str | None = None, shipped: bool = False) -> Suite:
-    """Load a suite by its name (``ally-v1``) or from a YAML file of the same form.
+def read_suite(name: str, side: str | None = None) -> Suite:
+    """Read a suite as :func:`load_suite` does, to describe it: its players are neither loaded nor run."""
+    suite, _ = _read(name, side)
+    return suite
+
+
+def load_suite(
+    name: str, side: str | None = None, shipped: bool = False, allow: Collection[str] = ()
+) -> Suite:
+    """Load a suite and its players by its name (``ally-v1``) or from a YAML file of the same form.
 
     Args:
         name: the suite's name or file.
         side: the side that it must measure; None: any.
         shipped: allow scripts and agents of the package alone, which the suite's hash covers.
+        allow: the ``package.module:object`` and agents of the Hub that the file may name; neither is run on a
+            file's word.
 
     Raises:
-        UserError: no such suite or file, one of another side, or a value that cannot be played.
+        UserError: no such suite or file, one of another side, a player that is not allowed, or a value that
+            cannot be played.
     """
+    suite, file = _read(name, side)
+    where = f"suite {suite_file(name)}"
+    try:
+        if shipped:
+            file.check_shipped()  # before any player's file is read
+        check_allowed(file.names, allow, "rivals")
+        for rival in suite.rivals:
+            flier = suite.opponent if suite.side == PLANNER else None
+            _check_players(suite.other_side, rival, rival.identities, flier, identity(flier or ""))
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+    return suite
+
+
+def _read(name: str, side: str | None) -> tuple[Suite, _SuiteFile]:
+    """Return a suite and the content of its file; no player is loaded."""
     path = suite_file(name)
     where = f"suite {path}"
     content = parse(_SuiteFile, read_yaml(path, "suite"), where)
@@ -328,19 +368,15 @@ def load_suite(name: str, side: str | None = None, shipped: bool = False) -> Sui
         verb = "plan compare" if content.side == PLANNER else "evaluate"
         raise UserError(f"suite {name}: measures the {content.side}, not the {side}; write fpg-bench {verb}")
     try:
-        if shipped:
-            content.check_shipped()  # before any player's file is read
-        suite = content.build(path.stem)
-        for rival in suite.rivals:
-            flier = suite.opponent if suite.side == PLANNER else None
-            _check_players(suite.other_side, rival, flier, identity(flier or ""))
+        return content.build(path.stem), content
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
-    return suite
 
 
 @functools.lru_cache(maxsize=512)
-def _check_players(side: str, rival: Rival, flier: str | None, flier_identity: str) -> None:
+def _check_players(
+    side: str, rival: Rival, identities: tuple[str, ...], flier: str | None, flier_identity: str
+) -> None:
     """Load all players and planners once, as a board reads the same suites many times."""
     for player in rival.players:
         as_player(player, side, rival.scenario)

@@ -116,7 +116,7 @@ class Summary:
         """The sums of all records."""
         return pool(self.records)
 
-    @property
+    @cached_property
     def measures(self) -> dict[str, float | None]:
         """The measures over all rounds, both returns as means per round."""
         return self.pooled.measures

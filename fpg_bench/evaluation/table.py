@@ -21,6 +21,7 @@ from fpg_bench.rendering.canvas import blank_figure, write_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+MOST_DRAWN, MOST_RANKED = 100, 1000  # entries of the picture, and of a table whose pairs are compared
 _INTERVAL = "95 % interval"
 _COSTS = "Steps and minutes: of training, per seed. "
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
@@ -111,7 +112,8 @@ class Standing:
     """The place of an entry in its table.
 
     Attributes:
-        rank: best and worst rank; None where an entry of the table has a single unit.
+        rank: best and worst rank; None where an entry of the table has a single unit, or the table more than
+            ``MOST_RANKED`` entries.
         behind: its score minus that of the first.
     """
 
@@ -126,7 +128,7 @@ def standings(summaries: Sequence[Summary]) -> dict[str, Standing]:
         summaries: best first.
     """
     samples = [summary.samples for summary in summaries]
-    has_ranks = all(len(sample) > 1 for sample in samples)
+    has_ranks = len(samples) <= MOST_RANKED and all(len(sample) > 1 for sample in samples)
     ranks = rank_ranges(samples) if has_ranks else [None] * len(samples)
     return {
         summary.entry: Standing(rank, difference(sample, samples[0]))
@@ -156,11 +158,12 @@ def _ends(name: str, interval: Interval) -> dict[str, float]:
 
 
 def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
-    """Draw the scores with their intervals, best on top, and a small mark for each rival.
+    """Draw the best scores with their intervals, best on top, and a small mark for each rival.
 
     For planners, the score by round is drawn beside it.
     """
-    planned = suite.side == PLANNER
+    planned, count = suite.side == PLANNER, len(summaries)
+    summaries = summaries[:MOST_DRAWN]
     figure = blank_figure(11 if planned else 8, max(3.0, 1.2 + 0.45 * len(summaries)), dpi=120)
     if planned:
         by_round, axes = figure.subplots(1, 2, width_ratios=(3, 2))
@@ -172,7 +175,8 @@ def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
     axes.set_yticks(range(len(summaries)), [s.entry for s in reversed(summaries)])
     axes.set_ylim(-0.6, len(summaries) - 0.4)
     axes.set_xlabel(f"{'score' if planned else suite.scale.description}; with 95 % interval, | per rival")
-    axes.set_title(f"{suite.name}, {suite.matches} matches per rival", fontsize=11)
+    first = "" if count == len(summaries) else f", the first {len(summaries)} of {count:,}"
+    axes.set_title(f"{suite.name}, {suite.matches} matches per rival{first}", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     write_figure(figure, path)
 

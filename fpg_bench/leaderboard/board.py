@@ -39,7 +39,7 @@ from fpg_bench.leaderboard.crossplay import (
 from fpg_bench.leaderboard.folders import TRACK_FOLDERS, result_file, short_path, submission_folders
 from fpg_bench.leaderboard.ranking import improvements, nash, profiles
 from fpg_bench.leaderboard.result import Result, round_finite, rounded, summaries_of
-from fpg_bench.leaderboard.submission import Submission, Training
+from fpg_bench.leaderboard.submission import Submission, TrackNames, Training
 from fpg_bench.leaderboard.tracks import (
     PUBLIC,
     PUBLIC_SEEDS,
@@ -438,6 +438,7 @@ def make_board(folder: str | Path = "leaderboard") -> Board:
 def _read_submissions(board: Path, suites: TrackSuites) -> tuple[list[Case], list[_Rejected]]:
     """Return the verified submissions of a board, and those whose results do not count."""
     cases: list[Case] = []
+    names = TrackNames()
     rejected: list[_Rejected] = []
     for path in sorted((board / "submissions").glob("[!.]*/")):
         if path.name not in TRACK_FOLDERS:
@@ -451,7 +452,7 @@ def _read_submissions(board: Path, suites: TrackSuites) -> tuple[list[Case], lis
             )
             continue
         try:
-            submission = load_entry(board, folder, inspect_onnx=False, suites=suites)
+            submission = load_entry(board, folder, inspect_onnx=False, suites=suites, names=names)
         except Exception as error:
             reason = explain(name, error)
             _logger.info(f"{name}: left out: {reason}")  # nothing of it can be trusted, not even its name

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import write_whole
+from fpg_bench.common.files import read_bounded, write_whole
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.common.strict_json import read_object
@@ -304,9 +304,7 @@ def _rows(path: Path) -> list[Row]:
     try:
         if not path.is_file() or path.is_symlink():
             raise UserError(f"result {path}: not a file; run fpg-bench leaderboard verify")
-        if path.stat().st_size > LARGEST:
-            raise UserError(f"result {path}: larger than {LARGEST} bytes")
-        lines = path.read_bytes().removesuffix(b"\n").split(b"\n")
+        lines = read_bounded(path, "result", LARGEST).removesuffix(b"\n").split(b"\n")
         rows = [read_object(line) for line in lines]
     except OSError as error:
         raise UserError(f"result {path}: cannot be read: {error.strerror}") from error

@@ -534,37 +534,53 @@ def _folder_names(seeds: Iterable[int]) -> str:
     return ", ".join(f"seed_{seed}" for seed in sorted(seeds))
 
 
-def name_conflicts(submission: Submission) -> Iterator[tuple[str, str]]:
+class TrackNames:
+    """The names of the submissions in the folders of tracks; the files of each folder are read once."""
+
+    def __init__(self) -> None:
+        self._tracks: dict[Path, dict[tuple[str | None, ...], list[str]]] = {}
+
+    def alike(self, folder: Path, *keys: tuple[str | None, ...]) -> list[set[str]]:
+        """Return for each key the names of the submissions in a track's folder that have it.
+
+        Keys are ``(slug,)`` without case, and ``(path, scenario, name)``, the latter a :func:`name_skeleton`.
+        """
+        if folder not in self._tracks:
+            known = self._tracks[folder] = {}
+            for name in os.listdir(folder):  # all: no number of others hides one
+                if folder_problem(folder / name):
+                    continue
+                for key in ((name.casefold(),), _table_and_name(folder / name)):
+                    if key is not None:
+                        known.setdefault(key, []).append(name)
+        return [set(self._tracks[folder].get(key, ())) for key in keys]
+
+
+def name_conflicts(submission: Submission, names: TrackNames | None = None) -> Iterator[tuple[str, str]]:
     """Yield the other submissions whose name conflicts with this one's, each with a line on the conflict.
 
     A conflict is a name that looks the same in the same table of the board, or a folder's name in the same
     track that differs only in case.
+
+    Args:
+        submission: the submission.
+        names: the names of the board, to be read once for many submissions; None: they are read.
     """
     if submission.folder.parent.name != submission.track:
         return
     own = (submission.path, submission.scenario, name_skeleton(submission.name))
-    for name in sorted(os.listdir(submission.folder.parent)):  # all: no number of others hides one
-        other = submission.folder.parent / name
-        if name == submission.slug or folder_problem(other):
-            continue
-        if name.casefold() == submission.slug.casefold():
+    slug = (submission.slug.casefold(),)
+    same_slug, same_name = (names or TrackNames()).alike(submission.folder.parent, slug, own)
+    for name in sorted((same_slug | same_name) - {submission.slug}):
+        if name in same_slug:
             yield name, f"the folder's name: differs from {quoted(name)} only in case"
-        if _table_and_name(other) == own:
+        if name in same_name:
             problem = f"{quoted(submission.name)} is the name of {quoted(name)}, too; choose another"
             yield name, f"{ABOUT}: name: {problem}"
 
 
 def _table_and_name(folder: Path) -> tuple[str | None, str, str] | None:
     """Return a submission's path, scenario and :func:`name_skeleton`; None if they cannot be read."""
-    try:
-        stamp = (folder / ABOUT).lstat()
-    except OSError:
-        return None
-    return _read_table_and_name(folder, stamp.st_mtime_ns, stamp.st_size)
-
-
-@functools.lru_cache(maxsize=4096)
-def _read_table_and_name(folder: Path, changed: int, size: int) -> tuple[str | None, str, str] | None:
     if file_problem(folder / ABOUT, MOST_TEXT_BYTES):
         return None
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import itertools
 import logging
 import math
 import random
@@ -52,7 +53,7 @@ from fpg_bench.leaderboard.result import (
     totals,
     write_result,
 )
-from fpg_bench.leaderboard.submission import Submission, load_submission, name_conflicts
+from fpg_bench.leaderboard.submission import Submission, TrackNames, load_submission, name_conflicts
 from fpg_bench.leaderboard.tracks import TrackSuites, ranked_by
 
 _logger = logging.getLogger(__name__)
@@ -105,10 +106,11 @@ def load_case(
     update: bool = False,
     new: Collection[str] = (),
     suites: TrackSuites | None = None,
+    names: TrackNames | None = None,
 ) -> Case:
     """Load the case of a submission's folder, fully checked; see :func:`load_entry` and :func:`make_case`."""
     suites = suites or TrackSuites()
-    return make_case(board, load_entry(board, folder, new=new, suites=suites), update, suites)
+    return make_case(board, load_entry(board, folder, new=new, suites=suites, names=names), update, suites)
 
 
 def load_entry(
@@ -117,6 +119,7 @@ def load_entry(
     inspect_onnx: bool = True,
     new: Collection[str] = (),
     suites: TrackSuites | None = None,
+    names: TrackNames | None = None,
 ) -> Submission:
     """Load a submission of a board, and check that no entry that takes precedence has its name.
 
@@ -128,6 +131,7 @@ def load_entry(
         inspect_onnx: inspect each of its ONNX files.
         new: the submissions, ``track/name``, that are new or have changed.
         suites: the suites of the tracks; None: they are loaded when needed.
+        names: the names of all submissions, to be read once for many; None: they are read.
 
     Raises:
         UserError: the first of its problems.
@@ -138,7 +142,7 @@ def load_entry(
     def precedence(name: str) -> tuple[bool, bool, str]:
         return f"{track}/{name}" in new, not result_file(board, track, name).exists(), name
 
-    for name, line in name_conflicts(submission):
+    for name, line in name_conflicts(submission, names):
         if precedence(name) < precedence(submission.slug):
             raise UserError(f"submission {folder}: {line}")
     return submission
@@ -477,7 +481,8 @@ def verify(
         sample_seed: of the draw; None: a new one, which is reported.
         update: play again, and replace, results that do not fit the submission or were edited.
         since: a trusted git revision. Entries whose submission or result differs from it are played in full,
-            whatever the sample, and their results are replaced; the results that came along are compared.
+            whatever the sample, and their results are replaced; the results that came along are compared. Of
+            the others only those that are named, or a sample, are played again.
         changes_known: accept that other files changed since, too.
         n_jobs: number of policies that are played at once.
         backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
@@ -500,6 +505,8 @@ def verify(
             seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
             _logger.info(f"sample: {100 * sample:g} % of all records, --sample-seed {seed}")
             cases = draw_sample(cases, sample, seed)
+        elif since is not None and not names:
+            cases = verification.changed(cases, since)
         if not names:
             verification.check_orphans()
         every = [job for case in cases for job in verification.jobs(case)]
@@ -539,10 +546,10 @@ class _Verification:
         for name in sorted(self._new):
             if not (self._board / "submissions" / name).is_dir():
                 self._add(name, False, "has no submission: it was removed, or only a result was added")
-        suites, cases = TrackSuites(), []
+        suites, names, cases = TrackSuites(), TrackNames(), []
         for folder in folders:
             name = f"{folder.parent.name}/{folder.name}"
-            read = outcome_of(partial(load_case, self._board, folder, update, self._new, suites))
+            read = outcome_of(partial(load_case, self._board, folder, update, self._new, suites, names))
             error = read.error if name not in aside else read.error or aside[name].error
             if error is not None:
                 self._add(name, False, error)
@@ -550,6 +557,13 @@ class _Verification:
                 claimed = aside[name].result if name in aside else None
                 cases.append(dataclasses.replace(read.result, claimed=claimed))
         return cases
+
+    def changed(self, cases: Sequence[Case], since: str) -> list[Case]:
+        """Return the cases that are new, or without a result; the others hold as they were at a revision."""
+        is_kept = [case.result is not None and case.name not in self._new for case in cases]
+        for case in itertools.compress(cases, is_kept):
+            self._add(case.name, True, f"unchanged since {since}, not played again")
+        return [case for case, kept in zip(cases, is_kept, strict=True) if not kept]
 
     def check_orphans(self) -> None:
         """Give a verdict on results whose submission is not there."""

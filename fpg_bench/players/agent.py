@@ -14,7 +14,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import has, require_extra
-from fpg_bench.common.files import read_json
+from fpg_bench.common.files import read_bounded, read_json
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import FILE, AgentCard
@@ -27,6 +27,7 @@ from fpg_bench.players.trust import is_exported_here, remember_exported
 if TYPE_CHECKING:
     from fpg_bench.players.sandbox.agent import SandboxedAgent
 
+_MOST_POLICY = 2**28  # bytes
 _SEED = re.compile(r"seed_(\d+)")
 
 
@@ -134,10 +135,7 @@ def load_agent(
     folder = agent_folder(name)
     where = f"agent {name if is_on_hub(name) else folder}"
     card = AgentCard.parse(read_json(folder / FILE, "agent"), where, side)
-    try:
-        model = (folder / "policy.onnx").read_bytes()
-    except OSError as error:
-        raise UserError(f"{where}: policy.onnx cannot be read: {error.strerror}") from error
+    model = read_bounded(folder / "policy.onnx", "agent", _MOST_POLICY)
     if not card.describes(model):
         raise UserError(f"{where}: policy.onnx is not the file that agent.json describes (sha256)")
     if trusted is None:

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.imports import HUB
 from fpg_bench.players.sandbox.client import AGENT_FILES
 from fpg_bench.version import __version__
 
 if TYPE_CHECKING:
     from huggingface_hub import HfApi
 
-HUB = "hf://"
 PUSHED_FILES = (*AGENT_FILES, "README.md", "replay.html", "curve.png", "records.jsonl", ".gitattributes")
 PULLED = "hub.json"  # in the folder of a pulled agent: where it comes from
 _NAME = re.compile(rf"{HUB}([\w.-]+/[\w.-]+)(?:@(\S+))?")

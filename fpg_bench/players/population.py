@@ -7,10 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.imports import SUITE
 from fpg_bench.players.agent import OnnxPlayer, load_agent, suites_folder
 from fpg_bench.players.player import SIDES, PlayerSpec
-
-PREFIX = "suite:"
 
 
 class SuiteMember(OnnxPlayer):
@@ -48,7 +47,7 @@ def expand_suites(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:
     """
     players: list[PlayerSpec] = []
     for spec in specs:
-        if isinstance(spec, str) and spec.startswith(PREFIX) and _folder(spec.removeprefix(PREFIX)):
+        if isinstance(spec, str) and spec.startswith(SUITE) and _folder(spec.removeprefix(SUITE)):
             players += _members(spec, side)
         else:
             players.append(spec)
@@ -57,9 +56,9 @@ def expand_suites(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:
 
 def member_folder(spec: str, side: str) -> str:
     """Return the name of a member's folder, ``NAME/SIDE/MEMBER``, and any other player's name as it is."""
-    if not spec.startswith(PREFIX):
+    if not spec.startswith(SUITE):
         return spec
-    suite, _, member = spec.removeprefix(PREFIX).rpartition("/")
+    suite, _, member = spec.removeprefix(SUITE).rpartition("/")
     return f"{suite}/{side}/{member}"
 
 
@@ -69,11 +68,11 @@ def load_member(spec: str, side: str) -> SuiteMember:
     Raises:
         UserError: no such suite or member, a whole suite, or an agent that cannot be loaded as this side.
     """
-    name = spec.removeprefix(PREFIX)
+    name = spec.removeprefix(SUITE)
     if _folder(name) is not None:
         raise UserError(f"{spec}: names a whole suite; expected a single player")
     suite, _, member = name.rpartition("/")
-    known = _members(PREFIX + (suite or name), side)
+    known = _members(SUITE + (suite or name), side)
     if spec not in known:
         raise UserError(f"{side} {spec!r}: the suite has no such member{nearest(spec, known)}")
     folder = _folder(suite)
@@ -83,14 +82,14 @@ def load_member(spec: str, side: str) -> SuiteMember:
 
 def _members(spec: str, side: str) -> list[str]:
     """Return the names of a suite's members of a side, in alphabetical order."""
-    name = spec.removeprefix(PREFIX)
+    name = spec.removeprefix(SUITE)
     folder = _folder(name)
     if folder is None:
         raise UserError(f"{side} {spec!r}: no such suite{nearest(name, _shipped())}")
     members = sorted(path.name for path in (folder / side).glob("*/"))
     if not members:
         raise UserError(f"{spec}: has no members that play the {side}")
-    return [f"{PREFIX}{name.rstrip('/')}/{member}" for member in members]
+    return [f"{SUITE}{name.rstrip('/')}/{member}" for member in members]
 
 
 def _folder(name: str) -> Path | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -85,11 +86,17 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     if ":" in name:
         return _custom(name, imported(name, "algorithm"))
     if stacked := _STACKED.fullmatch(name):
-        return Algorithm(name, stacked[1], imported(_CLASSES[stacked[1]], "algorithm"), int(stacked[2]))
+        return Algorithm(name, stacked[1], _registered(stacked[1]), int(stacked[2]))
     base = _VARIANTS.get(name, name)
     if base not in _CLASSES:
         raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, 'maddpg', *OFFLINE))}")
-    return Algorithm(name, base, imported(_CLASSES[base], "algorithm"))
+    return Algorithm(name, base, _registered(base))
+
+
+def _registered(base: str) -> Any:
+    """Return a registered class; unlike a user's own, it is not searched in the current folder."""
+    module, _, name = _CLASSES[base].partition(":")
+    return getattr(importlib.import_module(module), name)
 
 
 def _custom(name: str, kind: object) -> Algorithm:

@@ -18,7 +18,7 @@ from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecNormalize
 
 from fpg_bench.common.errors import UserError, one_line
-from fpg_bench.common.files import read_json, write_json
+from fpg_bench.common.files import check_regular, read_json, write_json
 
 MODEL, NORMALIZE, REPLAY, PROGRESS = "model.zip", "normalize.npz", "replay_buffer.npz", "progress.json"
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "_current_progress_remaining")
@@ -122,6 +122,7 @@ def load_weights(model: BaseAlgorithm, run: Path) -> None:
 
 def _load_model(model: BaseAlgorithm, folder: Path) -> None:
     """Load tensors and statistics; the pickles of the zip are never opened."""
+    check_regular(folder / MODEL)
     _, parameters, variables = load_from_zip_file(folder / MODEL, device="cpu", load_data=False)
     model.set_parameters(cast(Any, parameters), device="cpu")
     for name, value in (variables or {}).items():  # SAC's entropy coefficient
@@ -158,5 +159,6 @@ def _of_shape(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _read(file: Path) -> dict[str, np.ndarray]:
+    check_regular(file)
     with np.load(file, allow_pickle=False) as arrays:
         return dict(arrays)

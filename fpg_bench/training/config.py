@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,6 +41,8 @@ class RunConfig:
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
             the endpoint.
         dataset: data set of an offline algorithm; see :meth:`offline`.
+        allow: the ``package.module:object`` and agents of the Hub that the files of the hyper-parameters
+            and of the suite may name; neither is run on a file's word.
     """
 
     algorithm: str | type[BaseAlgorithm]
@@ -53,6 +55,7 @@ class RunConfig:
     transcript: str | Path | None = None
     llm: Mapping[str, Any] | None = None
     dataset: Dataset | None = None
+    allow: Collection[str] = ()
 
     def __post_init__(self) -> None:
         spec = GameSpec.of(self.game)

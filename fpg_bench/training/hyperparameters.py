@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import DUEL, ENVS
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Expected, PositiveInt, Strict, problems_of
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
@@ -80,6 +81,8 @@ def load_hyperparameters(
     algorithm: str | Algorithm,
     game: str | GameSpec,
     file: str | Path | Mapping[str, Any] | None = None,
+    *,
+    allow: Collection[str] = (),
 ) -> Hyperparameters:
     """Load the hyper-parameters of an algorithm in a game.
 
@@ -89,9 +92,12 @@ def load_hyperparameters(
             discrete actions have their own shipped values.
         file: a YAML file, the name of a shipped one (``ppo-fast``), or its entry for the id; None takes the
             shipped file of the algorithm, and for a custom class the defaults of that class with 64 games.
+        allow: the ``package.module:object`` and agents of the Hub that the file may name; neither is run on a
+            file's word.
 
     Raises:
-        UserError: an unknown algorithm, no entry for the id, or invalid keys, all in one line.
+        UserError: an unknown algorithm, no entry for the id, a name that is not allowed, or invalid keys, all
+            in one line.
     """
     if not isinstance(algorithm, Algorithm):
         algorithm = find_algorithm(algorithm)
@@ -112,6 +118,7 @@ def load_hyperparameters(
         raise UserError(
             f"hyper-parameters {file}: no entry for {env_id!r}{nearest(env_id, map(str, content))}"
         )
+    check_allowed(content[env_id], allow, f"hyper-parameters {file}")
     return _parse(algorithm, content[env_id], f"hyper-parameters {file}: {env_id}")
 
 

@@ -117,7 +117,7 @@ def train(
     run = _Run(config, RunFolder(Path(out)))
     run.setup()
     evaluators = {
-        side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side)
+        side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side, allow=config.allow)
         for side, suite in zip(run.sides, run.suites, strict=True)
         if evaluations
     }
@@ -230,7 +230,9 @@ class _Run:
         if self.algorithm.offline != (config.dataset is not None):
             how = "offline ALGORITHM DATASET" if self.algorithm.offline else "train ALGORITHM ID"
             raise UserError(f"{self.algorithm.name}: is trained by fpg-bench {how}")
-        self.parameters = load_hyperparameters(self.algorithm, config.spec, config.hyperparams)
+        self.parameters = load_hyperparameters(
+            self.algorithm, config.spec, config.hyperparams, allow=config.allow
+        )
         budget = self.parameters.n_timesteps if config.steps is None else integer(config.steps, "steps")
         if not budget:
             raise UserError(

@@ -7,8 +7,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.leaderboard import submission
 from fpg_bench.leaderboard.submission import (
+    TrackNames,
     character_problem,
     load_submission,
     name_conflicts,
@@ -174,3 +177,16 @@ def test_no_number_of_entries_hides_whose_name_is_taken(tmp_path):
         (board / f"twin-{number}").mkdir()
         (board / f"twin-{number}" / "submission.yaml").write_bytes(text)
     assert len(list(name_conflicts(load_submission(mine)))) == 250
+
+
+def test_the_names_of_a_board_are_read_once_for_all_entries(tmp_path, monkeypatch):
+    board, read = tmp_path / "submissions" / "ally", []
+    monkeypatch.setattr(submission, "read_yaml", lambda *how: read.append(how) or read_yaml(*how))
+    folders = [
+        write_submission(board / f"mine-{k}", seeds=(), training=None, script="expert", name=f"Mine {k}")
+        for k in range(20)
+    ]
+    entries, names = [load_submission(folder) for folder in folders], TrackNames()
+    read.clear()
+    assert not any(line for entry in entries for line in name_conflicts(entry, names))
+    assert len(read) == len(folders)

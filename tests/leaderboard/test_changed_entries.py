@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.leaderboard import crossplay
+from fpg_bench.leaderboard import crossplay, verification
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.changed_entries import Changes, changed_entries, pairs_at
 from fpg_bench.leaderboard.crossplay import play_missing
@@ -93,6 +93,20 @@ def test_what_was_claimed_is_not_forgotten_when_playing_is_broken_off(trusted, m
     verdicts = verdicts_of(trusted, since="HEAD")
     assert verdicts["ally/honest"][1].startswith("replaced: ")
     assert verdicts["opponent/script"][0]
+
+
+def test_entries_that_did_not_change_are_not_played_again(trusted, monkeypatch):
+    enter(trusted, "ally", "newcomer", script="expert")
+    played = []
+    jobs = verification._Verification.jobs
+    monkeypatch.setattr(
+        verification._Verification, "jobs", lambda of, case: played.append(case.name) or jobs(of, case)
+    )
+    verdicts = verdicts_of(trusted, since="HEAD")
+    assert played == ["ally/newcomer"]
+    assert verdicts["ally/honest"] == (True, "unchanged since HEAD, not played again")
+    verify(trusted, since="HEAD", sample=1.0)
+    assert played[1:] == ["ally/honest", "ally/newcomer", "opponent/script"]
 
 
 def test_the_result_of_an_entry_that_breaks_the_contract_goes(trusted):

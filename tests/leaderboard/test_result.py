@@ -168,7 +168,7 @@ def test_a_last_digit_that_another_machine_rounds_otherwise_is_no_edit(good, sui
         ("[" * 100_000 + "\n", "not lines of JSON"),
         ("\udcff", "not lines of JSON"),
         ('{"kind": "result"}\n', "its first line is not that of a result"),
-        (" " * (LARGEST + 1), "larger than"),
+        (" " * (LARGEST + 1), "is longer than"),
     ],
 )
 def test_what_is_no_result_is_one_line(path, refused, content, message):

@@ -147,7 +147,7 @@ def test_truncated_agent_folders(agent):
             load_agent(agent)
     (agent / "agent.json").write_text(text)
     (agent / "policy.onnx").unlink()
-    with pytest.raises(UserError, match=r"policy.onnx cannot be read"):
+    with pytest.raises(UserError, match=r"policy.onnx: cannot be read"):
         load_agent(agent)
     with pytest.raises(UserError, match="neither a shipped agent nor a folder"):
         load_agent(agent / "nowhere")

@@ -3,18 +3,52 @@
 from __future__ import annotations
 
 import errno
+import io
+import threading
 from functools import partial
+from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any, BinaryIO
+from urllib.parse import urlsplit
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard.site.build import MARK
 
 HOST = "127.0.0.1"
+_LOCAL = (HOST, "localhost")  # a name of another host comes from a page that was led here
+_IDLE_S = 5.0  # that a client may hold a thread for without sending anything
+_MOST_THREADS = 64
 
 
 class _Handler(SimpleHTTPRequestHandler):
-    """Serve files without logging each request."""
+    """Serve the regular files of a folder, to this machine, without logging each request."""
+
+    timeout = _IDLE_S
+
+    def send_head(self) -> io.BytesIO | BinaryIO | None:
+        if not self._is_local():
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+        elif not self._is_inside():
+            self.send_error(HTTPStatus.NOT_FOUND)
+        else:
+            return super().send_head()
+        return None
+
+    def _is_local(self) -> bool:
+        try:
+            return urlsplit(f"//{self.headers.get('Host', HOST)}").hostname in _LOCAL
+        except ValueError:
+            return False
+
+    def _is_inside(self) -> bool:
+        """Return True if the path is a file, or a folder with a page; links may not lead out."""
+        try:
+            path = Path(self.translate_path(self.path))
+            file = (path / "index.html" if path.is_dir() else path).resolve()
+            return file.is_file() and file.is_relative_to(Path(self.directory).resolve())
+        except (OSError, ValueError):  # a name that is too long, or with a NUL
+            return False
 
     def log_message(self, format: str, *args: object) -> None:
         pass
@@ -27,6 +61,20 @@ class _Handler(SimpleHTTPRequestHandler):
 
 class _Server(ThreadingHTTPServer):
     request_queue_size = 128  # a page requests all of its files at once; the default of five refuses some
+
+    def __init__(self, *address: Any) -> None:
+        self._free = threading.BoundedSemaphore(_MOST_THREADS)
+        super().__init__(*address)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        self._free.acquire()  # the others wait in the queue
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
 
 
 def make_server(folder: str | Path, port: int) -> ThreadingHTTPServer:

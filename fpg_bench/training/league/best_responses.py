@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -13,6 +13,7 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_own_folder, write_json
 from fpg_bench.common.ids import SCRIPTED, other_side, policy_env
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.entry import code_fingerprint
 from fpg_bench.evaluation.seeds import PROTOCOL
@@ -72,6 +73,7 @@ def best_responses(
     actions: str | None = None,
     search: int = 0,
     progress: bool = True,
+    allow: Collection[str] = (),
 ) -> dict[str, Any]:
     """Train best responses to a fixed player, and evaluate the player against them.
 
@@ -100,6 +102,8 @@ def best_responses(
         actions: action mode of the responses; None for continuous.
         search: number of scripts with random constants to evaluate in addition to the scripts.
         progress: show the progress of each training.
+        allow: the ``package.module:object`` and agents of the Hub that the file of the hyper-parameters may
+            name; neither is run on a file's word.
 
     Returns:
         The content of ``best_responses.json``: the player, the game, ``responses`` (how each was made, the
@@ -154,7 +158,7 @@ def best_responses(
         }
         run_folder = RunFolder(Path(out) / response_folder(config))
         game = GameSpec.of(target.game, reward=reward, actions=actions)
-        values = load_hyperparameters(name, game, hyperparams).entry()
+        values = load_hyperparameters(name, game, hyperparams, allow=allow).entry()
         if kind == "strongest":
             values |= {"imitate": {"teacher": _teacher(run_folder) or _strongest_player(result, Path(out))}}
         config["hyperparameters"] = json.loads(json.dumps(values, default=str))  # as they are read from JSON
@@ -195,6 +199,7 @@ def _teacher(run: RunFolder) -> str | None:
         return None
     imitation = run.read().get("hyperparameters", {}).get("imitate") or {}
     teacher: str | None = imitation.get("teacher")
+    check_allowed(teacher, (), f"run {run.description}")
     return teacher
 
 

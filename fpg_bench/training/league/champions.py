@@ -16,6 +16,7 @@ from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, read_yaml, write_json
 from fpg_bench.common.ids import find_env, policy_env
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.spec import GameSpec
@@ -96,6 +97,7 @@ def load_champions(file: Path) -> dict[str, ChampionConfig]:
     configs = {}
     for name, content in read_yaml(file, "champions").items():
         where = f"champions {file}: {name}"
+        check_allowed(content, (), where)
         config = parse(ChampionConfig, {"name": name, **mapping(content, where)}, where)
         if config.id != policy_env(config.side).id:
             raise UserError(f"{where}: id: expected {policy_env(config.side).id}, got {config.id}")

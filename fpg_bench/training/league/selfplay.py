@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -53,6 +53,7 @@ def selfplay(
     jamming_types: str | Sequence[str] | None = None,
     evaluations: int = 1,
     progress: bool = True,
+    allow: Collection[str] = (),
 ) -> dict[str, Path]:
     """Train both sides alternately, each generation against past generations of the other side.
 
@@ -74,6 +75,8 @@ def selfplay(
         evaluations: number of evaluations of each generation on its suite, besides the one at its start; 0
             for none.
         progress: show the progress of each training.
+        allow: the ``package.module:object`` and agents of the Hub that the file of the hyper-parameters may
+            name; neither is run on a file's word.
 
     Returns:
         The folders of both agents.
@@ -87,7 +90,7 @@ def selfplay(
         integer(value, name)
     game = {"scenario": scenario, "path": path, "knowledge": knowledge, "jamming_types": jamming_types}
     games = {side: GameSpec.of(policy_env(side).id, **game) for side in SIDES}
-    league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, games)
+    league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, games, allow)
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
     check_own_folder(league.folder, ABOUT, "self-play", ROWS)
     with file.locked():
@@ -118,11 +121,13 @@ class _SelfPlay:
     seed: int
     hyperparams: Hyperparams
     games: Mapping[str, GameSpec]
+    allow: Collection[str]
 
     def describe(self) -> dict[str, Any]:
         """Return the settings that distinguish it from another self-play, as they are read from JSON."""
         parameters = {
-            side: load_hyperparameters(self.algorithm, self.games[side], self.hyperparams) for side in SIDES
+            side: load_hyperparameters(self.algorithm, self.games[side], self.hyperparams, allow=self.allow)
+            for side in SIDES
         }
         about = {
             "algorithm": self.algorithm,
@@ -156,6 +161,7 @@ class _SelfPlay:
             self.steps,
             self.hyperparams,
             start=self.run(side, generation - 1).path if generation else None,
+            allow=self.allow,
         )
 
     def evaluate(self, side: str, generation: int) -> Row:

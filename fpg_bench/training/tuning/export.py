@@ -7,6 +7,7 @@ import logging
 import os
 import re
 import textwrap
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -20,7 +21,7 @@ import yaml
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml, write_whole
-from fpg_bench.common.imports import reason
+from fpg_bench.common.imports import check_allowed, reason
 from fpg_bench.common.parallel import Job, run_jobs
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.training.tuning.objective import FAILURES, Objective
@@ -84,6 +85,7 @@ def export_values(
     n_jobs: int = 1,
     backend: str = "loky",
     address: str | None = None,
+    allow: Collection[str] = (),
 ) -> list[Confirmed]:
     """Retrain the best trials of a study on the same fresh seeds, and write the best values into a file.
 
@@ -102,6 +104,8 @@ def export_values(
         n_jobs: number of parallel trainings.
         backend: ``loky`` or ``ray``.
         address: address of a Ray cluster.
+        allow: the ``package.module:object`` and agents of the Hub that the study and its suite may name;
+            neither is run on their word.
 
     Returns:
         The trials that could be trained on all seeds, best first.
@@ -117,6 +121,7 @@ def export_values(
     check_writable(Path(file))
     opened = open_storage(Path(out), storage, must_exist=True)
     study, task = load_study(opened, study_name)
+    check_allowed(task.model_dump(), allow, f"study {study.study_name!r} in {opened.where}")
     task = task.model_copy(update={"steps": steps or task.steps})
     with opened.errors():
         trials = best_trials(study, n_best)
@@ -130,7 +135,7 @@ def export_values(
     jobs = [
         Job(
             name := _run_name(candidate, seed, task.steps),
-            partial(_train_again, task, changes, seed),
+            partial(_train_again, task, changes, seed, allow),
             keep=partial(_store_score, opened, study, name),
             done=partial(_has_score, opened, study, name),
         )
@@ -197,9 +202,9 @@ def _run_name(candidate: str, seed: int, steps: int) -> str:
     return f"{candidate} again, seed {seed}, {steps} steps"
 
 
-def _train_again(task: Task, values: dict[str, Any], seed: int) -> float:
+def _train_again(task: Task, values: dict[str, Any], seed: int, allow: Collection[str]) -> float:
     try:
-        return Objective(task).train(values, [seed]).value
+        return Objective(task, allow=allow).train(values, [seed]).value
     except UserError:
         raise
     except FAILURES as error:

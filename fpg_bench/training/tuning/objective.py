@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,18 +44,22 @@ class Objective:
     Args:
         task: what is tuned.
         check_stop: called in each training step; raises KeyboardInterrupt to end the trial.
+        allow: the code and agents of the Hub that the suite's file may name.
 
     Raises:
         UserError: the search space names something that the algorithm does not have.
     """
 
-    def __init__(self, task: Task, check_stop: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, task: Task, check_stop: Callable[[], None] = lambda: None, allow: Collection[str] = ()
+    ) -> None:
         torch.set_num_threads(1)
         self._task, self._check_stop = task, check_stop
         self._sides = task.game.sides
         first = {name: values.first() for name, values in task.space.items()}
         games = self._model(first, task.seeds[0]).get_env()
-        self._evaluator = PolicyEvaluator(task.suite, task.rounds, games.unwrapped.core.scenario)  # type: ignore[union-attr]
+        scenario = games.unwrapped.core.scenario  # type: ignore[union-attr]
+        self._evaluator = PolicyEvaluator(task.suite, task.rounds, scenario, allow=allow)
         games.close()  # type: ignore[union-attr]
 
     def __call__(self, trial: optuna.Trial) -> float:

@@ -6,7 +6,7 @@ import json
 import sqlite3
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from optuna.trial import FrozenTrial, TrialState
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, first_line, nearest
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.evaluation.suite import load_suite, suite_of
 from fpg_bench.game.spec import GameSpec
@@ -115,6 +116,7 @@ def make_task(
     hyperparams: str | Path | None = None,
     suite: str | None = None,
     rounds: int = 100,
+    allow: Collection[str] = (),
 ) -> Task:
     """Build a task from the arguments of :func:`fpg_bench.training.tuning.tune.tune`.
 
@@ -128,14 +130,16 @@ def make_task(
     registered, sides = find_algorithm(algorithm), game.sides
     registered.check_sides(game.id, sides)
     game.to_dict()  # refuses objects, which a study cannot store
-    parameters = load_hyperparameters(registered, game, hyperparams)
+    parameters = load_hyperparameters(registered, game, hyperparams, allow=allow)
     if not (parameters.n_timesteps or steps):
         raise UserError(f"steps: {registered.name} has no hyper-parameter file with a budget; give the steps")
     entry = parameters.entry() | {"n_timesteps": parameters.n_timesteps or steps}
     name = suite or suite_of(game, sides[0])
-    scoring = load_suite(name)
+    scoring = load_suite(name, allow=allow)
     if scoring.side not in sides:
         raise UserError(f"suite {name}: measures the {scoring.side}; in {game.id} the {sides[0]} learns")
+    values = load_space(registered.base, Path(space) if space else None, game.action_mode)
+    check_allowed({name: each.model_dump() for name, each in values.items()}, allow, f"search space {space}")
     return Task(
         algorithm=algorithm,
         game=game,
@@ -144,7 +148,7 @@ def make_task(
         suite=name,
         suite_hash=scoring.hash,
         rounds=rounds,
-        space=load_space(registered.base, Path(space) if space else None, game.action_mode),
+        space=values,
         hyperparameters=_storable(entry, "hyper-parameters"),
     )
 

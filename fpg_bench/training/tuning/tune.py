@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
+from collections.abc import Collection
 from functools import partial
 from pathlib import Path
 
@@ -53,6 +54,7 @@ def tune(
     rounds: int = 100,
     backend: str = "loky",
     address: str | None = None,
+    allow: Collection[str] = (),
 ) -> optuna.Study:
     """Run trials of a study until enough of them are finished; resume an existing study.
 
@@ -82,6 +84,8 @@ def tune(
         rounds: number of rounds per rival.
         backend: where several workers run, ``loky`` or ``ray``.
         address: address of a Ray cluster.
+        allow: the ``package.module:object`` and agents of the Hub that the files (hyper-parameters, search
+            space, suite) may name; neither is run on a file's word.
 
     Returns:
         The study.
@@ -102,8 +106,9 @@ def tune(
         hyperparams=hyperparams,
         suite=suite,
         rounds=rounds,
+        allow=allow,
     )
-    Objective(task)  # refuses an unsuitable search space
+    Objective(task, allow=allow)  # refuses an unsuitable search space
     if pruner is None:  # prunes from half of a seed's budget on: fast learners need not end best
         pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=N_EVALS // 2, reduction_factor=2)
     opened = open_storage(Path(out), storage)
@@ -114,10 +119,10 @@ def tune(
     if is_finished:
         _logger.info("this study was already finished; nothing was trained")
     elif (n_jobs, backend, address) == (1, "loky", None):
-        run_worker(study, opened, partial(Objective, task), n_trials, timeout)
+        run_worker(study, opened, partial(Objective, task, allow=allow), n_trials, timeout)
     else:
         folder = Path(out).absolute()
-        work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout)
+        work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout, allow)
         jobs = [Job(f"worker {index}", work) for index in range(n_jobs)]
         check_all_done(run_jobs(jobs, n_jobs, backend, address))
     with opened.errors():
@@ -144,6 +149,7 @@ def _work(
     pruner: optuna.pruners.BasePruner,
     n_trials: int,
     timeout: float | None,
+    allow: Collection[str],
 ) -> None:
     """Run a worker in a separate process."""
     print_messages()
@@ -153,4 +159,4 @@ def _work(
         )
     opened = open_storage(out, storage)
     study = open_study(opened, study_name, task, sampler, pruner)
-    run_worker(study, opened, partial(Objective, task), n_trials, timeout)
+    run_worker(study, opened, partial(Objective, task, allow=allow), n_trials, timeout)

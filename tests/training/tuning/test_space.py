@@ -98,7 +98,7 @@ def id_of(algorithm):
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "recurrent-ppo", "ppo-stack8", "maddpg"])
 def test_shipped_spaces_hold_names_that_their_algorithms_know(algorithm, monkeypatch):
-    monkeypatch.setattr("fpg_bench.training.tuning.objective.PolicyEvaluator", lambda *words: None)
+    monkeypatch.setattr("fpg_bench.training.tuning.objective.PolicyEvaluator", lambda *words, **options: None)
     env_id = id_of(algorithm)
     task = make_task(algorithm, env_id, n_seeds=2)
     Objective(task)
