@@ -330,7 +330,10 @@ def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) ->
     """Compare lost rounds, sums, frequency points and plans of a record."""
     seed = "" if now.training_seed is None else f"seed {now.training_seed}, "
     where, lines = f"{seed}{_where(now)}", []
-    if abs(now.lost - then.lost) > (1 - SHARE_OF_ROUNDS) * len(now.returns):
+    is_same = now.returns == then.returns
+    if now.fingerprint != then.fingerprint:
+        lines.append(f"{where}: of the player {now.fingerprint}, the result says {then.fingerprint:.20}")
+    if abs(now.lost - then.lost) > (0 if is_same else (1 - SHARE_OF_ROUNDS) * len(now.returns)):
         lines.append(f"{where}: {now.lost} rounds lost, the result says {then.lost}")
     if now.plans != then.plans:
         lines.append(f"{where}: other plans: {now.plans}, the result says {then.plans}")
@@ -341,7 +344,9 @@ def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) ->
         shares = [
             np.array(getattr(record, name)) / max(sum(getattr(record, name)), 1) for record in (now, then)
         ]
-        if len(shares[0]) != len(shares[1]) or np.abs(shares[0] - shares[1]).sum() / 2 > _POINTS_WITHIN:
+        if len(shares[0]) != len(shares[1]) or np.abs(shares[0] - shares[1]).sum() / 2 > (
+            0 if is_same else _POINTS_WITHIN
+        ):
             lines.append(f"{where}: other {name}")
     return lines
 
@@ -349,12 +354,14 @@ def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) ->
 def _tolerances(now: Record, then: Record, span: float) -> dict[str, float]:
     """Return how far the sums of two records may differ.
 
-    The longest outage has no limit, since a single round decides it.
+    Rounds that return the same are the same, though the last bits of their sums may be another machine's. Of
+    others, a single round decides the longest outage, which may last for all of that round.
     """
-    if now.rounds_sha256 == then.rounds_sha256:
+    if now.rounds_sha256 == then.rounds_sha256 or now.returns == then.returns:
         return {name: _SAME_WITHIN * abs(value) for name, value in now.tally.items()}
     within = {"steps": 0.0} | dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
     within |= {name: _LEVEL_WITHIN * abs(now.tally[name]) for name in _LEVELS}
+    within[GREATEST] = now.tally["steps"] / len(now.returns)
     return within | dict.fromkeys(_RETURNS, MEAN_WITHIN * span * len(now.returns))
 
 

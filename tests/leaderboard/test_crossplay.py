@@ -210,12 +210,35 @@ def test_figures_that_were_edited_are_found(played, messages):
     last = rows(entered)[-1]
     for side in ("ally", "opponent"):
         change(entered, -1, **last | {f"{side}_rewards": [x + 1 for x in last[f"{side}_rewards"]]})
-        (line,) = check_pairs(entered, 1.0, seed=0)
+        line, *more = check_pairs(entered, 1.0, seed=0)
         assert line.startswith(f"idle - linear: {side}'s return per step ")
+        assert all("of training seed" in each for each in more)
+    change(entered, -1, **last)
+    mean = float(np.mean(last["opponent_rewards"]))
+    apart = [mean - 2, mean + 2]  # whose mean is the same, but not its interval
+    for forged, name in (
+        ({"opponent_rewards": apart}, "opponent's return per step of training seed"),
+        ({"lost": [50, 0]}, "ally's lost rounds 0.0000, the figure says 50.0000"),
+        ({"lost": [0, 100]}, "opponent's lost rounds"),
+    ):
+        change(entered, -1, **last | forged)
+        (line,) = check_pairs(entered, 1.0, seed=0)
+        assert line.startswith(f"idle - linear: {name}")
 
 
 @pytest.mark.parametrize(
-    "forged", [{"ally_rewards": [22.1]}, {"ally_rewards": [21.9], "opponent_rewards": [25.0]}]
+    "forged",
+    [
+        {"ally_rewards": [22.1]},
+        {"ally_rewards": [21.9], "opponent_rewards": [25.0]},
+        {"ally_rewards": [900_000.0], "lost": [1, 0]},
+        {"opponent_rewards": [900_000.0], "lost": [1, 0]},
+        {"opponent_rewards": [900_000.0], "lost": [100, 100]},
+        {"ally_rewards": [-900_000.0], "opponent_rewards": [900_000.0]},
+        {"opponent_rewards": [-900_000.0], "lost": [0, 1]},
+        {"lost": [101, 0]},
+        {"rounds": 1},
+    ],
 )
 def test_a_return_that_no_rounds_can_earn_is_left_out(played, forged, messages):
     before = rows(played)

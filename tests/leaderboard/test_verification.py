@@ -395,8 +395,40 @@ def test_sums_are_compared_by_what_they_are_worth(records, suites, name, share):
     tally = records[0].tally
     unit = abs(tally[name]) if name in ("snr_db", "capacity_mbit_s") else tally["steps"]
     for by, agrees in ((share / 4, True), (share, False)):
-        kept = changed(records, tally=moved(records[0], **{name: by * unit}), rounds_sha256="other")
+        kept = changed(
+            records,
+            tally=moved(records[0], **{name: by * unit}),
+            rounds_sha256="other",
+            returns=tuple(x + 0.01 for x in records[0].returns),
+        )
         assert (disagreements(records, kept, suites) == []) is agrees
+
+
+def test_rounds_that_return_the_same_have_the_same_sums_whatever_their_hash_is(records, suites):
+    then = records[0]
+    moved_points = list(then.ally_points)
+    moved_points[0] += 1
+    for values, name in (
+        ({"tally": moved(then, longest_outage=1.0)}, "longest_outage"),
+        ({"tally": moved(then, jammed=1.0)}, "jammed"),
+        ({"lost": 1}, "0 rounds lost, the result says 1"),
+        ({"ally_points": tuple(moved_points)}, "other ally_points"),
+    ):
+        (line,) = disagreements(records, changed(records, rounds_sha256="other", **values), suites)
+        assert name in line
+
+
+def test_an_outage_is_no_longer_than_a_round(records, suites):
+    then, steps = records[0], suites["public"].scenario.steps_per_round
+    returns = tuple(x + 0.01 for x in then.returns)
+    for by, agrees in ((steps / 2, True), (2 * steps, False)):
+        kept = changed(records, rounds_sha256="other", returns=returns, tally=moved(then, longest_outage=by))
+        assert (disagreements(records, kept, suites) == []) is agrees
+
+
+def test_a_record_of_another_player_is_told(records, suites):
+    (line,) = disagreements(records, changed(records, fingerprint="another"), suites)
+    assert line.endswith("of the player expert-spread, the result says another")
 
 
 def test_records_of_two_suites_are_kept_apart(records, suites):
