@@ -53,7 +53,7 @@ from fpg_bench.leaderboard.result import (
     write_result,
 )
 from fpg_bench.leaderboard.submission import Submission, load_submission, name_conflicts
-from fpg_bench.leaderboard.tracks import TrackSuites, ranked_by
+from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites, ranked_by
 
 _logger = logging.getLogger(__name__)
 
@@ -172,6 +172,34 @@ def make_case(
     everything = tuple(matchups_of(played.values()))
     wanted = tuple((part, everything) for part in parts_of(submission))
     return Case(submission, played, expected, path, result, work, wanted)
+
+
+def shared_policies(cases: Iterable[Case]) -> dict[str, list[str]]:
+    """Return the other entries that have one of an entry's policies, by the entry's name.
+
+    Policies are the same if their files are, or if every public round was the same to the bit.
+    """
+    owners: dict[object, set[str]] = {}
+    for case in cases:
+        for identity in _identities(case):
+            owners.setdefault(identity, set()).add(case.name)
+    shared: dict[str, set[str]] = {}
+    for names in owners.values():
+        for name in names if len(names) > 1 else ():
+            shared.setdefault(name, set()).update(names - {name})
+    return {name: sorted(others) for name, others in shared.items()}
+
+
+def _identities(case: Case) -> Iterator[object]:
+    by_seed: dict[int | None, list[tuple[str, str, str]]] = {}
+    for record in () if case.result is None else case.result.records:
+        if record.suite_hash == case.suites[PUBLIC].hash[:16]:
+            played = record.suite_hash, record.rival, record.rounds_sha256
+            by_seed.setdefault(record.training_seed, []).append(played)
+    for policy in case.submission.policies:
+        yield policy.sha256
+        if policy.seed in by_seed:
+            yield tuple(sorted(by_seed[policy.seed]))
 
 
 def explain(name: str, error: Exception) -> str:
@@ -539,6 +567,7 @@ class _Verification:
         self.verdicts: dict[str, Verdict] = {}
         self.failed: dict[str, str] = {}
         self._board, self._new = board, new
+        self._shared: dict[str, list[str]] = {}
 
     def cases(self, folders: Sequence[Path], update: bool) -> list[Case]:
         """Return the cases of folders; those that are wrong, or gone, get their verdicts."""
@@ -556,6 +585,7 @@ class _Verification:
             else:
                 claimed = aside[name].result if name in aside else None
                 cases.append(dataclasses.replace(read.result, claimed=claimed))
+        self._shared = shared_policies(cases)
         return cases
 
     def check_orphans(self) -> None:
@@ -587,6 +617,8 @@ class _Verification:
         if case.claimed is not None:
             remove(case.claimed)
         good, line = judged.result if judged.error is None else (False, judged.error)
+        if others := self._shared.get(case.name):
+            line += f"; it has a policy of {', '.join(others)}, too: ask whose it is"
         self._add(case.name, good, line + _missing_isolation(played.result or ()))
 
     def _keep(self, job: Job, case: Case, result: object) -> None:

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import onnx
 import pytest
 
 from fpg_bench.common.errors import UserError
@@ -17,6 +18,7 @@ from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.record import TALLIES
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.folders import work_folder
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.result import summaries_of
@@ -30,6 +32,7 @@ from fpg_bench.leaderboard.verification import (
     verify,
 )
 from tests.leaderboard.entering import SUITE, close_season, enter, verdicts_of, write_suite, write_verified
+from tests.leaderboard.making import policy, write_seed
 from tests.logged import logged
 
 pytestmark = pytest.mark.slow
@@ -203,6 +206,37 @@ def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, mon
     shutil.rmtree(folder)
     enter(board, "ally", "linear", seeds=(1,))
     assert verdicts_of(board)["ally/linear"][1].startswith("submission.yaml or a policy changed since")
+
+
+def test_entries_that_share_a_policy_are_told(board, in_process):
+    enter(board, "ally", "first", seeds=(0, 1))
+    enter(board, "ally", "second", seeds=(1, 2))
+    enter(board, "ally", "other", seeds=(3,))
+    again = onnx.load_from_string(policy(3))
+    again.doc_string = "Mine."
+    write_seed(enter(board, "ally", "renamed", seeds=(4,)) / "seed_4", 4, again.SerializeToString())
+    verdicts = verdicts_of(board)
+    assert all(good for good, _ in verdicts.values())
+    assert verdicts["ally/first"][1].endswith("; it has a policy of ally/second, too: ask whose it is")
+    assert "a policy of" not in verdicts["ally/renamed"][1]  # before it has a result, its file alone is known
+    assert verdicts_of(board)["ally/renamed"][1].endswith("a policy of ally/other, too: ask whose it is")
+    (track, *_) = make_board(board).tracks
+    shared = {entry.slug: figures.same_policies for entry, figures in track.verified()}
+    assert shared == {
+        "first": ("ally/second",),
+        "second": ("ally/first",),
+        "other": ("ally/renamed",),
+        "renamed": ("ally/other",),
+    }
+
+
+def test_a_result_with_a_record_of_another_policy_is_refused(board, in_process):
+    folder = enter(board, "ally", "linear", seeds=(0, 1))
+    verdicts_of(board)
+    case = load_case(board, folder)
+    first, *others = case.result.records
+    write_verified(case, [dataclasses.replace(first, fingerprint="0" * 16), *others])
+    assert "holds a record of another policy than the result's" in verdicts_of(board)["ally/linear"][1]
 
 
 def test_a_bad_submission_and_a_stray_result_stop_nobody(two):
