@@ -268,7 +268,9 @@ def limit_influence(returns: np.ndarray) -> np.ndarray:
     An entry that loses its rounds against candidates of its choice would otherwise decide which are alike.
     """
     _check_finite(returns)
-    return np.clip(returns, *np.quantile(returns, _DECILES, axis=0))
+    low, high = np.quantile(returns, _DECILES, axis=0)
+    limited: np.ndarray = np.clip(returns, low, high)
+    return limited
 
 
 def group_candidates(returns: np.ndarray, leads: np.ndarray, side: str) -> list[str]:

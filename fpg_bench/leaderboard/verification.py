@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import itertools
 import logging
 import math
 import random
@@ -177,16 +178,19 @@ def make_case(
 def shared_policies(cases: Iterable[Case]) -> dict[str, list[str]]:
     """Return the other entries that have one of an entry's policies, by the entry's name.
 
-    Policies are the same if their files are, or if every public round was the same to the bit.
+    Policies are the same if their files are, or if every public round was the same to the bit. Authors may
+    enter theirs in several tables of the board.
     """
-    owners: dict[object, set[str]] = {}
+    owners: dict[object, list[Case]] = {}
     for case in cases:
-        for identity in _identities(case):
-            owners.setdefault(identity, set()).add(case.name)
+        for identity in set(_identities(case)):
+            owners.setdefault(identity, []).append(case)
     shared: dict[str, set[str]] = {}
-    for names in owners.values():
-        for name in names if len(names) > 1 else ():
-            shared.setdefault(name, set()).update(names - {name})
+    for sharing in owners.values():
+        for one, other in itertools.permutations(sharing, 2):
+            is_same_table = one.submission.board_track is other.submission.board_track
+            if is_same_table or one.submission.authors != other.submission.authors:
+                shared.setdefault(one.name, set()).add(other.name)
     return {name: sorted(others) for name, others in shared.items()}
 
 

@@ -146,9 +146,10 @@ def download(name: str) -> Snapshot:
         OSError: the cache cannot be written.
     """
     repository, revision = split_name(name)
-    token = client().token
+    api = client()
+    token = api.token if isinstance(api.token, str) else None
     from huggingface_hub import constants
-    from huggingface_hub.utils import validate_repo_id
+    from huggingface_hub.utils import validate_repo_id  # type: ignore[attr-defined]
 
     with hub_errors(name):
         validate_repo_id(repository)
@@ -157,7 +158,7 @@ def download(name: str) -> Snapshot:
         is_commit = _COMMIT.fullmatch(revision) is not None
         if is_commit and _is_kept(home / revision):
             return Snapshot(repository, revision, revision, home / revision)
-        commit, files = _finish(_receive(name, token or None), DEADLINE_S)
+        commit, files = _finish(_receive(name, token), DEADLINE_S)
         for file, data in files.items():
             write_whole(home / commit / file, data)
     last = latest.read_text() if latest.is_file() else commit
@@ -198,8 +199,7 @@ def _finish(work: Coroutine[Any, Any, _Result], deadline_s: float) -> _Result:
 
 async def _receive(name: str, token: str | None) -> tuple[str, dict[str, bytes]]:
     """Return the commit of an agent's name, and its files; raises as :func:`download` does."""
-    from huggingface_hub import constants
-    from huggingface_hub.utils import get_async_session
+    from huggingface_hub import constants, get_async_session
 
     repository, revision = split_name(name)
     api = f"{constants.ENDPOINT}/api/models/{repository}/revision/{quote(revision, safe='')}?blobs=true"
@@ -242,7 +242,7 @@ async def _get(session: Any, name: str, what: str, url: str, most: int, token: s
 
     Another host that the Hub leads to is not sent the token.
     """
-    from huggingface_hub.utils import hf_raise_for_status
+    from huggingface_hub.utils import hf_raise_for_status  # type: ignore[attr-defined]
 
     headers = {"accept-encoding": "identity"} | ({"authorization": f"Bearer {token}"} if token else {})
     data = bytearray()
@@ -258,7 +258,7 @@ async def _get(session: Any, name: str, what: str, url: str, most: int, token: s
             response.status_code, headers=kept, content=bytes(data[:most]), request=response.request
         )
     hf_raise_for_status(short)
-    return short.content
+    return bytes(short.content)
 
 
 def _check_files(name: str, sizes: Mapping[str, int | None]) -> None:

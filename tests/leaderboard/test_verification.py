@@ -230,6 +230,14 @@ def test_entries_that_share_a_policy_are_told(board, in_process):
     }
 
 
+@pytest.mark.parametrize(("authors", "is_flagged"), [(["A. Student"], False), (["Somebody Else"], True)])
+def test_authors_may_enter_a_policy_in_two_tables(board, in_process, authors, is_flagged):
+    enter(board, "opponent", "one", seeds=(0,), authors=["A. Student"])
+    enter(board, "opponent", "two", seeds=(0,), authors=authors, path="learned")
+    lines = [line for _, line in verdicts_of(board).values()]
+    assert ["a policy of" in line for line in lines] == [is_flagged] * 2
+
+
 def test_a_result_with_a_record_of_another_policy_is_refused(board, in_process):
     folder = enter(board, "ally", "linear", seeds=(0, 1))
     verdicts_of(board)

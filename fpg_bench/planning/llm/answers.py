@@ -206,7 +206,7 @@ def _last_block(text: str) -> str:
     at = 0
     for number, part in enumerate(text.split("```")):
         if number % 2 and at > start:
-            fenced = part[_LANGUAGE.match(part).end() :]
+            fenced = _LANGUAGE.sub("", part, count=1)
             if _json_path(fenced) is not None or _triples(fenced):
                 start, block = at, fenced
         at += len(part) + 3
@@ -239,7 +239,7 @@ def _json_points(items: list[Any]) -> list[Point]:
 
 
 def _json_point(item: Any) -> Point:
-    values = [item.get(axis) for axis in "xyz"] if isinstance(item, dict) else item
+    values: Any = [item.get(axis) for axis in "xyz"] if isinstance(item, dict) else item
     is_triple = isinstance(values, list) and len(values) == 3
     return tuple(values) if is_triple and all(type(value) is float for value in values) else None
 
@@ -271,7 +271,7 @@ _TRIPLE = re.compile(
 _DIRECTIONS = re.compile(r"next[ _]directions[\"'*`]*+\s*+:", re.IGNORECASE)
 _FENCE = re.compile(r"```(?:json)?\s(.*)```", re.IGNORECASE | re.DOTALL)
 _OBJECTS = re.compile(r"""(?P<key>(["'])waypoints\2\s*+:)|"(?:[^"\\\n]|\\.)*+"?|[{}]""")
-_LANGUAGE = re.compile(r"(?:[\w+-]*+\s)?")
+_LANGUAGE = re.compile(r"\A[\w+-]*+\s")
 _REFUSAL = re.compile(
     r"\b(?:can'?t|cannot|won't|unable to|not able to|sorry|refuse|decline|against my)\b"
     r"|无法|不能|抱歉|对不起|拒绝",

@@ -19,12 +19,14 @@ import re
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_bounded
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.common.schema import Strict, parse
+from fpg_bench.common.schema import Expected, Strict, parse
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.planning.llm.answers import PARSER, read_answer
 from fpg_bench.planning.llm.client import read_completion
@@ -47,6 +49,7 @@ _IN_RAW = ("text", "model", "tokens_in", "tokens_out")  # fields that an attempt
 _NUMBERS = re.compile(r"([-+]?[0-9]++(?:\.[0-9]++)?)")
 _logger = logging.getLogger(__name__)
 
+_Version = Annotated[int, Field(ge=1, le=PARSER), Expected(f"a whole number from 1 to {PARSER}")]
 Body = dict[str, Any]  # a request without headers
 Where = tuple[int, int, int, int]  # seed, match, round, attempt
 Place = tuple[int, int, int]  # seed, match, round
@@ -92,7 +95,7 @@ class Attempt(Strict, extra="ignore"):
     tokens_in: int | None
     tokens_out: int | None
     model: str | None
-    parser: Literal[1, 2] = 1
+    parser: _Version = 1
 
     @classmethod
     def read(cls, row: Row, where: str) -> Attempt:
