@@ -4,6 +4,8 @@ import shutil
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import LOST_SCORE, play
@@ -12,6 +14,7 @@ from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard import crossplay
 from fpg_bench.leaderboard.crossplay import (
     CrossplayEntry,
+    Pair,
     Pairs,
     Team,
     check_pairs,
@@ -247,6 +250,36 @@ def test_a_return_that_no_rounds_can_earn_is_left_out(played, forged, messages):
     assert "expert - adaptive: no rounds can earn this" in messages[0]
     assert messages[1] == "crossplay: 1 of 4 pairs to play"
     assert rows(played) == before
+
+
+reward = st.floats(-999_999, 999_999) | st.floats(-50, 50)
+
+
+@settings(max_examples=500)
+@given(
+    st.lists(reward, min_size=1, max_size=3),
+    st.lists(reward, min_size=1, max_size=3),
+    *[st.integers(0, 150)] * 2,
+)
+def test_no_return_beyond_the_game_is_possible_however_many_rounds_are_lost(
+    ally, opponent, lost, lost_by_other
+):
+    players = entry("ally-v2", "a", "expert"), entry("opponent-v2", "o", "tone")
+    forged = Pair(
+        ally="a",
+        opponent="o",
+        key="0",
+        rounds=100,
+        ally_rewards=tuple(ally),
+        opponent_rewards=tuple(opponent),
+        jamming_success_rate=0.5,
+        lost=(lost, lost_by_other),
+    )
+    if forged.is_possible(*players):
+        assert max(lost, lost_by_other) <= 100
+        assert -1000 < min(ally) <= max(ally) < 22.1
+        assert min(opponent) > -0.1
+        assert forged.reward("opponent") < 1200
 
 
 def test_a_new_season_wants_new_pairs(played, small_suites):
