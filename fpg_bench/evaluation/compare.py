@@ -19,6 +19,7 @@ from fpg_bench.evaluation.seeds import SeasonKey, current_season
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.planning.llm.answers import PARSER
 from fpg_bench.planning.llm.budget import Budget
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import load_prompt, prompt_file
@@ -107,6 +108,7 @@ def _recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str,
         "prompt_hash": load_prompt(prompt).hash,
         "temperature": rest.get("temperature", endpoint.server.temperature),
         "sampling_seed": rest.get("sampling_seed", 0),
+        "parser": PARSER,
         "suite": suite.name,
         "suite_hash": suite.hash,
         "matches": suite.matches,
@@ -124,6 +126,7 @@ def _recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str,
             transcript=folder / transcript_name(ally.name),
             mode="record",
             chain=chain_start(header, transcript_name(ally.name)),
+            parser=header.get("parser", 1),
             **rest,
         )
         planner.budget = budget
@@ -198,7 +201,7 @@ def _claim(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any]:
         return known
     if (folder / ABOUT).exists():  # the run was begun with another ally, and nothing was answered yet
         known = _about(folder)
-        if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "suite_hash")):
+        if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "parser", "suite_hash")):
             return known
     write_whole(folder / PROMPT, prompt_file(about["prompt"]).read_bytes())
     write_json(folder / ABOUT, about)
@@ -222,7 +225,7 @@ def _about(folder: Path) -> dict[str, Any]:
 
 
 def _fingerprint(about: Mapping[str, Any]) -> str:
-    values = [about[key] for key in _DECIDING] + [about[key] for key in _SAMPLING if key in about]
+    values = [about[key] for key in (*_DECIDING, *_SAMPLING, "parser") if key in about]
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 

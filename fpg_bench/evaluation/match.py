@@ -403,12 +403,13 @@ def replaying(
     Args:
         scenario: what is played.
         prompt: the prompt that was recorded.
-        description: ``model``, ``prompt_hash`` and ``control``, with which every attempt must have been made.
+        description: ``model``, ``prompt_hash``, ``control`` and ``parser`` (the first where it is not there),
+            with which every attempt must have been made.
         transcript: the file.
         chain: the first hash of its chain of hashes; None: no chain.
 
     Raises:
-        UserError: an attempt was made with another model, prompt or control.
+        UserError: an attempt was made with another model, prompt, control or parser.
     """
     recorded: dict[str, Any] = {"transcript": transcript, "mode": "replay", "chain": chain}
     planner = LLMPlanner(scenario, prompt=prompt, control=description["control"], **recorded)
@@ -430,4 +431,5 @@ def _llm_planner(
         **{key: options[key] for key in ("temperature", "sampling_seed") if key in options},
         "prompt": {"name": prompt.name, **prompt.model_dump()},
         "prompt_hash": prompt.hash,
+        "parser": planner.parser,
     }

@@ -51,7 +51,7 @@ from fpg_bench.leaderboard.tracks import (
     ranked_by,
 )
 from fpg_bench.leaderboard.trail import first_returns, play_options, player_of, training_of
-from fpg_bench.leaderboard.verification import Case, explain, load_entry, make_case
+from fpg_bench.leaderboard.verification import Case, explain, load_entry, make_case, shared_policies
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
 
@@ -192,6 +192,7 @@ class Figures:
         by_seed: scores by training seed.
         training_seeds: 0 for scripts and planners.
         is_late: entered or changed after the season was closed.
+        same_policies: other entries, ``track/slug``, that have one of its policies.
         has_few_seeds: it has training seeds, but fewer than three.
         measures: over all rounds of the public suite; ``return`` is per step.
         histograms: share of time per frequency point, of the ally (``ally``) and of jamming (``jam``).
@@ -214,6 +215,7 @@ class Figures:
     has_few_seeds: bool
     seeds_gap: SeedsGap | None
     is_late: bool
+    same_policies: tuple[str, ...]
     measures: Mapping[str, float | None]
     histograms: Mapping[str, tuple[float, ...]]
     lost: int
@@ -422,8 +424,10 @@ def make_board(folder: str | Path = "leaderboard") -> Board:
         for case in cases
         if case.result is not None
     ]
+    shared = shared_policies(cases)
     tracks = tuple(
-        _make_track(verified, rejected, track, suites, pairs.results.values()) for track in TRACKS.values()
+        _make_track(verified, rejected, track, suites, pairs.results.values(), shared)
+        for track in TRACKS.values()
     )
     return Board(
         version=__version__,
@@ -484,6 +488,7 @@ def _make_track(
     track: Track,
     loader: TrackSuites,
     pairs: Collection[Pair],
+    shared: Mapping[str, Sequence[str]],
 ) -> BoardTrack:
     suites = loader.of(track)
     role = ranked_by(suites)
@@ -506,6 +511,7 @@ def _make_track(
                 rank=ranks.get(item.slug),
                 seeds_gap=gaps.get(item.slug),
                 is_late=_is_late(item.submission, loader.season(track)),
+                same_policies=tuple(shared.get(f"{item.submission.track}/{item.slug}", ())),
             ),
         )
         for item in verified
@@ -617,6 +623,7 @@ def _make_figures(
     rank: tuple[int, int] | None,
     seeds_gap: SeedsGap | None,
     is_late: bool,
+    same_policies: tuple[str, ...],
 ) -> Figures:
     summaries = item.summaries
     public = summaries[PUBLIC]
@@ -640,6 +647,7 @@ def _make_figures(
         has_few_seeds=0 < public.training_seeds < FEW_SEEDS,
         seeds_gap=seeds_gap,
         is_late=is_late,
+        same_policies=same_policies,
         measures={"return": public.reward.value, **public.measures},
         histograms={
             side: tuple(round_finite(share) for share in counts / max(counts.sum(), 1))

@@ -104,6 +104,7 @@ _TD3 = {
     "noise_std": 0.1,
     "normalize": {"norm_obs": False, "norm_reward": True},
 }
+_DECILES = (0.1, 0.9)
 T = TypeVar("T")
 
 
@@ -244,6 +245,36 @@ def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") ->
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
+def entry_returns(profiles: Sequence[Sequence[Mapping[str, Any]]], side: str) -> np.ndarray:
+    """Return what each entry earns against each candidate, ``(entries, candidates)``.
+
+    Entries have one row each, the mean over their training seeds.
+
+    Args:
+        profiles: the rows of each candidate's profile.
+        side: the side of the entries.
+    """
+    columns = []
+    for rows in profiles:
+        by_entry: dict[str, list[float]] = {}
+        for row in rows:
+            if row["entry"] != PROBE:
+                by_entry.setdefault(row["entry"], []).append(row[side])
+        columns.append([statistics.fmean(values) for _, values in sorted(by_entry.items())])
+    return np.array(columns).T
+
+
+def limit_influence(returns: np.ndarray) -> np.ndarray:
+    """Return the returns with those against each candidate clipped to their first and last decile.
+
+    An entry that loses its rounds against candidates of its choice would otherwise decide which are alike.
+    """
+    _check_finite(returns)
+    low, high = np.quantile(returns, _DECILES, axis=0)
+    limited: np.ndarray = np.clip(returns, low, high)
+    return limited
+
+
 def group_candidates(returns: np.ndarray, leads: np.ndarray, side: str) -> list[str]:
     """Cluster the candidates of a side into two groups by the returns against them, and name the groups.
 
@@ -252,8 +283,8 @@ def group_candidates(returns: np.ndarray, leads: np.ndarray, side: str) -> list[
     groups may differ in size.
 
     Args:
-        returns: return per step of each player against each candidate, ``(players, candidates)``; one row
-            per training seed of each entry.
+        returns: return per step of each entry against each candidate, ``(entries, candidates)``; see
+            :func:`entry_returns`.
         leads: for each candidate, by how much the first script of :data:`PROBES` earns more than the second.
         side: the candidates' side.
 
@@ -280,8 +311,8 @@ def select_by_group(returns: np.ndarray, groups: Sequence[str], size: int) -> li
     The mean over the suite then gives the groups equal weight, whatever their shares of the candidates.
 
     Args:
-        returns: return per step of each player against each candidate, ``(players, candidates)``; one row
-            per training seed of each entry.
+        returns: return per step of each entry against each candidate, ``(entries, candidates)``; see
+            :func:`entry_returns`.
         groups: the group of each candidate.
         size: number of candidates to select. Fewer are selected, with a warning, if the smallest group does
             not have enough candidates, or if the groups do not divide it.
@@ -313,8 +344,8 @@ def select_representative(returns: np.ndarray, size: int) -> list[int]:
     returns against the selection nearest to those against all candidates.
 
     Args:
-        returns: return per step of each player against each candidate, ``(players, candidates)``; one row
-            per training seed of each entry.
+        returns: return per step of each entry against each candidate, ``(entries, candidates)``; see
+            :func:`entry_returns`.
         size: number of candidates to select.
 
     Returns:
@@ -610,18 +641,19 @@ def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     recipes = closing.recipes(side)
     profiles = [RowFile(closing.folder(recipe) / PROFILE).read() for recipe in recipes]
     other = other_side(side)
-    returns = np.array([[row[other] for row in rows if row["entry"] != PROBE] for rows in profiles]).T
+    returns = entry_returns(profiles, other)
+    limited = limit_influence(returns)
     probes = [{row["player"]: row[other] for row in rows if row["entry"] == PROBE} for rows in profiles]
     first, second = PROBES[side]
     groups: list[str] | None = None
     size = min(closing.size, len(recipes))
     if closing.number is None:
-        selected = select_diverse(returns, size)
+        selected = select_diverse(limited, size)
     else:
         groups = group_candidates(
-            returns, np.array([earned[first] - earned[second] for earned in probes]), side
+            limited, np.array([earned[first] - earned[second] for earned in probes]), side
         )
-        selected = select_by_group(returns, groups, size)
+        selected = select_by_group(limited, groups, size)
     members = []
     for index in selected:
         card = read_card(closing.folder(recipes[index]) / "agent")

@@ -45,7 +45,9 @@ _logger = logging.getLogger(__name__)
 
 ROUNDS = 100  # of each pair, distributed evenly over the training seeds of both
 _UNEVEN = 0.1  # of the spread between training seeds: they do not all play as many rounds
+_LEAST_SNR_DB = -100.0  # at full power from one metre, the opponent brings it down to about -50 dB
 WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when a pair is played again
+_LOST_WITHIN = 0.01  # of all rounds
 
 _Rewards = Annotated[Items[Annotated[float, Gt(-1e6), Lt(1e6)]], Len(1)]
 
@@ -119,20 +121,29 @@ class Pair(Strict):
         seeds = len(self.ally_rewards), len(self.opponent_rewards)
         return names and seeds == (len(ally.parts), len(opponent.parts))
 
-    def is_possible(self, scenario: Scenario) -> bool:
-        """Return True if rounds of a scenario can earn these returns (Eq. 5 and 6).
+    def is_possible(self, ally: CrossplayEntry, opponent: CrossplayEntry) -> bool:
+        """Return True if rounds of these two entries can have this result (Eq. 5 and 6).
 
         The ally earns at most the capped SNR above the threshold. The opponent earns at most the drop of the
-        ally's SNR below the cap, plus the reward for being near.
+        ally's SNR below the cap, plus the reward for being near. Neither earns less than the costs of the
+        whole round, or than a lost round counts. What the opponent took in a round that the ally lost is not
+        in the ally's return.
         """
-        if scenario.snr_cap_db is None or any(self.lost):
+        scenario, lost_by_ally = opponent.scenario, self.lost[0] / self.rounds
+        if self.rounds != ROUNDS or max(self.lost) > self.rounds:
+            return False
+        if scenario.snr_cap_db is None:
             return True
         most = scenario.snr_cap_db - scenario.snr_threshold_db
-        left = most - self.reward("ally")
+        costs = scenario.hop_cost + max(scenario.spread_cost_per_s) * scenario.steps_per_round
+        least = min(_LEAST_SNR_DB - scenario.snr_threshold_db - costs, ally.scale.reward(LOST_SCORE))
+        left = most - self.reward("ally") + lost_by_ally * (scenario.snr_cap_db - _LEAST_SNR_DB)
         near = max(scenario.distance_reward, 0.0)
         tolerance = _UNEVEN * (max(self.ally_rewards) - min(self.ally_rewards)) + WITHIN
         return (
-            max(self.ally_rewards) <= most + WITHIN
+            least <= min(self.ally_rewards)
+            and max(self.ally_rewards) <= most + WITHIN
+            and min(0.0, opponent.scale.reward(LOST_SCORE)) - WITHIN <= min(self.opponent_rewards)
             and self.reward("opponent") <= near + scenario.snr_drop_weight * (left + tolerance) + WITHIN
         )
 
@@ -223,7 +234,7 @@ def read_pairs(board: Path, players: tuple[list[CrossplayEntry], list[CrossplayE
         _logger.info(f"{file}: {count} lines are left out: not a pair, or of an older protocol")
     wanted = {key: (a, o) for key, a, o in Pairs(*players, {}).every()}
     own = [pair for pair in sound if pair.key in wanted and pair.is_of(*wanted[pair.key])]
-    results = {pair.key: pair for pair in own if pair.is_possible(wanted[pair.key][1].scenario)}
+    results = {pair.key: pair for pair in own if pair.is_possible(*wanted[pair.key])}
     for pair in own:
         if pair.key not in results:
             _logger.warning(f"{file}: {pair.ally} - {pair.opponent}: no rounds can earn this; it is left out")
@@ -334,11 +345,18 @@ def _differences(played: Sequence[Pair], pairs: Pairs) -> list[str]:
 def _compared(
     now: Pair, then: Pair, players: Sequence[CrossplayEntry]
 ) -> Iterator[tuple[str, float, float, float]]:
-    """Yield the figures of a pair: the name, both values, and how far they may differ."""
+    """Yield the figures of a pair: the name, both values, and how far they may differ.
+
+    A round may change one training seed's return by as much as all rounds together may change the mean.
+    """
     yield "jammed", now.jamming_success_rate, then.jamming_success_rate, WITHIN
-    for player in players:
-        most = WITHIN * (player.scale.top - player.scale.zero)
-        yield f"{player.side}'s return per step", now.reward(player.side), then.reward(player.side), most
+    for number, player in enumerate(players):
+        side, most = player.side, WITHIN * (player.scale.top - player.scale.zero)
+        yield f"{side}'s return per step", now.reward(side), then.reward(side), most
+        pairs = list(zip(now.rewards(side), then.rewards(side), strict=True))
+        seed = max(range(len(pairs)), key=lambda k: abs(pairs[k][0] - pairs[k][1]))
+        yield f"{side}'s return per step of training seed {seed + 1}", *pairs[seed], most * len(pairs)
+        yield f"{side}'s lost rounds", now.lost[number], then.lost[number], _LOST_WITHIN * ROUNDS
 
 
 def _play(

@@ -281,6 +281,11 @@ def check_records(result: Result, suites: Suites, path: Path) -> None:
     )
     if there != expected:
         raise UserError(f"result {path}: its records are not one per training seed and rival")
+    policies = result.fingerprint.policies
+    if policies and any(
+        record.fingerprint != policies[str(record.training_seed)][:16] for record in result.records
+    ):
+        raise UserError(f"result {path}: holds a record of another policy than the result's")
     stated = None if result.totals is None else result.totals.model_dump()
     if not _is_close(totals(result.records, suites).model_dump(), stated):
         raise UserError(f"result {path}: edited by hand: its summary does not follow from its records")

@@ -17,6 +17,7 @@ from fpg_bench.evaluation.compare import ABOUT, PROMPT, nonce_of, transcript_fil
 from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.leaderboard.folders import folder_problem, list_names
+from fpg_bench.planning.llm.answers import PARSERS
 from fpg_bench.planning.llm.llm_planner import request_problem
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
 from fpg_bench.planning.llm.servers import TOKEN_FIELDS
@@ -121,6 +122,8 @@ def _about(file: Path, suite: Suite) -> Row:
             raise UserError(f"{file}: {key}: expected a line of at most {most} characters")
     if about["control"] not in CONTROLS:
         raise UserError(f"{file}: control: expected one of {', '.join(CONTROLS)}")
+    if about.get("parser", 1) not in PARSERS:
+        raise UserError(f"{file}: parser: expected one of {', '.join(map(str, PARSERS))}")
     if about["suite_hash"] != suite.hash:
         asked = f"--suite {suite.name} --matches {suite.matches}"
         raise UserError(f"{file}: is of other matches; record those of plan compare {asked}")
@@ -253,9 +256,10 @@ def _check_made(attempt: Attempt, row: Row, about: Row, where: str) -> None:
         raise UserError(f"{where} does not show the model and messages of its request")
     model = about["model"] if attempt.request is None else attempt.request["model"]
     made = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
-    for name, value in made.items():
-        if value != about[name]:
-            raise UserError(f"{where} was made with {name} {value!r:.60}, and not {about[name]!r:.60}")
+    for name, value in {**made, "parser": attempt.parser}.items():
+        stated = about.get(name, 1)  # runs before there were versions of the parser have the first
+        if value != stated:
+            raise UserError(f"{where} was made with {name} {value!r:.60}, and not {stated!r:.60}")
     raw = row.get("raw")
     is_shown = isinstance(raw, dict) or (isinstance(raw, str) and len(raw) == _RAW_CUT)
     if attempt.text is not None and not is_shown:

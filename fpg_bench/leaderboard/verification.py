@@ -54,7 +54,7 @@ from fpg_bench.leaderboard.result import (
     write_result,
 )
 from fpg_bench.leaderboard.submission import Submission, TrackNames, load_submission, name_conflicts
-from fpg_bench.leaderboard.tracks import TrackSuites, ranked_by
+from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites, ranked_by
 
 _logger = logging.getLogger(__name__)
 
@@ -176,6 +176,37 @@ def make_case(
     everything = tuple(matchups_of(played.values()))
     wanted = tuple((part, everything) for part in parts_of(submission))
     return Case(submission, played, expected, path, result, work, wanted)
+
+
+def shared_policies(cases: Iterable[Case]) -> dict[str, list[str]]:
+    """Return the other entries that have one of an entry's policies, by the entry's name.
+
+    Policies are the same if their files are, or if every public round was the same to the bit. Authors may
+    enter theirs in several tables of the board.
+    """
+    owners: dict[object, list[Case]] = {}
+    for case in cases:
+        for identity in set(_identities(case)):
+            owners.setdefault(identity, []).append(case)
+    shared: dict[str, set[str]] = {}
+    for sharing in owners.values():
+        for one, other in itertools.permutations(sharing, 2):
+            is_same_table = one.submission.board_track is other.submission.board_track
+            if is_same_table or one.submission.authors != other.submission.authors:
+                shared.setdefault(one.name, set()).add(other.name)
+    return {name: sorted(others) for name, others in shared.items()}
+
+
+def _identities(case: Case) -> Iterator[object]:
+    by_seed: dict[int | None, list[tuple[str, str, str]]] = {}
+    for record in () if case.result is None else case.result.records:
+        if record.suite_hash == case.suites[PUBLIC].hash[:16]:
+            played = record.suite_hash, record.rival, record.rounds_sha256
+            by_seed.setdefault(record.training_seed, []).append(played)
+    for policy in case.submission.policies:
+        yield policy.sha256
+        if policy.seed in by_seed:
+            yield tuple(sorted(by_seed[policy.seed]))
 
 
 def explain(name: str, error: Exception) -> str:
@@ -334,7 +365,10 @@ def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) ->
     """Compare lost rounds, sums, frequency points and plans of a record."""
     seed = "" if now.training_seed is None else f"seed {now.training_seed}, "
     where, lines = f"{seed}{_where(now)}", []
-    if abs(now.lost - then.lost) > (1 - SHARE_OF_ROUNDS) * len(now.returns):
+    is_same = now.returns == then.returns
+    if now.fingerprint != then.fingerprint:
+        lines.append(f"{where}: of the player {now.fingerprint}, the result says {then.fingerprint:.20}")
+    if abs(now.lost - then.lost) > (0 if is_same else (1 - SHARE_OF_ROUNDS) * len(now.returns)):
         lines.append(f"{where}: {now.lost} rounds lost, the result says {then.lost}")
     if now.plans != then.plans:
         lines.append(f"{where}: other plans: {now.plans}, the result says {then.plans}")
@@ -345,7 +379,9 @@ def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) ->
         shares = [
             np.array(getattr(record, name)) / max(sum(getattr(record, name)), 1) for record in (now, then)
         ]
-        if len(shares[0]) != len(shares[1]) or np.abs(shares[0] - shares[1]).sum() / 2 > _POINTS_WITHIN:
+        if len(shares[0]) != len(shares[1]) or np.abs(shares[0] - shares[1]).sum() / 2 > (
+            0 if is_same else _POINTS_WITHIN
+        ):
             lines.append(f"{where}: other {name}")
     return lines
 
@@ -353,12 +389,14 @@ def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) ->
 def _tolerances(now: Record, then: Record, span: float) -> dict[str, float]:
     """Return how far the sums of two records may differ.
 
-    The longest outage has no limit, since a single round decides it.
+    Rounds that return the same are the same, though the last bits of their sums may be another machine's. Of
+    others, a single round decides the longest outage, which may last for all of that round.
     """
-    if now.rounds_sha256 == then.rounds_sha256:
+    if now.rounds_sha256 == then.rounds_sha256 or now.returns == then.returns:
         return {name: _SAME_WITHIN * abs(value) for name, value in now.tally.items()}
     within = {"steps": 0.0} | dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
     within |= {name: _LEVEL_WITHIN * abs(now.tally[name]) for name in _LEVELS}
+    within[GREATEST] = now.tally["steps"] / len(now.returns)
     return within | dict.fromkeys(_RETURNS, MEAN_WITHIN * span * len(now.returns))
 
 
@@ -539,6 +577,7 @@ class _Verification:
         self.verdicts: dict[str, Verdict] = {}
         self.failed: dict[str, str] = {}
         self._board, self._new = board, new
+        self._shared: dict[str, list[str]] = {}
 
     def cases(self, folders: Sequence[Path], update: bool) -> list[Case]:
         """Return the cases of folders; those that are wrong, or gone, get their verdicts."""
@@ -556,6 +595,7 @@ class _Verification:
             else:
                 claimed = aside[name].result if name in aside else None
                 cases.append(dataclasses.replace(read.result, claimed=claimed))
+        self._shared = shared_policies(cases)
         return cases
 
     def changed(self, cases: Sequence[Case], since: str) -> list[Case]:
@@ -594,6 +634,8 @@ class _Verification:
         if case.claimed is not None:
             remove(case.claimed)
         good, line = judged.result if judged.error is None else (False, judged.error)
+        if others := self._shared.get(case.name):
+            line += f"; it has a policy of {', '.join(others)}, too: ask whose it is"
         self._add(case.name, good, line + _missing_isolation(played.result or ()))
 
     def _keep(self, job: Job, case: Case, result: object) -> None:

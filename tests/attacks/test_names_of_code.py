@@ -16,7 +16,9 @@ from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.suite import load_suite, read_suite
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.league import _teacher, best_responses, load_champions, selfplay
+from fpg_bench.training.league.best_responses import _teacher, best_responses
+from fpg_bench.training.league.champions import load_champions
+from fpg_bench.training.league.selfplay import selfplay
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
 from fpg_bench.training.tuning.export import export_values

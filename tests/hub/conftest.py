@@ -12,7 +12,8 @@ def point_at(url, cache, patch):
     """Lead the client library, which reads its environment when it is imported, to a server."""
     patch.setattr(constants, "ENDPOINT", url)
     patch.setattr(constants, "HUGGINGFACE_CO_URL_TEMPLATE", url + "/{repo_id}/resolve/{revision}/{filename}")
-    patch.setattr(constants, "HF_HUB_CACHE", str(cache))
+    patch.setattr(constants, "HF_HOME", str(cache))
+    patch.setattr(constants, "HF_HUB_CACHE", str(cache / "hub"))
     patch.setattr(constants, "AGENT_HARNESSES_PATH", str(cache / "harnesses.json"), raising=False)
     patch.setattr(constants, "HF_HUB_DISABLE_XET", True)
     resolve.cache_clear()

@@ -185,6 +185,7 @@ def _figures(
         has_few_seeds=index % 4 == 1,
         seeds_gap=SeedsGap(7.25, True) if index == 2 else SeedsGap(-1.0, False),
         is_late=index == 1,
+        same_policies=("ally/player-9",) if index == 6 else (),
         measures=_measures(rng),
         histograms={side: tuple(rng.integers(0, 900, 15).tolist()) for side in ("ally", "jam")},
         lost=1234 if index == 4 else 0,

@@ -24,6 +24,7 @@ from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.audit_season import audit_season, check_entries, late_entries
 from fpg_bench.leaderboard.close_season import (
     ALGORITHMS,
+    PROBE,
     PROFILE,
     REWARDS,
     STEPS,
@@ -32,8 +33,10 @@ from fpg_bench.leaderboard.close_season import (
     close_season,
     draw_number,
     draw_recipes,
+    entry_returns,
     group_candidates,
     hyperparameters,
+    limit_influence,
     make_closing,
     play_against_candidate,
     select_by_group,
@@ -43,6 +46,7 @@ from fpg_bench.leaderboard.close_season import (
 )
 from fpg_bench.leaderboard.season import FILE, SeasonEntry, load_season, read_entries, season_seed
 from fpg_bench.players.agent import load_agent
+from fpg_bench.players.trust import remember_exported
 from tests.leaderboard.making import (
     dividing_by_zero,
     model,
@@ -166,6 +170,35 @@ def test_candidates_are_grouped_by_who_fares_well_against_them_and_named_by_two_
     assert group_candidates(returns, -leads, "ally") == ["evasive"] * 5 + ["herdable"] * 7
     with pytest.raises(UserError, match="not finite"):
         group_candidates(np.where(returns == returns.max(), np.inf, returns), leads, "ally")
+
+
+def profiles_of(returns, seeds):
+    """As a closing keeps them: a row per training seed of each entry, and the probes."""
+    return [
+        [
+            *({"entry": f"e{i}", "ally": value} for i, value in enumerate(column) for _ in range(seeds[i])),
+            {"entry": PROBE, "ally": -1e9},
+        ]
+        for column in returns.T
+    ]
+
+
+def test_an_entry_has_one_row_however_many_training_seeds_it_has():
+    returns = np.random.default_rng(0).normal(0, 8, (4, 6))
+    assert entry_returns(profiles_of(returns, [1, 5, 2, 10]), "ally") == pytest.approx(returns)
+
+
+@pytest.mark.parametrize("chance", range(10))
+def test_an_entry_that_loses_against_candidates_of_its_choice_does_not_steer_the_halves(chance):
+    rng, kinds = np.random.default_rng(chance), np.arange(24) % 2
+    taste = np.where(kinds, 1, -1) * rng.normal(0, 2, (20, 1))
+    honest = taste + rng.normal(8, 4, (20, 1)) + rng.normal(0, 2, (1, 24)) + rng.normal(0, 1, (20, 24))
+    chosen = rng.permutation(kinds)
+    hostile = np.where(chosen, -35.8, rng.normal(8, 1, 24))
+    profiles = profiles_of(np.vstack([honest, hostile]), [1] * 20 + [10])
+    returns = limit_influence(entry_returns(profiles, "ally"))
+    groups = group_candidates(returns, kinds.astype(float), "opponent")
+    assert groups == [["aimers", "herders"][kind] for kind in kinds]
 
 
 def test_a_season_has_as_many_members_of_each_group():
@@ -455,6 +488,7 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
     about = json.loads((tmp_path / "agent/agent.json").read_text())
     about["policy_sha256"] = hashlib.sha256(policy).hexdigest()
     (tmp_path / "agent/agent.json").write_text(json.dumps(about))
+    remember_exported(about["policy_sha256"])  # by the closing itself; others would play in a sandbox
     with pytest.raises(UserError, match=r"expert against .*agent: opponent action of game 0: index 0 is nan"):
         play_against_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed")
 

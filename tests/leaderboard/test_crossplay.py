@@ -4,6 +4,8 @@ import shutil
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import LOST_SCORE, play
@@ -12,6 +14,7 @@ from fpg_bench.game.scenario import as_scenario
 from fpg_bench.leaderboard import crossplay
 from fpg_bench.leaderboard.crossplay import (
     CrossplayEntry,
+    Pair,
     Pairs,
     Team,
     check_pairs,
@@ -210,12 +213,35 @@ def test_figures_that_were_edited_are_found(played, messages):
     last = rows(entered)[-1]
     for side in ("ally", "opponent"):
         change(entered, -1, **last | {f"{side}_rewards": [x + 1 for x in last[f"{side}_rewards"]]})
-        (line,) = check_pairs(entered, 1.0, seed=0)
+        line, *more = check_pairs(entered, 1.0, seed=0)
         assert line.startswith(f"idle - linear: {side}'s return per step ")
+        assert all("of training seed" in each for each in more)
+    change(entered, -1, **last)
+    mean = float(np.mean(last["opponent_rewards"]))
+    apart = [mean - 2, mean + 2]  # whose mean is the same, but not its interval
+    for forged, name in (
+        ({"opponent_rewards": apart}, "opponent's return per step of training seed"),
+        ({"lost": [50, 0]}, "ally's lost rounds 0.0000, the figure says 50.0000"),
+        ({"lost": [0, 100]}, "opponent's lost rounds"),
+    ):
+        change(entered, -1, **last | forged)
+        (line,) = check_pairs(entered, 1.0, seed=0)
+        assert line.startswith(f"idle - linear: {name}")
 
 
 @pytest.mark.parametrize(
-    "forged", [{"ally_rewards": [22.1]}, {"ally_rewards": [21.9], "opponent_rewards": [25.0]}]
+    "forged",
+    [
+        {"ally_rewards": [22.1]},
+        {"ally_rewards": [21.9], "opponent_rewards": [25.0]},
+        {"ally_rewards": [900_000.0], "lost": [1, 0]},
+        {"opponent_rewards": [900_000.0], "lost": [1, 0]},
+        {"opponent_rewards": [900_000.0], "lost": [100, 100]},
+        {"ally_rewards": [-900_000.0], "opponent_rewards": [900_000.0]},
+        {"opponent_rewards": [-900_000.0], "lost": [0, 1]},
+        {"lost": [101, 0]},
+        {"rounds": 1},
+    ],
 )
 def test_a_return_that_no_rounds_can_earn_is_left_out(played, forged, messages):
     before = rows(played)
@@ -224,6 +250,36 @@ def test_a_return_that_no_rounds_can_earn_is_left_out(played, forged, messages):
     assert "expert - adaptive: no rounds can earn this" in messages[0]
     assert messages[1] == "crossplay: 1 of 4 pairs to play"
     assert rows(played) == before
+
+
+reward = st.floats(-999_999, 999_999) | st.floats(-50, 50)
+
+
+@settings(max_examples=500)
+@given(
+    st.lists(reward, min_size=1, max_size=3),
+    st.lists(reward, min_size=1, max_size=3),
+    *[st.integers(0, 150)] * 2,
+)
+def test_no_return_beyond_the_game_is_possible_however_many_rounds_are_lost(
+    ally, opponent, lost, lost_by_other
+):
+    players = entry("ally-v2", "a", "expert"), entry("opponent-v2", "o", "tone")
+    forged = Pair(
+        ally="a",
+        opponent="o",
+        key="0",
+        rounds=100,
+        ally_rewards=tuple(ally),
+        opponent_rewards=tuple(opponent),
+        jamming_success_rate=0.5,
+        lost=(lost, lost_by_other),
+    )
+    if forged.is_possible(*players):
+        assert max(lost, lost_by_other) <= 100
+        assert -1000 < min(ally) <= max(ally) < 22.1
+        assert min(opponent) > -0.1
+        assert forged.reward("opponent") < 1200
 
 
 def test_a_new_season_wants_new_pairs(played, small_suites):

@@ -161,6 +161,11 @@ def test_the_worst_case_names_an_entry_of_the_other_side(pages, page):
         (1, "late entry", "Late entry: it was submitted or changed"),
         (2, "scores 7.2 more on public seeds", "It scores 7.2 more on public seeds than"),
         (4, "1,234 of 5,000 rounds lost by rule", "1,234 of 5,000 rounds lost by rule: its answer"),
+        (
+            6,
+            "has a policy of ally/player-9, too",
+            "It has a policy of ally/player-9, too: the files",
+        ),
     ],
 )
 def test_remarks_are_in_the_ranking_and_on_the_entry_s_page(site, pages, number, in_ranking, on_page):

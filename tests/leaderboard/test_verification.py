@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import onnx
 import pytest
 
 from fpg_bench.common.errors import UserError
@@ -17,6 +18,7 @@ from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.record import TALLIES
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.folders import work_folder
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.result import summaries_of
@@ -30,6 +32,7 @@ from fpg_bench.leaderboard.verification import (
     verify,
 )
 from tests.leaderboard.entering import SUITE, close_season, enter, verdicts_of, write_suite, write_verified
+from tests.leaderboard.making import policy, write_seed
 from tests.logged import logged
 
 pytestmark = pytest.mark.slow
@@ -203,6 +206,45 @@ def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, mon
     shutil.rmtree(folder)
     enter(board, "ally", "linear", seeds=(1,))
     assert verdicts_of(board)["ally/linear"][1].startswith("submission.yaml or a policy changed since")
+
+
+def test_entries_that_share_a_policy_are_told(board, in_process):
+    enter(board, "ally", "first", seeds=(0, 1))
+    enter(board, "ally", "second", seeds=(1, 2))
+    enter(board, "ally", "other", seeds=(3,))
+    again = onnx.load_from_string(policy(3))
+    again.doc_string = "Mine."
+    write_seed(enter(board, "ally", "renamed", seeds=(4,)) / "seed_4", 4, again.SerializeToString())
+    verdicts = verdicts_of(board)
+    assert all(good for good, _ in verdicts.values())
+    assert verdicts["ally/first"][1].endswith("; it has a policy of ally/second, too: ask whose it is")
+    assert "a policy of" not in verdicts["ally/renamed"][1]  # before it has a result, its file alone is known
+    assert verdicts_of(board)["ally/renamed"][1].endswith("a policy of ally/other, too: ask whose it is")
+    (track, *_) = make_board(board).tracks
+    shared = {entry.slug: figures.same_policies for entry, figures in track.verified()}
+    assert shared == {
+        "first": ("ally/second",),
+        "second": ("ally/first",),
+        "other": ("ally/renamed",),
+        "renamed": ("ally/other",),
+    }
+
+
+@pytest.mark.parametrize(("authors", "is_flagged"), [(["A. Student"], False), (["Somebody Else"], True)])
+def test_authors_may_enter_a_policy_in_two_tables(board, in_process, authors, is_flagged):
+    enter(board, "opponent", "one", seeds=(0,), authors=["A. Student"])
+    enter(board, "opponent", "two", seeds=(0,), authors=authors, path="learned")
+    lines = [line for _, line in verdicts_of(board).values()]
+    assert ["a policy of" in line for line in lines] == [is_flagged] * 2
+
+
+def test_a_result_with_a_record_of_another_policy_is_refused(board, in_process):
+    folder = enter(board, "ally", "linear", seeds=(0, 1))
+    verdicts_of(board)
+    case = load_case(board, folder)
+    first, *others = case.result.records
+    write_verified(case, [dataclasses.replace(first, fingerprint="0" * 16), *others])
+    assert "holds a record of another policy than the result's" in verdicts_of(board)["ally/linear"][1]
 
 
 def test_a_bad_submission_and_a_stray_result_stop_nobody(two):
@@ -395,8 +437,40 @@ def test_sums_are_compared_by_what_they_are_worth(records, suites, name, share):
     tally = records[0].tally
     unit = abs(tally[name]) if name in ("snr_db", "capacity_mbit_s") else tally["steps"]
     for by, agrees in ((share / 4, True), (share, False)):
-        kept = changed(records, tally=moved(records[0], **{name: by * unit}), rounds_sha256="other")
+        kept = changed(
+            records,
+            tally=moved(records[0], **{name: by * unit}),
+            rounds_sha256="other",
+            returns=tuple(x + 0.01 for x in records[0].returns),
+        )
         assert (disagreements(records, kept, suites) == []) is agrees
+
+
+def test_rounds_that_return_the_same_have_the_same_sums_whatever_their_hash_is(records, suites):
+    then = records[0]
+    moved_points = list(then.ally_points)
+    moved_points[0] += 1
+    for values, name in (
+        ({"tally": moved(then, longest_outage=1.0)}, "longest_outage"),
+        ({"tally": moved(then, jammed=1.0)}, "jammed"),
+        ({"lost": 1}, "0 rounds lost, the result says 1"),
+        ({"ally_points": tuple(moved_points)}, "other ally_points"),
+    ):
+        (line,) = disagreements(records, changed(records, rounds_sha256="other", **values), suites)
+        assert name in line
+
+
+def test_an_outage_is_no_longer_than_a_round(records, suites):
+    then, steps = records[0], suites["public"].scenario.steps_per_round
+    returns = tuple(x + 0.01 for x in then.returns)
+    for by, agrees in ((steps / 2, True), (2 * steps, False)):
+        kept = changed(records, rounds_sha256="other", returns=returns, tally=moved(then, longest_outage=by))
+        assert (disagreements(records, kept, suites) == []) is agrees
+
+
+def test_a_record_of_another_player_is_told(records, suites):
+    (line,) = disagreements(records, changed(records, fingerprint="another"), suites)
+    assert line.endswith("of the player expert-spread, the result says another")
 
 
 def test_records_of_two_suites_are_kept_apart(records, suites):

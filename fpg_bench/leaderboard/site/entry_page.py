@@ -20,6 +20,7 @@ from fpg_bench.leaderboard.site.views import (
     lost_text,
     ordered_suites,
     safe_link,
+    same_policies_text,
     scale_text,
     seeds_gap_text,
     worst_view,
@@ -63,6 +64,7 @@ class FiguresView:
     worst: WorstView
     seeds_gap: str
     lost: str
+    same_policies: str
     scores: list[tuple[BoardSuite, Score]]
     by_rival: list[tuple[BoardSuite, Mapping[str, Score]]]
     first_rounds: Mapping[str, Mapping[str, tuple[float, str]]]
@@ -128,6 +130,7 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
         worst=worst_view(board, track, figures),
         seeds_gap=seeds_gap_text(figures),
         lost=lost_text(figures),
+        same_policies=same_policies_text(figures),
         scores=_by_suite(ordered_suites(track, without=()), figures.scores),
         by_rival=_by_suite(ordered_suites(track), figures.by_rival),
         first_rounds={

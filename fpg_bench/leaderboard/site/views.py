@@ -182,7 +182,12 @@ def warnings(figures: Figures | None) -> list[str]:
     """Return the remarks shown below an entry's name in tables."""
     if figures is None:
         return []
-    texts = ["late entry" if figures.is_late else "", seeds_gap_text(figures), lost_text(figures)]
+    texts = [
+        "late entry" if figures.is_late else "",
+        seeds_gap_text(figures),
+        lost_text(figures),
+        same_policies_text(figures),
+    ]
     return [text for text in texts if text]
 
 
@@ -192,6 +197,11 @@ def seeds_gap_text(figures: Figures) -> str:
     if gap is None or not gap.is_flagged:
         return ""
     return f"scores {format_number(gap.value)} more on public seeds"
+
+
+def same_policies_text(figures: Figures) -> str:
+    """Name the other entries that have one of an entry's policies; empty where there is none."""
+    return f"has a policy of {', '.join(figures.same_policies)}, too" if figures.same_policies else ""
 
 
 def lost_text(figures: Figures) -> str:

@@ -1,8 +1,12 @@
 """Parsing of a language model's answers into waypoints, without inventing any.
 
-Three parsers are tried in turn: strict JSON, the text after the last ``Next directions:``, and bracketed
-triples anywhere. The first that yields points decides; they are then checked, and the answer names the rule
-that was broken. No pattern backtracks far: each reads any text in time linear in its length.
+The model's reasoning is left out. The answer is then what stands last: the text after the last ``Next
+directions:`` if there is one, and within it the last JSON object with ``waypoints`` or fenced block. JSON is
+read strictly; any other text by its bracketed triples, which must be exactly as many as asked for, since it
+cannot be known which of them are the path. The answer names the rule that was broken. No pattern backtracks
+far: each reads any text in time linear in its length.
+
+The parser has versions. A transcript is read by the version that it was recorded with.
 """
 
 from __future__ import annotations
@@ -19,6 +23,8 @@ from numpy.typing import NDArray
 
 from fpg_bench.planning.planner import Array, Limits, Request
 
+PARSER = 2  # version of the parser that reads new answers
+PARSERS = (1, PARSER)
 READ_CHARS = 200_000  # about 2000 waypoints as indented JSON; a longer answer is not read
 BOX_SLACK = 0.05  # by the box's side: a point this far outside is moved in
 
@@ -38,7 +44,8 @@ class Answer:
 
     Attributes:
         waypoints: ``(n, 3)`` in m, inside the box; None: no valid path.
-        rung: the parser: ``json``, ``directions``, ``triples``, or ``none``: no points at all.
+        rung: where the points stood: ``json``, after the ``directions``, ``triples`` elsewhere, or ``none``:
+            no points at all.
         repaired: surplus points were left out, or points just outside the box moved in.
         problem: the rule that was broken, for the model to mend; None where the path is valid.
         refused: there are no points, and the text reads like a refusal.
@@ -51,20 +58,24 @@ class Answer:
     refused: bool = False
 
 
-def read_answer(text: str, limits: Limits) -> Answer:
+def read_answer(text: str, limits: Limits, parser: int = PARSER) -> Answer:
     """Read the waypoints in a model's answer; never raises, whatever the text.
 
-    Text between ``<think>`` tags is left out first. A remainder of more than ``READ_CHARS`` characters is
-    not valid.
+    A remainder of more than ``READ_CHARS`` characters, without the reasoning, is not valid.
+
+    Args:
+        text: what the model wrote.
+        limits: of the path that was asked for.
+        parser: a version in ``PARSERS``.
     """
-    answer = _without_thoughts(text).translate(_ASCII).strip()
+    thoughts, read = _VERSIONS[parser]
+    answer = _without_thoughts(text, thoughts).translate(_ASCII).strip()
     if len(answer) > READ_CHARS:
         problem = f"the answer has {len(answer)} characters, but at most {READ_CHARS} are read"
         return Answer(None, "none", problem=problem)
-    for rung, parse in _PARSERS.items():
-        points = parse(answer)
-        if points is not None:
-            return _checked(points, rung, limits)
+    rung, points = read(answer)
+    if points is not None:
+        return _checked(points, rung, limits, cuts_triples=parser == 1)
     problem = f"no points found, expected {limits.waypoints}"
     return Answer(None, "none", problem=problem, refused=bool(_REFUSAL.search(answer)))
 
@@ -96,9 +107,27 @@ def _object(properties: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-# Before the parsers
+# Reasoning
 
-_THINK = re.compile(r"<(/?)think(?:ing)?>", re.IGNORECASE)
+# Marks of reasoning in the answers of open models: <think>, <thought>, <seed:think>, [THINK], ◁think▷,
+# <|START_THINKING|>, <|begin_of_thought|>, channels other than the final one, and others like them. Some are
+# lost where a server leaves special tokens out: "analysis... assistantfinal".
+_WORDS = (
+    r"(?:think(?:ing)?|thoughts?|reason(?:ing)?|reflection|analysis|scratch_?pad|monologue|chain_of_thought)"
+)
+_THOUGHTS = re.compile(
+    rf"""
+      (?P<end><\|?(?:end(?:_of)?_{_WORDS}|{_WORDS}_end|inner_suffix|unused95)\|?>)
+    | <\|?(?:{_WORDS}_(?:start|begin)|inner_prefix|unused94)\|?>
+    | <\|?(?P<tag>/?)(?:\w{{1,20}}[:_-])?{_WORDS}(?:\s[^<>]{{0,99}})?\|?>
+    | [\[◁◀](?P<bracket>/?)(?:think(?:ing)?|reasoning)[\]▷▶]
+    | <\|channel\|?>\s*+(?:analysis|commentary|thought)\b
+    | (?P<final><\|channel\|?>\s*+final\b|(?-i:assistantfinal)|\bHere(?:'s|\ is)\ my\ response:)
+    | (?P<stop><\|end\|>|<channel\|>)
+    """,
+    re.IGNORECASE | re.VERBOSE,
+)
+_FIRST_THOUGHTS = re.compile(r"<(?P<tag>/?)think(?:ing)?>", re.IGNORECASE)  # of version 1
 
 # Full-width forms of ASCII, and the brackets, commas, quotes and minus that have none
 _ASCII = {code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)} | str.maketrans(
@@ -106,57 +135,127 @@ _ASCII = {code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)} | str.maketrans
 )
 
 
-def _without_thoughts(text: str) -> str:
-    """Return the text outside think blocks.
+def _without_thoughts(text: str, marks: re.Pattern[str]) -> str:
+    """Return the text outside reasoning.
 
-    An end tag without a start closes all text before it; a start tag without an end goes on to the end.
+    An end mark without a start closes all text before it, unless answers end with it as well (``stop``); a
+    start mark without an end goes on to the end.
     """
     kept: list[str] = []
     start, thinking = 0, False
-    for tag in _THINK.finditer(text):
-        if tag[1]:
-            start = tag.end()
+    for mark in marks.finditer(text):
+        ends = any(mark.groupdict().values())
+        if mark.lastgroup == "stop" and not thinking:
+            continue
+        if ends:
+            start = mark.end()
+            if mark.lastgroup == "final":
+                kept.clear()
         elif not thinking:
-            kept.append(text[start : tag.start()])
-        thinking = not tag[1]
+            kept.append(text[start : mark.start()])
+        thinking = not ends
     return " ".join(kept if thinking else [*kept, text[start:]])  # a space: digits must not join
 
 
-# The parsers: each returns points, or None for the next one to try
+# The parsers: each returns the place of the points, and the points; None: there are none
 
 
-def _from_json(text: str) -> list[Point] | None:
-    """Parse the complete text as JSON, in a code fence or not: the schema's object, or its list alone."""
+def _read_first_found(text: str) -> tuple[str, list[Point] | None]:
+    """Version 1: the first of three parsers that finds points in all of the text."""
+    content = _json(text)
+    items = content.get("waypoints") if isinstance(content, dict) else content
+    if isinstance(items, list) and all(isinstance(item, list | dict) for item in items):
+        return "json", _json_points(items)
+    if (start := _directions_end(text)) and (points := _triples(text[start:])):
+        return "directions", points
+    return "triples", _triples(text)
+
+
+def _read_last(text: str) -> tuple[str, list[Point] | None]:
+    """Version 2: what stands last."""
+    if (path := _json_path(text)) is not None:
+        return "json", path
+    start = _directions_end(text)
+    for rung, scope in [("directions", text[start:])] * bool(start) + [("triples", text)]:
+        block = _last_block(scope)
+        if (path := _json_path(block)) is not None:
+            return "json", path
+        if points := _triples(block):
+            return rung, points
+    return "none", None
+
+
+def _last_block(text: str) -> str:
+    """Return the last JSON object with ``waypoints``, or the last fenced block with points after it.
+
+    An object that is cut short is what follows its key. Without any of these it is the whole text.
+    """
+    start, block = -1, text
+    opened: list[list[int]] = []  # where each open object begins, and its own key waypoints ends
+    for token in _OBJECTS.finditer(text):
+        if token[0] == "{":
+            opened.append([token.start(), -1])
+        elif token["key"]:
+            start, block = token.start(), text[token.end() :]
+            if opened:
+                opened[-1][1] = token.end()
+        elif token[0] == "}" and opened:
+            begin, key = opened.pop()
+            if key >= 0:
+                start, block = begin, text[begin : token.end()]
+    at = 0
+    for number, part in enumerate(text.split("```")):
+        if number % 2 and at > start:
+            fenced = _LANGUAGE.sub("", part, count=1)
+            if _json_path(fenced) is not None or _triples(fenced):
+                start, block = at, fenced
+        at += len(part) + 3
+    return block
+
+
+def _json_path(text: str) -> list[Point] | None:
+    """Return the path of a complete JSON text, the schema's object or its list alone; None for others."""
+    content = _json(text)
+    if isinstance(content, dict) and "waypoints" in content:
+        items = content["waypoints"]
+        return _json_points(items if isinstance(items, list) else [])
+    if isinstance(content, list) and all(isinstance(item, list | dict) for item in content):
+        return _json_points(content)
+    return None
+
+
+def _json(text: str) -> Any:
+    """Return the content of JSON, in a code fence or not; None for other texts."""
     fenced = _FENCE.fullmatch(text)
     try:
         # Whole numbers as floats, too: Python refuses to read an int of more than 4300 digits
-        content = json.loads(fenced[1] if fenced else text, parse_int=float, parse_constant=float)
+        return json.loads(fenced[1] if fenced else text, parse_int=float, parse_constant=float)
     except (ValueError, RecursionError):
         return None
-    items = content.get("waypoints") if isinstance(content, dict) else content
-    if not isinstance(items, list) or not all(isinstance(item, list | dict) for item in items):
-        return None
+
+
+def _json_points(items: list[Any]) -> list[Point]:
     return [_json_point(item) for item in items]
 
 
-def _json_point(item: list[Any] | dict[str, Any]) -> Point:
-    values: list[Any] = [item.get(axis) for axis in "xyz"] if isinstance(item, dict) else item
-    return tuple(values) if len(values) == 3 and all(type(value) is float for value in values) else None
+def _json_point(item: Any) -> Point:
+    values: Any = [item.get(axis) for axis in "xyz"] if isinstance(item, dict) else item
+    is_triple = isinstance(values, list) and len(values) == 3
+    return tuple(values) if is_triple and all(type(value) is float for value in values) else None
 
 
-def _after_directions(text: str) -> list[Point] | None:
-    ends = [mark.end() for mark in _DIRECTIONS.finditer(text)]
-    return _triples(text[ends[-1] :]) if ends else None
+def _directions_end(text: str) -> int:
+    """Return where the last ``Next directions:`` ends; 0 if there is none."""
+    return max((mark.end() for mark in _DIRECTIONS.finditer(text)), default=0)
 
 
 def _triples(text: str) -> list[Point] | None:
     return [tuple(float(part) for part in match.groups() if part) for match in _TRIPLE.finditer(text)] or None
 
 
-_PARSERS: dict[str, Callable[[str], list[Point] | None]] = {
-    "json": _from_json,
-    "directions": _after_directions,
-    "triples": _triples,
+_VERSIONS: dict[int, tuple[re.Pattern[str], Callable[[str], tuple[str, list[Point] | None]]]] = {
+    1: (_FIRST_THOUGHTS, _read_first_found),
+    2: (_THOUGHTS, _read_last),
 }
 
 # Possessive repeats (++, *+) give nothing back, so a number is read whole and only once
@@ -171,6 +270,8 @@ _TRIPLE = re.compile(
 )
 _DIRECTIONS = re.compile(r"next[ _]directions[\"'*`]*+\s*+:", re.IGNORECASE)
 _FENCE = re.compile(r"```(?:json)?\s(.*)```", re.IGNORECASE | re.DOTALL)
+_OBJECTS = re.compile(r"""(?P<key>(["'])waypoints\2\s*+:)|"(?:[^"\\\n]|\\.)*+"?|[{}]""")
+_LANGUAGE = re.compile(r"\A[\w+-]*+\s")
 _REFUSAL = re.compile(
     r"\b(?:can'?t|cannot|won't|unable to|not able to|sorry|refuse|decline|against my)\b"
     r"|无法|不能|抱歉|对不起|拒绝",
@@ -181,9 +282,9 @@ _REFUSAL = re.compile(
 # After the parsers
 
 
-def _checked(points: list[Point], rung: str, limits: Limits) -> Answer:
+def _checked(points: list[Point], rung: str, limits: Limits, cuts_triples: bool) -> Answer:
     n = limits.waypoints
-    if len(points) < n:
+    if len(points) < n or (len(points) > n and rung != "json" and not cuts_triples):
         return Answer(None, rung, problem=f"expected {n} points, got {len(points)}")
     asked = points[:n]
     for number, point in enumerate(asked, 1):

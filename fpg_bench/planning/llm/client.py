@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.strict_json import read_plain
-from fpg_bench.planning.llm.servers import Endpoint
+from fpg_bench.planning.llm.servers import TOKEN_FIELDS, Endpoint
 
 if TYPE_CHECKING:
     import httpx
@@ -43,6 +43,7 @@ _ADVICE = {
     404: ", no such address or model (FPG_LLM_BASE_URL, FPG_LLM_MODEL)",
 }
 _WEB_PAGE = "a web page"
+_TEXTS = ("text", "output_text")  # types of a message's parts; others hold what the model thinks
 
 # Fields that a server may refuse, and the words by which its error names each. The temperature is left out
 # only where it is named.
@@ -52,6 +53,7 @@ _OPTIONAL = {
     "temperature": ("temperature",),
 }
 _REFUSING = (400, 422, 500, 501)
+_ABOUT_LENGTH = (*TOKEN_FIELDS, "context length", "context window", "context_length", "context size")
 
 # All headers that are sent. The package would add the kind of machine, and whatever OPENAI_* variables say;
 # the last of these makes it hand out the body unread.
@@ -231,8 +233,11 @@ class _Question:
                 except Exception as error:  # anything that a server makes the packages below raise
                     return _connection_failure(endpoint, error)
                 reply = read_reply(status, data, endpoint.key, endpoint.server.refusal_codes)
-                if reply.error == "http" and status in _REFUSING and self._drop(error_text(reply.raw)):
-                    continue
+                if reply.error == "http" and status in _REFUSING:
+                    message = error_text(reply.raw)
+                    if self._drop(message):
+                        continue
+                    reply = replace(reply, detail=f"{reply.detail}{self._length_advice(message)}")
                 has_quota = "insufficient_quota" not in _codes(reply.raw)
                 if self.is_busy and has_quota and (wait_s := next(waits, None)) is not None:
                     await self.client.sleep(wait_s)
@@ -292,9 +297,18 @@ class _Question:
         """Leave out the next field that the server may have refused, the one that it names first."""
         left = [name for name in _OPTIONAL if name in self.sent]
         named = [name for name in left if any(word in message for word in _OPTIONAL[name])]
-        suspects = named or [name for name in left if name != "temperature"]
+        is_length = any(word in message for word in _ABOUT_LENGTH)
+        suspects = named or [name for name in left if name != "temperature" and not is_length]
         self.dropped.update(suspects[:1])
         return bool(suspects)
+
+    def _length_advice(self, message: str) -> str:
+        """Return what to do about an error that names the length of the answer or of the context."""
+        if not any(word in message for word in _ABOUT_LENGTH):
+            return ""
+        server = self.client.endpoint.server
+        sets = f"the profile {server.name} sets {server.max_tokens_field}: {server.max_tokens}"
+        return f"; {sets}; pass --server FILE.yml with another max_tokens or max_tokens_field"
 
     def _remember(self) -> None:
         for name in self.dropped - self.client.dropped:
@@ -467,13 +481,16 @@ def _describe_body(data: bytes) -> str:
         return f"more than {LONGEST_BODY} bytes"
     if data.lstrip()[:1] == b"<":
         return _WEB_PAGE
+    if data.lstrip().startswith((b"data:", b"event:", b": ")):
+        return "a stream of events, which was not asked for; turn off streaming in the server or its proxy"
     return "cut or broken JSON" if data.strip() else "empty"
 
 
 def _content(content: object) -> str:
-    """Return a message's content: a string, or the texts among its parts, without halves of letters."""
+    """Return a message's content: a string, or its parts of text alone; no halves of letters."""
     if isinstance(content, list):
-        content = "".join(str(part.get("text", "")) for part in content if isinstance(part, dict))
+        texts = [part for part in content if isinstance(part, dict) and part.get("type", "text") in _TEXTS]
+        content = "".join(str(part.get("text", "")) for part in texts)
     return content.encode("utf-8", "replace").decode() if isinstance(content, str) else ""
 
 

@@ -19,14 +19,16 @@ import re
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_bounded
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.common.schema import Strict, parse
+from fpg_bench.common.schema import Expected, Strict, parse
 from fpg_bench.common.strict_json import read_object
-from fpg_bench.planning.llm.answers import read_answer
+from fpg_bench.planning.llm.answers import PARSER, read_answer
 from fpg_bench.planning.llm.client import read_completion
 from fpg_bench.planning.llm.prompts import PROMPTS
 from fpg_bench.planning.planner import Limits, Request
@@ -47,6 +49,7 @@ _IN_RAW = ("text", "model", "tokens_in", "tokens_out")  # fields that an attempt
 _NUMBERS = re.compile(r"([-+]?[0-9]++(?:\.[0-9]++)?)")
 _logger = logging.getLogger(__name__)
 
+_Version = Annotated[int, Field(ge=1, le=PARSER), Expected(f"a whole number from 1 to {PARSER}")]
 Body = dict[str, Any]  # a request without headers
 Where = tuple[int, int, int, int]  # seed, match, round, attempt
 Place = tuple[int, int, int]  # seed, match, round
@@ -70,6 +73,7 @@ class Attempt(Strict, extra="ignore"):
         seconds: duration of the calls.
         tokens_in, tokens_out: as the server counts them; None: it does not.
         model: the model that answered, as the server reports it; the one asked for is in the request.
+        parser: the version of the parser that read the text; rows without it were read by the first.
     """
 
     seed: int
@@ -91,6 +95,7 @@ class Attempt(Strict, extra="ignore"):
     tokens_in: int | None
     tokens_out: int | None
     model: str | None
+    parser: _Version = 1
 
     @classmethod
     def read(cls, row: Row, where: str) -> Attempt:
@@ -150,12 +155,18 @@ class Flown(Strict, extra="ignore"):
     planned_round: int | None
 
 
-def judge(text: str | None, error: str | None, limits: Limits) -> dict[str, Any]:
-    """Return the fields ``waypoints``, ``rung`` and ``status`` of an attempt with this reply."""
+def judge(text: str | None, error: str | None, limits: Limits, parser: int = PARSER) -> dict[str, Any]:
+    """Return the fields ``waypoints``, ``rung`` and ``status`` of an attempt with this reply.
+
+    Args:
+        text, error: of the reply.
+        limits: of the path that was asked for.
+        parser: the version of the parser; see :func:`fpg_bench.planning.llm.answers.read_answer`.
+    """
     if error is not None or text is None:
         status = error if error in (*UNANSWERED, "refused") else "invalid"
         return {"waypoints": None, "rung": "none", "status": status}
-    answer = read_answer(text, limits)
+    answer = read_answer(text, limits, parser)
     if answer.waypoints is None:
         return {"waypoints": None, "rung": answer.rung, "status": "refused" if answer.refused else "invalid"}
     status = "repaired" if answer.repaired else "ok"
@@ -301,11 +312,15 @@ class Transcript:
         name = next((attempt.prompt for attempt in self.attempts()), None)
         return name if name in PROMPTS else "standard"
 
+    def first_parser(self) -> int:
+        """Return the version of the parser that read the first attempt; the newest without attempts."""
+        return next((attempt.parser for attempt in self.attempts()), PARSER)
+
     def check_header(self, header: Mapping[str, Any]) -> None:
         """Check that every attempt was made with the model, prompt and control of the run's header.
 
         Args:
-            header: ``model``, ``prompt_hash`` and ``control``.
+            header: ``model``, ``prompt_hash`` and ``control``, and ``parser`` unless it is the first.
 
         Raises:
             UserError: the first attempt that was not.
@@ -313,11 +328,10 @@ class Transcript:
         for attempt in self.attempts():
             model = header.get("model") if attempt.request is None else attempt.request.get("model")
             used = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
-            for name, value in used.items():
-                if value != header.get(name):
-                    problem = (
-                        f"was recorded with {name} {value}, and not {header.get(name)} as its header says"
-                    )
+            for name, value in {**used, "parser": attempt.parser}.items():
+                stated = header.get(name, 1 if name == "parser" else None)
+                if value != stated:
+                    problem = f"was recorded with {name} {value}, and not {stated} as its header says"
                     raise UserError(self.complaint(attempt.where, problem))
 
     def find(self, where: Where, body: Body) -> Attempt | None:

@@ -15,6 +15,7 @@ from fpg_bench.game.scenario import STANDARD
 from fpg_bench.planning import Limits
 from fpg_bench.planning.llm.answers import (
     EXAMPLE,
+    PARSER,
     READ_CHARS,
     REPEATED,
     STILL,
@@ -58,13 +59,14 @@ FORMS = {
     "lists": (lambda p: f"  {json.dumps(p)}\n", "json"),
     "fenced": (lambda p: f"```json\n{json.dumps({'waypoints': p})}\n```", "json"),
     "thought": (lambda p: f"<think>[1, 2, 3] or so</think>{json.dumps(p)}", "json"),
-    "directions": (lambda p: f"Next directions: {p}", "directions"),
+    "directions": (lambda p: f"Next directions: {', '.join(map(str, p))}", "directions"),
+    "directions as JSON": (lambda p: f"Next directions: {p}", "json"),
     "directions after others": (
-        lambda p: f"Next directions: [[1, 2, 3]]? No.\n**next directions:** {p}",
+        lambda p: f"Next directions: [[1, 2, 3]]? No.\n**next directions:** {p}!",
         "directions",
     ),
     "directions as a key": (lambda p: json.dumps({"Next directions": p}), "directions"),
-    "echoed history": (lambda p: f"Rewards: [1, 2, 3]: 4.5\nNext directions: {p}", "directions"),
+    "echoed history": (lambda p: f"Rewards: [1, 2, 3]: 4.5\nNext directions: {p}", "json"),
     "prose": (lambda p: f"I suggest {p[0]}, then {'; '.join(map(str, p[1:]))}. Good luck!", "triples"),
     "tuples": (lambda p: str([tuple(point) for point in p]), "triples"),
     "units": (lambda p: "\n".join("[{} m, {}m, {} metres]".format(*point) for point in p), "triples"),
@@ -101,7 +103,12 @@ def four(**changed):
         (f"so {four(p0=['6E958', 1, 1])}".replace("'", ""), "point 1: x is not a finite number"),
         (json.dumps(four(p0=[float("nan"), 1, 1])), "point 1: x is not a finite number"),
         (str(four(p0=["9" * 5000, 1, 1])).replace("'", ""), "point 1: x is not a finite number"),
-        (f"so ({'9' * 5000}, 1, 1), {four()}", "point 1: x is not a finite number"),
+        (f"so ({'9' * 5000}, 1, 1), {four()[1:]}", "point 1: x is not a finite number"),
+        (f"so (1, 1, 1), {four()}", "expected 4 points, got 5"),
+        (f"Next directions: (1, 1, 1), {four()}", "expected 4 points, got 5"),
+        ('{"waypoints": "as above"}', "expected 4 points, got 0"),
+        ('{"waypoints": [10, 20, 30, 40]}', "point 1: expected x, y and z, each a number"),
+        (f'{{"waypoints": {PATH}}} or {{"waypoints": [[1, 2, 3]', "expected 4 points, got 1"),
         (json.dumps(four(p0=[True, 1, 1])), "point 1: expected x, y and z, each a number"),
         (json.dumps(four(p3=[1, 1])), "point 4: expected x, y and z, each a number"),
         (json.dumps(four(p3={"x": 1, "y": 2})), "point 4: expected x, y and z, each a number"),
@@ -132,9 +139,85 @@ def test_a_broken_answer_names_the_rule(text, problem):
 )
 @pytest.mark.parametrize("form", ["lists", "directions", "tuples"])
 def test_points_too_many_or_just_outside_the_box_are_repaired(form, points, read):
-    answer = read_answer(FORMS[form][0](points), FOUR)
+    parser = PARSER if form == "lists" else 1  # later ones ask again outside JSON
+    answer = read_answer(FORMS[form][0](points), FOUR, parser)
     assert answer.waypoints.tolist() == read
     assert answer.repaired
+
+
+ANSWER = json.dumps({"waypoints": PATH})
+DRAFT = json.dumps({"waypoints": [[1, 2, 3], [4, 5, 6], [7, 8, 9], [10, 11, 12]]})
+
+
+def fence(text, language="json"):
+    return f"```{language}\n{text}\n```"
+
+
+# Answers as models write them, all of which hold other points than the path
+USUAL = {
+    "a point in prose before a fence": f"From [690, 790, 90] I fly\n{fence(ANSWER)}",
+    "a point in prose before an object": f"From (690, 790, 90), so {ANSWER}, as asked (not (1, 2, 3)).",
+    "two fences": f"A draft:\n{fence(DRAFT)}\nBetter:\n{fence(ANSWER)}\nGood luck.",
+    "a fenced list": f"From [690, 790, 90]:\n{fence(str(PATH), '')}",
+    "fenced tuples": f"From [690, 790, 90]:\n{fence(', '.join(str(tuple(p)) for p in PATH), 'python')}",
+    "an object of objects": f"At x=1, y=2, z=3. {json.dumps({'waypoints': objects(PATH)}, indent=1)}",
+    "an object within an object": f"So: {json.dumps({'plan': {'waypoints': PATH}, 'from': [1, 2, 3]})}",
+    "alternatives within": f"So: {json.dumps({'waypoints': PATH, 'instead': [json.loads(DRAFT)]})}",
+    "braces in strings": f"So: {json.dumps({'why': 'not } [1, 2, 3] {', 'waypoints': PATH})}",
+    "a stray brace": f"Of the form {{{{x, y, z}} as in [1, 2, 3]: {ANSWER}",
+    "an object cut short": f"From [690, 790, 90]: {ANSWER[:-1]}",
+    "a comma too many": f"From [690, 790, 90]: {ANSWER[:-2]},]}}",
+}
+THOUGHTS = {
+    "<think>": "</think>", "<thinking>": "</thinking>", "<Thought>": "</Thought>",
+    "<thoughts>": "</thoughts>",
+    "<reasoning>": "</reasoning>", "<reflection>": "</reflection>", "<scratchpad>": "</scratchpad>",
+    "<seed:think>": "</seed:think>", "<longcat_think>": "</longcat_think>", "<|think|>": "<|end|>",
+    "[THINK]": "[/THINK]", "[REASONING]": "[/REASONING]", "◁think▷": "◁/think▷",
+    "<|START_THINKING|>": "<|END_THINKING|><|START_RESPONSE|>",
+    "<|begin_of_thought|>": "<|end_of_thought|><|begin_of_solution|>",
+    "<|inner_prefix|>": "<|inner_suffix|>", "<unused94>thought": "<unused95>",
+    "<|channel>thought": "<channel|>",
+    "<|channel|>analysis<|message|>": "<|end|><|start|>assistant<|channel|>final<|message|>",
+    "analysis": "assistantfinal", "Here is my thought process:": "Here is my response:", "": "</think>",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", USUAL)
+def test_the_path_of_a_usual_answer_is_what_stands_last(name):
+    assert read_answer(USUAL[name], FOUR).waypoints.tolist() == PATH
+
+
+@pytest.mark.parametrize("start", THOUGHTS)
+@pytest.mark.parametrize("thought", [DRAFT, "[1, 2, 3] or so", fence(DRAFT)])
+def test_points_in_reasoning_are_not_read(start, thought):
+    for written in (ANSWER, fence(ANSWER), ", ".join(map(str, PATH)), f"{ANSWER}<|end|>"):
+        text = f"{start}\n{thought}\n{THOUGHTS[start]}\n{written}"
+        assert read_answer(text, FOUR).waypoints.tolist() == PATH
+
+
+@pytest.mark.parametrize("start", [start for start in THOUGHTS if start.startswith(("<", "[", "◁"))])
+def test_reasoning_that_is_cut_short_is_no_answer(start):
+    assert read_answer(f"{start} {DRAFT}", FOUR).problem == "no points found, expected 4"
+
+
+prose = st.sampled_from(
+    ["From [690, 790, 90]", "not (1, 2, 3)", 'a "word', "{x, y, z}", "it's", "\n", fence(DRAFT), DRAFT]
+)
+shapes = st.sampled_from(
+    [ANSWER, fence(ANSWER), fence(str(PATH)), json.dumps({"waypoints": objects(PATH)}, indent=2)]
+)
+marks = st.sampled_from(sorted(THOUGHTS))
+
+
+@settings(max_examples=200)
+@given(st.lists(prose), shapes, marks, st.lists(prose.filter(lambda text: "way" not in text)))
+def test_whatever_stands_before_and_around_it_the_last_path_is_read_or_none(before, shape, start, after):
+    thoughts = f"{start} {' '.join(before)} {THOUGHTS[start]}"
+    for text in (" ".join([*before, "\n", shape]), f"{thoughts}\n{shape} {' '.join(after)}"):
+        read = read_answer(text, FOUR).waypoints
+        assert read is None or read.tolist() == PATH
+    assert read_answer(f"{thoughts}\n{shape}", FOUR).waypoints is not None
 
 
 @pytest.mark.parametrize(
@@ -174,6 +257,11 @@ BAD_TEXTS = {
     "a megabyte of thoughts": "<think>" * (MEGABYTE // 7),
     "a megabyte of starts of tags": "<" * MEGABYTE,
     "a megabyte": "[1, 2, 3], " * (MEGABYTE // 11),
+    "escaped quotes": '"' + '\\"' * 90_000,
+    "keys": '{"waypoints":' * 15_000,
+    "fences": "```" * 60_000,
+    "names of thoughts": "<a_think " * 20_000,
+    "a channel of spaces": "<|channel|>" + " " * 180_000,
     "half a surrogate pair": "\ud800 [1, 2",
     "no characters": "\x00\x1b[2J",
 }

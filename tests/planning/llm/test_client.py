@@ -170,6 +170,31 @@ def test_waits_grow_after_each_429_that_names_no_time(monkeypatch):
     assert (reply.error, requests, waits) == ("http", 1, [])
 
 
+@pytest.mark.parametrize(
+    "message",
+    [
+        "max_tokens is too large: 4096. This model supports at most 2048 completion tokens",
+        "Unsupported parameter: 'max_tokens' is not supported. Use 'max_completion_tokens' instead.",
+        "This model's maximum context length is 4096 tokens, and you asked for 5000",
+        "the request exceeds the available context size, try increasing it",
+    ],
+)
+def test_an_answer_that_may_be_too_long_names_the_profile_that_says_so(message):
+    reply, requests = reply_to(faults.status(400, body={"error": {"message": message}}), server="vllm")
+    assert (reply.error, requests, reply.dropped) == ("http", 1, ())
+    assert "the profile vllm sets max_tokens: 4096; pass --server FILE.yml with another" in reply.detail
+
+
+def test_parts_of_a_message_that_hold_what_the_model_thinks_are_left_out():
+    parts = [
+        {"type": "thinking", "thinking": [{"type": "text", "text": "a"}]},
+        {"type": "reasoning", "text": "b"},
+        {"type": "text", "text": "Hel"},
+        {"text": "lo."},
+    ]
+    assert reply_to(ok(parts))[0].text == "Hello."
+
+
 def unnamed(code):
     """Refuses the schema, and does not say so."""
     bad = faults.status(code, body={"error": {"message": "bad request"}})
@@ -250,6 +275,11 @@ INVALID = [
     (b"  ", "empty"),
     (b'{"choices": [{"mess', "cut or broken JSON"),
     (b"\xff\xfe\x00", "cut or broken JSON"),
+    (
+        b'data: {"choices": [{"delta": {}}]}\n\ndata: [DONE]\n\n',
+        "a stream of events, which was not asked for",
+    ),
+    (b": keep-alive\n\nevent: x\n", "turn off streaming in the server or its proxy"),
     (b"[1]", "other JSON"),
     (b"x" * LONGEST_BODY, "more than 1000000 bytes"),
     (b"[" * 100_000, "cut or broken JSON"),
