@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -11,6 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
+
+
+def names_object(name: str) -> bool:
+    """Return True for ``package.module:object``; not for a path that begins with a drive of Windows."""
+    return ":" in name and not re.match(r"[A-Za-z]:[\\/]", name)
 
 
 def import_object(name: str, what: str, methods: Sequence[str], scenario: object) -> Any:

@@ -120,6 +120,9 @@ def run_jobs(
         require_extra("ray", "ray")
     elif address is not None:
         raise UserError("address: names a Ray cluster; add --backend ray")
+    elif n_jobs > 1 and not hasattr(os, "setpgrp"):  # Windows
+        _logger.warning("n_jobs: several processes need Linux or macOS; the jobs run one after the other")
+        n_jobs = 1
     failed: dict[str, str] = {}
     jobs = list(jobs)
     waiting = {index: job for index, job in enumerate(jobs) if not job.done()}

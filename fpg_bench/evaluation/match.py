@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.imports import names_object
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
 from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match
@@ -134,7 +135,7 @@ def replay_match(path: str | Path, *, allow: Collection[str] = ()) -> tuple[Matc
     file = MatchFile(Path(path))
     match, rows = file.read()
     for name in (match.planner, match.ally, match.opponent):
-        if ":" in name and name not in allow:
+        if names_object(name) and name not in allow:
             raise UserError(f"match {path}: would run {name}; if you trust it, add --allow {name}")
     planner = _replayed_planner(match, file.path)
     players = {side: as_player(getattr(match, side), side, match.scenario) for side in SIDES}

@@ -19,6 +19,7 @@ from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import DUEL, find_env, other_side, policy_env
+from fpg_bench.common.imports import names_object
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -168,7 +169,7 @@ def identity(name: str) -> str:
     """Return what decides how a named player plays: the hash of an agent's policy, or its name."""
     if name.startswith("suite:"):
         raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
-    if not is_on_hub(name) and (":" in name or "/" not in name):
+    if not is_on_hub(name) and (names_object(name) or not {"/", "\\"} & set(name)):
         return name
     return str(read_json(agent_folder(name) / "agent.json", "agent").get("policy_sha256"))
 

@@ -16,7 +16,7 @@ from gymnasium import spaces
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import NAMED, SCRIPTED, TACTICS, other_side
-from fpg_bench.common.imports import import_object
+from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.waterfall import Waterfall
@@ -66,10 +66,10 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         from fpg_bench.players.population import load_member
 
         return load_member(name, side)
-    if ":" in name and not is_on_hub(name):
+    if names_object(name) and not is_on_hub(name):
         player: Player = import_object(name, side, ("predict",), scenario)
         return player
-    if "/" in name or (name and Path(name).is_dir()):
+    if {"/", "\\"} & set(name) or (name and Path(name).is_dir()):
         from fpg_bench.players.agent import load_agent
 
         return load_agent(name, side)

@@ -467,6 +467,8 @@ def _describe_body(data: bytes) -> str:
         return f"more than {LONGEST_BODY} bytes"
     if data.lstrip()[:1] == b"<":
         return _WEB_PAGE
+    if data.lstrip()[:5] in (b"data:", b"event") or data.lstrip()[:1] == b":":
+        return "a stream of events (switch streaming off in the server or proxy)"
     return "cut or broken JSON" if data.strip() else "empty"
 
 
