@@ -115,10 +115,8 @@ def refused(error, result):
 
 @pytest.mark.parametrize("error", [BrokenPipeError(), OSError(errno.ENOSPC, "full"), ZeroDivisionError()])
 def test_whatever_the_driver_meets_ends_the_jobs(tmp_path, error, recwarn):
-    names = [f"{number}" for number in range(20)]
-    jobs = [
-        Job(name, partial(working.square, tmp_path, int(name)), partial(refused, error)) for name in names
-    ]
+    keep = partial(refused, error)
+    jobs = [Job(str(number), partial(working.square, tmp_path, number), keep) for number in range(20)]
     with pytest.raises(type(error)):
         run_jobs(jobs, n_jobs=2)
     assert len(begun(tmp_path)) < len(jobs)

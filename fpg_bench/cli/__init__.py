@@ -121,10 +121,9 @@ def _run() -> None:
         message = getattr(error, "format_message", error.__str__)()
         _fail(f"{message} (fpg-bench --help)", 2)
     except (typer.Abort, KeyboardInterrupt) as error:
-        if isinstance(
-            error.__cause__ or error.__context__, EOFError
-        ):  # typer takes it for the user's own stop
-            _fail(described(EOFError(*(error.__cause__ or error.__context__).args)), 1)
+        cause = error.__cause__ or error.__context__
+        if isinstance(cause, EOFError):  # typer takes it for the user's own stop
+            _fail(f"{described(cause)} (the traceback: fpg-bench --debug ...)", 1)
         _fail(_KEPT, _ENDED or _STOPPED)
     except UserError as error:
         _fail(str(error), 2)

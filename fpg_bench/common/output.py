@@ -55,7 +55,7 @@ def accept_all_letters() -> None:
 
 @functools.cache
 def user_cache() -> Path:
-    """Return the user's cache folder; without a home folder, one of this user's own among the temporary files."""
+    """Return the user's cache folder; without a home folder, a private one among the temporary files."""
     try:
         folder = platformdirs.user_cache_path("fpg_bench")
         if folder.is_absolute():

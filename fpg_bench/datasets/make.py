@@ -46,9 +46,7 @@ def datasets_root() -> Path:
     try:
         return Path.home() / ".minari" / "datasets"
     except RuntimeError as error:
-        raise UserError(
-            "data sets: there is no home folder; set MINARI_DATASETS_PATH, or use --out"
-        ) from error
+        raise UserError("data sets: no home folder; set MINARI_DATASETS_PATH, or use --out") from error
 
 
 def make_dataset(
