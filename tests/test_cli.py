@@ -180,13 +180,15 @@ def test_damaged_compiled_code_is_compiled_anew(tmp_path, suffix, kept):
     assert fpg(*words).returncode == 0  # all that it needs is compiled now
     folder = cache_folder()
     shutil.copytree(folder, tmp_path / folder.parent.name / folder.name)
-    for path in sorted(tmp_path.rglob(f"*.{suffix}"))[:3]:
+    damaged = list(tmp_path.rglob(f"step.play-*.{suffix}"))
+    assert damaged
+    for path in damaged:
         path.write_bytes(path.read_bytes()[:kept])
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-m", "fpg_bench", *words]
     result = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
-    assert all(path.stat().st_size > kept for path in tmp_path.rglob("*.nbi"))
+    assert any(path.stat().st_size > kept for path in damaged)
 
 
 def test_an_end_of_file_is_no_stop(monkeypatch, capsys):

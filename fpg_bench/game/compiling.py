@@ -82,16 +82,16 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
         return str(super().get_suitable_cache_subpath(py_file))
 
 
-class _Cache(caching.FunctionCache):  # type: ignore[misc]
+class _Cache(caching.FunctionCache):
     """Numba's cache of a function, in which a damaged file is a miss: it is compiled and written anew."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code of a signature; None if there is none, or none that can be read."""
         try:
-            return super().load_overload(sig, target_context)
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         except Exception:  # whatever a damaged pickle raises
             with contextlib.suppress(OSError):
-                self.flush()
+                self.flush()  # type: ignore[no-untyped-call]
             return None
 
 
@@ -111,7 +111,7 @@ def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
     with _cached_in(folder):
         dispatcher = numba.njit(**options)(function)
         if folder is not None:
-            dispatcher._cache = _Cache(function)
+            dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
         return dispatcher
 
 
