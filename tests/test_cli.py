@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 import typer
 
+import fpg_bench.cli
 from fpg_bench import __version__
 from fpg_bench.cli import app, completion, evaluation, training
 from fpg_bench.cli.options import whole_number
@@ -173,18 +174,55 @@ def test_what_is_no_whole_number_is_refused(text):
 
 
 @pytest.mark.process
-def test_damaged_compiled_code_says_what_to_delete(tmp_path):
+@pytest.mark.parametrize(("suffix", "kept"), [("nbc", 100), ("nbi", 0)])
+def test_damaged_compiled_code_is_compiled_anew(tmp_path, suffix, kept):
     words = ("play", "--every", "300")
     assert fpg(*words).returncode == 0  # all that it needs is compiled now
     folder = cache_folder()
     shutil.copytree(folder, tmp_path / folder.parent.name / folder.name)
-    for path in tmp_path.rglob("*.nbc"):
-        path.write_bytes(path.read_bytes()[:100])
+    damaged = list(tmp_path.rglob(f"step.play-*.{suffix}"))
+    assert damaged
+    for path in damaged:
+        path.write_bytes(path.read_bytes()[:kept])
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-m", "fpg_bench", *words]
     result = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert result.returncode == 1
-    assert f"delete {tmp_path}" in result.stderr.splitlines()[-1]
+    assert result.returncode == 0, result.stderr
+    assert any(path.stat().st_size > kept for path in damaged)
+
+
+def test_an_end_of_file_is_no_stop(monkeypatch, capsys):
+    def ended(*words, **options):
+        raise typer.Abort from EOFError("Ran out of input")
+
+    monkeypatch.setattr("fpg_bench.cli.app", ended)
+    with pytest.raises(SystemExit) as ending:
+        fpg_bench.cli._run()
+    assert ending.value.code == 1
+    assert "EOFError: Ran out of input" in capsys.readouterr().err
+
+
+EVALUATE = (sys.executable, "-m", "fpg_bench", "evaluate", "idle", "--suite", "ally-v1", "--matches", "1")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("encoding", ["gbk", "iso-8859-1"])
+def test_a_letter_that_the_encoding_lacks_stops_nothing(tmp_path, encoding):
+    environment = os.environ | {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
+    result = subprocess.run(EVALUATE, env=environment, capture_output=True, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert b"? fewer than three training seeds" in result.stdout
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&-"])
+def test_closed_streams_stop_nothing(tmp_path, closed):
+    line = f"{shlex.join(EVALUATE)}"
+    result = subprocess.run(f"{line} {closed}", shell=True, capture_output=True, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert len(list(tmp_path.glob("results/**/table.md"))) == 1
+    wrong = subprocess.run(f"{line} --wrong {closed}", shell=True, capture_output=True, cwd=tmp_path)
+    assert (wrong.returncode, wrong.stdout) == (2, b"")
 
 
 @pytest.mark.process

@@ -9,6 +9,7 @@ from fpg_bench.common.checks import check_keys, flag, integer, mapping
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import install_command, require_extra
 from fpg_bench.common.rows import RowFile
+from fpg_bench.common.strict_json import read_plain
 from tests.programs import python
 
 
@@ -137,6 +138,7 @@ import sys
 from pathlib import Path
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
+from fpg_bench.common.strict_json import read_plain
 from tests.programs import python
 file = RowFile(Path(sys.argv[1]))
 try:
@@ -161,3 +163,7 @@ def test_a_file_is_held_by_one_process_until_the_last_part_of_it_lets_go(tmp_pat
     second.__exit__(None, None, None)
     assert in_another_process(tmp_path / "rows.jsonl") == ""
     assert RowFile(tmp_path / "rows.jsonl").read() == [{"a": 1}]
+
+
+def test_json_may_begin_with_a_byte_order_mark():
+    assert read_plain(b'\xef\xbb\xbf{"a": 1}') == read_plain('\ufeff{"a": 1}') == {"a": 1}

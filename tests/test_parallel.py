@@ -109,6 +109,21 @@ def test_a_job_that_finished_before_its_worker_was_lost_is_not_run_again(tmp_pat
     assert begun(tmp_path) == ["wild"]
 
 
+def refused(error, result):
+    raise error
+
+
+@pytest.mark.parametrize("error", [BrokenPipeError(), OSError(errno.ENOSPC, "full"), ZeroDivisionError()])
+def test_whatever_the_driver_meets_ends_the_jobs(tmp_path, error, recwarn):
+    keep = partial(refused, error)
+    jobs = [Job(str(number), partial(working.square, tmp_path, number), keep) for number in range(20)]
+    with pytest.raises(type(error)):
+        run_jobs(jobs, n_jobs=2)
+    assert len(begun(tmp_path)) < len(jobs)
+    assert not recwarn.list
+    assert run_jobs([Job("next", partial(working.square, tmp_path, 3))] * 2, n_jobs=2) == {}
+
+
 def interrupted(jobs, ready):
     """Run jobs on two workers, and interrupt this process as Ctrl-C does once a condition holds."""
 

@@ -6,7 +6,6 @@ import atexit
 import errno
 import gc
 import os
-import pickle
 import signal
 import sys
 from typing import Annotated, Any
@@ -16,7 +15,7 @@ import typer
 from fpg_bench.cli import dataset, evaluation, hub, leaderboard, listing, llm, plan, reproduce, training, tune
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.imports import described
-from fpg_bench.common.output import print_messages
+from fpg_bench.common.output import accept_all_letters, print_messages
 
 app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
@@ -97,9 +96,11 @@ def main() -> None:
     """Run the command line; end with one line and a non-zero status on every error."""
     global _INTERRUPTED, _DONE
     _INTERRUPTED = _DONE = False
+    accept_all_letters()
     atexit.register(gc.freeze)  # skips the garbage collection of hundreds of thousands of objects at the end
     signal.signal(signal.SIGTERM, _terminated)
-    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    if hasattr(signal, "SIGALRM"):  # not on Windows
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupted)
     sys.unraisablehook = _heard_again
@@ -107,9 +108,7 @@ def main() -> None:
         _run()
     finally:
         _DONE = True
-        signal.setitimer(
-            signal.ITIMER_REAL, 0
-        )  # Python restores SIGALRM at its end, and the alarm would kill the process
+        _set_alarm(0)  # Python restores SIGALRM at its end, and the alarm would kill the process
 
 
 def _run() -> None:
@@ -121,14 +120,13 @@ def _run() -> None:
     except typer.TyperException as error:  # wrong arguments
         message = getattr(error, "format_message", error.__str__)()
         _fail(f"{message} (fpg-bench --help)", 2)
-    except (typer.Abort, KeyboardInterrupt):
+    except (typer.Abort, KeyboardInterrupt) as error:
+        cause = error.__cause__ or error.__context__
+        if isinstance(cause, EOFError):  # typer takes it for the user's own stop
+            _fail(f"{described(cause)} (the traceback: fpg-bench --debug ...)", 1)
         _fail(_KEPT, _ENDED or _STOPPED)
     except UserError as error:
         _fail(str(error), 2)
-    except (pickle.UnpicklingError, EOFError):
-        from fpg_bench.game.compiling import cache_folder
-
-        _fail(f"compiled code on disk is damaged; delete {cache_folder()} and try again", 1)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
@@ -146,9 +144,15 @@ def _heard_again(swallowed: Any) -> None:
     """Raise Ctrl-C again shortly if it came within a callback, such as Numba's, which cannot raise it."""
     if swallowed.exc_type is KeyboardInterrupt:
         if not _DONE:
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+            _set_alarm(_AGAIN_S)
     else:
         sys.__unraisablehook__(swallowed)
+
+
+def _set_alarm(seconds: float) -> None:
+    """Raise KeyboardInterrupt after so many seconds; 0: not any more."""
+    if hasattr(signal, "setitimer"):  # not on Windows
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def _interrupted(number: int, frame: object) -> None:
@@ -168,5 +172,6 @@ def _terminated(number: int, frame: object) -> None:
 def _fail(message: str, status: int) -> None:
     if _DEBUG:
         raise
-    print("fpg-bench: " + printable(" ".join(message.split())), file=sys.stderr)
+    if sys.stderr is not None:  # print() would take standard output
+        print("fpg-bench: " + printable(" ".join(message.split())), file=sys.stderr)
     sys.exit(status)

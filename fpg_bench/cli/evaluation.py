@@ -30,6 +30,7 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.output import is_terminal
 
 
 def play(
@@ -169,7 +170,7 @@ def shown_progress() -> Iterator[Callable[[str], None]]:
     from fpg_bench.common.parallel import LINE_EVERY_S
 
     last_line = time.monotonic()
-    with Progress(transient=True, disable=not sys.stderr.isatty()) as bar:
+    with Progress(transient=True, disable=not is_terminal(sys.stderr)) as bar:
         task = bar.add_task("", total=None)
 
         def show(line: str) -> None:
@@ -177,7 +178,8 @@ def shown_progress() -> Iterator[Callable[[str], None]]:
             bar.update(task, description=line)
             if bar.disable and time.monotonic() - last_line >= LINE_EVERY_S:
                 last_line = time.monotonic()
-                print(printable(line), file=sys.stderr, flush=True)
+                if sys.stderr is not None:
+                    print(printable(line), file=sys.stderr, flush=True)
 
         yield show
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -301,7 +302,7 @@ def _train(
         )
         for each in listed_seeds:
             print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
-        typer.echo(f"agents: {out}/seed_*/agent\nall curves: tensorboard --logdir {out}")
+        typer.echo(f"agents: {out}/seed_*/agent\nall curves: tensorboard --logdir {shlex.quote(str(out))}")
         return
     folder = RunFolder(out)
     already = folder.is_finished()
@@ -317,7 +318,7 @@ def _train(
     print_scores(folder)
     if folder.curve.exists():
         typer.echo(f"learning curve: {folder.curve}")
-    typer.echo(f"agent: {agent}\nall curves: tensorboard --logdir {out}")
+    typer.echo(f"agent: {agent}\nall curves: tensorboard --logdir {shlex.quote(str(out))}")
 
 
 def print_scores(run: RunFolder, head: str = "") -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 import sys
 import traceback
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -19,6 +20,11 @@ from fpg_bench.common.errors import UserError
 HUB = "hf://"  # begins the name of an agent on the Hugging Face Hub
 SUITE = "suite:"  # begins the name of a suite's members
 _OWN = ("fpg_bench.training.waterfall_cnn:WaterfallCNN",)  # code of the package that files may name
+
+
+def names_object(name: str) -> bool:
+    """Return True for ``package.module:object``; not for a path that begins with a drive of Windows."""
+    return ":" in name and not re.match(r"[A-Za-z]:[\\/]", name)
 
 
 def import_object(name: str, what: str, methods: Sequence[str], scenario: object) -> Any:

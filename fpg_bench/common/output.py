@@ -1,9 +1,16 @@
-"""Lines without control characters on standard output, and the package's log messages."""
+"""Lines without control characters on standard output, the package's log messages, and the user's cache."""
 
 from __future__ import annotations
 
+import functools
 import logging
+import os
 import sys
+import tempfile
+from pathlib import Path
+from typing import TextIO
+
+import platformdirs
 
 from fpg_bench.common.errors import printable
 
@@ -29,4 +36,46 @@ class _PrintHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         stream = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
+        if stream is None:  # a service, or closed by the shell; print() would take standard output
+            return
         print(printable(self.format(record)), file=stream, flush=True)
+
+
+def is_terminal(stream: TextIO | None) -> bool:
+    """Return True for an open terminal; services and ``2>&-`` have no stream at all."""
+    return stream is not None and not stream.closed and stream.isatty()
+
+
+def accept_all_letters() -> None:
+    """Let the standard streams replace letters that the locale's encoding lacks."""
+    for stream in (sys.stdout, sys.stderr):
+        if (reconfigure := getattr(stream, "reconfigure", None)) is not None:
+            reconfigure(errors="replace")
+
+
+@functools.cache
+def user_cache() -> Path:
+    """Return the user's cache folder; without a home folder, a private one among the temporary files."""
+    try:
+        folder = platformdirs.user_cache_path("fpg_bench")
+        if folder.is_absolute():
+            return folder
+    except RuntimeError:  # no HOME, and no entry in the password file
+        pass
+    folder = _own_temporary_folder()
+    logging.getLogger(__name__).warning(f"no home folder (set HOME); the cache is {folder}")
+    return folder
+
+
+def _own_temporary_folder() -> Path:
+    """Return a folder that no other user can write: what lies in a cache is run."""
+    user = os.getuid() if hasattr(os, "getuid") else ""
+    folder = Path(tempfile.gettempdir()) / f"fpg_bench-{user}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        about = folder.lstat()
+        if user == "" or (about.st_uid == user and about.st_mode & 0o170077 == 0o040000):
+            return folder
+    except OSError:  # a file, or another's
+        pass
+    return Path(tempfile.mkdtemp(prefix="fpg_bench-"))

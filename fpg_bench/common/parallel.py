@@ -14,6 +14,7 @@ import socket
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
@@ -119,6 +120,9 @@ def run_jobs(
         require_extra("ray", "ray")
     elif address is not None:
         raise UserError("address: names a Ray cluster; add --backend ray")
+    elif n_jobs > 1 and not hasattr(os, "setpgrp"):  # Windows
+        _logger.warning("n_jobs: several processes need Linux or macOS; the jobs run one after the other")
+        n_jobs = 1
     failed: dict[str, str] = {}
     jobs = list(jobs)
     waiting = {index: job for index, job in enumerate(jobs) if not job.done()}
@@ -215,7 +219,7 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
     """Run calls in processes of this machine."""
     require_extra("evaluate", "joblib")
     from joblib import Parallel, delayed, parallel_config
-    from joblib.externals.loky import get_reusable_executor
+    from joblib.externals.loky import reusable_executor
     from joblib.externals.loky.backend import resource_tracker
 
     for tracker in (multiprocessing.resource_tracker, resource_tracker):
@@ -225,6 +229,7 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
             return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1, max_nbytes=None
         )
     with _interrupts_passed_on() as stopped:
+        results = None
         try:
             with _interrupts_held():
                 results = parallel(delayed(_in_worker)(*call, os.getpid()) for call in calls)
@@ -233,7 +238,12 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
             if not stopped.is_set():
                 raise
         finally:
-            get_reusable_executor().shutdown(kill_workers=True)
+            # Not get_reusable_executor(): it would hold a lock that a thread needs which it waits for
+            if (executor := reusable_executor._executor) is not None:
+                executor.shutdown(kill_workers=True)
+            if results is not None:
+                with warnings.catch_warnings(action="ignore"):  # of tasks that it gives up
+                    results.close()
     if stopped.is_set():
         raise KeyboardInterrupt
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 import threading
@@ -11,17 +10,24 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType, UnionType
-from typing import IO, Any
+from typing import Any
+
+import filelock
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_bounded
 from fpg_bench.common.strict_json import read_object
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 Row = dict[str, Any]
 _LARGEST = 2**30  # bytes; those of a long run are a few million
 
 # Locks held by this process, and the number of holders of each: a match and its planner share a transcript.
-_LOCKS: dict[tuple[int, Path], IO[str]] = {}
+_LOCKS: dict[tuple[int, Path], Callable[[], object]] = {}
 _HOLDERS: Counter[tuple[int, Path]] = Counter()
 _GUARD = threading.Lock()
 
@@ -106,17 +112,22 @@ class RowFile:
             with _GUARD:
                 _HOLDERS[held] -= 1
                 if not _HOLDERS[held]:
-                    _LOCKS.pop(held).close()
+                    _LOCKS.pop(held)()
 
-    def _lock(self) -> IO[str]:
+    def _lock(self) -> Callable[[], object]:
+        """Lock the file; return what unlocks it."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        file = self.path.open("a")
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            file.close()
+            if fcntl is None:  # Windows keeps all writers off a file that is locked: a file beside it
+                lock = filelock.FileLock(f"{self.path}.lock", thread_local=False)
+                lock.acquire(timeout=0)
+                return lock.release
+            with contextlib.ExitStack() as opened:
+                file = opened.enter_context(self.path.open("a"))
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return opened.pop_all().close
+        except (BlockingIOError, filelock.Timeout) as error:
             raise UserError(f"rows {self.path}: another process is writing them") from error
-        return file
 
     def _truncate_partial_line(self) -> None:
         """Remove a partial last line; of complete files only the last byte is read."""

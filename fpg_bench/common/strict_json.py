@@ -20,7 +20,7 @@ def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False, halves
     """Return the content of a JSON text.
 
     Args:
-        text: bytes are UTF-8.
+        text: bytes are UTF-8, with or without a byte order mark.
         most: bytes or characters that it may have.
         nan: accept NaN and infinity, which Python writes although JSON does not define them.
         halves: accept lone surrogates, as in a text that was cut off.
@@ -31,7 +31,7 @@ def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False, halves
     """
     if len(text) > most:
         raise ValueError(f"longer than {most:,} {'bytes' if isinstance(text, bytes) else 'characters'}")
-    text = text.decode("utf-8") if isinstance(text, bytes) else text
+    text = text.decode("utf-8-sig") if isinstance(text, bytes) else text.removeprefix("\ufeff")
     checks: dict[str, Any] = {} if nan else {"parse_constant": _refuse}
     if _LONG_NUMBER.search(text):
         checks |= {"parse_int": _whole, "parse_float": _real}

@@ -36,8 +36,17 @@ Progress = Callable[[int, int], None]  # called with the number of finished roun
 
 
 def datasets_root() -> Path:
-    """Return the folder in which Minari looks for data sets."""
-    return Path(os.environ.get("MINARI_DATASETS_PATH") or Path.home() / ".minari" / "datasets")
+    """Return the folder in which Minari looks for data sets.
+
+    Raises:
+        UserError: this user has no home folder, and no variable names another one.
+    """
+    if named := os.environ.get("MINARI_DATASETS_PATH"):
+        return Path(named)
+    try:
+        return Path.home() / ".minari" / "datasets"
+    except RuntimeError as error:
+        raise UserError("data sets: no home folder; set MINARI_DATASETS_PATH, or use --out") from error
 
 
 def make_dataset(

@@ -18,7 +18,7 @@ from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
-from fpg_bench.common.imports import SUITE, check_allowed
+from fpg_bench.common.imports import SUITE, check_allowed, names_object
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -177,7 +177,7 @@ def identity(name: str) -> str:
     """Return what decides how a named player plays: the hash of an agent's policy, or its name."""
     if name.startswith(SUITE):
         raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
-    if not is_on_hub(name) and (":" in name or "/" not in name):
+    if not is_on_hub(name) and (names_object(name) or not {"/", "\\"} & set(name)):
         return name
     return read_card(name).policy_sha256
 

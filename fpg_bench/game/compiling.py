@@ -15,11 +15,12 @@ from typing import Any
 
 import numba
 import numpy
-import platformdirs
 from numba import config
 
 # Private modules of Numba, used only here: for the notice of compilation, and for the cache's location.
 from numba.core import caching, event
+
+from fpg_bench.common.output import user_cache
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = ("game", "players", "planning")
@@ -44,7 +45,7 @@ def cache_folder() -> Path | None:
     old version of what that function calls. None where the folder can't be written.
     """
     own_root = getattr(config, "CACHE_DIR", "")  # the environment's NUMBA_CACHE_DIR
-    root = Path(own_root) / "fpg_bench" if own_root else platformdirs.user_cache_path("fpg_bench")
+    root = Path(own_root) / "fpg_bench" if own_root else user_cache()
     folder = root / f"compiled-{source_digest()}"
     new = not folder.exists()
     try:
@@ -81,6 +82,19 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
         return str(super().get_suitable_cache_subpath(py_file))
 
 
+class _Cache(caching.FunctionCache):
+    """Numba's cache of a function, in which a damaged file is a miss: it is compiled and written anew."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the machine code of a signature; None if there is none, or none that can be read."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except Exception:  # whatever a damaged pickle raises
+            with contextlib.suppress(OSError):
+                self.flush()  # type: ignore[no-untyped-call]
+            return None
+
+
 def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
     """Compile a function: no fast-math (identical bits), no GIL, cached on disk.
 
@@ -95,7 +109,10 @@ def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
     options |= {"_nrt": allocates, "forceinline": not allocates}
     with _cached_in(folder):
-        return numba.njit(cache=folder is not None, **options)(function)
+        dispatcher = numba.njit(**options)(function)
+        if folder is not None:
+            dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
+        return dispatcher
 
 
 @contextlib.contextmanager

@@ -11,10 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
-import platformdirs
-
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import user_cache
 from fpg_bench.common.rows import RowFile
 
 TRACK_FOLDERS = ("ally", "opponent", "planner")  # folders of submissions; opponents have two tables
@@ -78,7 +77,7 @@ def crossplay_file(board: Path) -> Path:
 def work_folder(board: Path) -> Path:
     """Return a folder for unfinished work, outside the repository, where no submission can put files."""
     checkout = hashlib.sha256(str(board.resolve()).encode()).hexdigest()[:12]
-    return platformdirs.user_cache_path("fpg_bench") / "leaderboard" / checkout
+    return user_cache() / "leaderboard" / checkout
 
 
 @contextlib.contextmanager

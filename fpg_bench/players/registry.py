@@ -15,7 +15,7 @@ from gymnasium import spaces
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import NAMED, SCRIPTED, TACTICS, other_side
-from fpg_bench.common.imports import import_object
+from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.waterfall import Waterfall
@@ -79,7 +79,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         from fpg_bench.players.agent import load_agent
 
         return load_agent(name, side)
-    if ":" in name:
+    if names_object(name):
         player: Player = import_object(name, side, ("predict",), scenario)
         return player
     if name in NAMED[other_side(side)]:
@@ -146,7 +146,8 @@ def _is_agent(name: str, side: str) -> bool:
     """Return True if a name is that of an agent or a folder."""
     if _VARIANT.fullmatch(name) or name in NAMED[side] or name in ORACLES:
         return False
-    return is_on_hub(name) or (":" not in name and ("/" in name or (bool(name) and Path(name).is_dir())))
+    is_path = bool({"/", "\\"} & set(name)) or (bool(name) and Path(name).is_dir())
+    return is_on_hub(name) or (is_path and not names_object(name))
 
 
 def player_name(spec: PlayerSpec) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
+from fpg_bench.common.output import is_terminal
 from fpg_bench.common.parallel import LINE_EVERY_S
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
@@ -72,7 +73,7 @@ class ProgressCallback(BaseCallback):
             MofNCompleteColumn(),
             TextColumn("{task.fields[status]}"),
             TimeRemainingColumn(),
-            disable=not sys.stdout.isatty(),
+            disable=not is_terminal(sys.stdout),
         )
 
     def _on_training_start(self) -> None:

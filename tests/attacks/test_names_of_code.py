@@ -120,7 +120,9 @@ def test_a_search_space_and_a_study_run_no_code_that_is_not_allowed(tmp_path, ra
     (tmp_path / "space.yml").write_text(yaml.safe_dump(choice))
     with pytest.raises(UserError, match=REFUSED):
         tune("ppo", ALLY, "study", space="space.yml")
-    for number, changes in enumerate(({"algorithm": CODE}, {"options": {"opponent": ["tone", CODE]}})):
+    for number, changes in enumerate(
+        ({"algorithm": CODE}, {"game": {"id": "FPG/AllyVsPolicy-v0", "opponent": ["tone", CODE]}})
+    ):
         folder = tmp_path / str(number)
         open_study(open_storage(folder), "mine", fake_task(**changes))
         with pytest.raises(UserError, match=REFUSED):

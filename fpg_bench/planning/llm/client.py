@@ -465,6 +465,8 @@ def _texts(value: object) -> Iterator[str]:
 
 def _failed(body: object, problem: str, refusal_codes: tuple[int | str, ...]) -> Reply:
     message = error_text(body)
+    if "max_tokens" in message or "max_completion_tokens" in message:
+        problem += ", the limit is max_tokens of the server's profile (FPG_LLM_SERVER)"
     error = "refused" if _codes(body) & set(refusal_codes) else "http"
     return Reply(error=error, detail=one_line(f"{problem}: {message}" if message else problem), raw=body)
 

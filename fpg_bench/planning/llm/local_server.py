@@ -20,11 +20,10 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-import platformdirs
-
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import user_cache
 from fpg_bench.common.strict_json import read_plain
 
 GGUF = "FPG_LLM_GGUF"  # names a model's file
@@ -66,7 +65,7 @@ class PackagedModel:
     def file(self) -> Path:
         """Path in the folder that ``FPG_BENCH_MODELS`` names, else in the user's cache."""
         named = os.environ.get(FOLDER, "").strip()
-        folder = Path(named) if named else platformdirs.user_cache_path("fpg_bench") / "models"
+        folder = Path(named) if named else user_cache() / "models"
         return folder / f"{self.name}.gguf"
 
 
@@ -186,8 +185,10 @@ class Speed:
 
 def free_cores() -> int:
     """Return the cores that were idle in the last minute; never less than half of them, or than one."""
-    cores = len(os.sched_getaffinity(0))
-    return max(1, cores // 2, round(cores - os.getloadavg()[0]))
+    has_affinity = hasattr(os, "sched_getaffinity")  # Linux alone
+    cores = len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
+    busy = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0  # not on Windows
+    return max(1, cores // 2, round(cores - busy))
 
 
 class LocalServer:

@@ -141,7 +141,9 @@ class Endpoint:
         """True for a loopback address."""
         host = urlsplit(self.base_url).hostname or ""
         try:
-            return ipaddress.ip_address(host).is_loopback
+            address = ipaddress.ip_address(host)
+            address = getattr(address, "ipv4_mapped", None) or address
+            return address.is_loopback or address.is_unspecified  # 0.0.0.0 connects to this machine
         except ValueError:
             return host == "localhost" or host.endswith(".localhost")
 

@@ -175,7 +175,8 @@ class PolicyClient(Batched):
             PolicyFailed: it died, failed, or gave no answer in time.
             ValueError: ``state`` is not what the last call returned: another batch has been played since.
         """
-        if state not in (None, self._calls):
+        is_fresh = not self._calls and starts is not None and bool(starts.all())  # of a copy of its games
+        if state not in (None, self._calls) and not is_fresh:
             raise ValueError("a PolicyClient keeps the memory of one batch of games only")
         count = len(seen)
         if len(self.invalid) != count:

@@ -97,6 +97,8 @@ class Sandbox:
     """
 
     def __init__(self, module: str, limits: Limits) -> None:
+        if not hasattr(os, "fork"):
+            raise UserError("an agent of others runs in a sandbox, which needs Linux; on Windows, use WSL")
         self.limits = limits
         self._left_s = limits.total_s
         self._folder = tempfile.TemporaryDirectory(prefix="fpg-bench-")

@@ -110,7 +110,29 @@ def test_what_is_missing_is_named_in_one_line_and_nothing_else(environment, valu
     assert [name for name in known if f"FPG_LLM_{name}" in message] == named
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "[::1]", "127.8.8.8"])
+@pytest.mark.parametrize(
+    "host",
+    [
+        "127.0.0.1",
+        "localhost",
+        "[::1]",
+        "127.8.8.8",
+        "0.0.0.0",
+        "[::]",
+        "[::ffff:127.0.0.1]",
+        "[::ffff:0.0.0.0]",
+    ],
+    [
+        "127.0.0.1",
+        "localhost",
+        "[::1]",
+        "127.8.8.8",
+        "0.0.0.0",
+        "[::]",
+        "[::ffff:127.0.0.1]",
+        "[::ffff:0.0.0.0]",
+    ],
+)
 def test_a_server_on_this_machine_needs_no_key(environment, host):
     environment(BASE_URL=f"http://{host}:8080/v1/chat/completions/", MODEL="m")
     endpoint = endpoint_from_environment()
