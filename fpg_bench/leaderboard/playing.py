@@ -7,6 +7,7 @@ import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from fpg_bench.players.sandbox import client
 from fpg_bench.players.sandbox.client import Policy
 from fpg_bench.players.sandbox.process import PolicyFailed, missing_here
 
-NOTES = "notes.jsonl"  # beside a part's records
+NOTES = "notes.jsonl"  # in a part's folder, beside a folder for each suite
 FAILED = "failed"  # key of a row that says why a part could not be finished
 OPEN = "open"  # key of a row that names what the policy could not be kept from
 _GAMES, _STEPS, _ROUNDS = 16, 25, 6  # of a smoke test
@@ -107,18 +108,25 @@ def matchups_of(suites: Iterable[Suite]) -> list[Matchup]:
     return [(suite, rival) for suite in suites for rival in suite.rivals]
 
 
-def part_records(part: Part, matchups: Iterable[Matchup], store: Store | None = None) -> list[Record]:
-    """Play a part against the rivals that its store lacks, in this process, and return all its records.
+def part_records(part: Part, matchups: Iterable[Matchup], folder: Path | None = None) -> list[Record]:
+    """Play a part's matchups in this process, and return their records.
 
-    Without a store nothing is kept.
+    Args:
+        part: the part.
+        matchups: what it plays, suite by suite.
+        folder: has a store of each suite, whose records are not played again; None: nothing is kept.
 
     Raises:
         PolicyFailed: a policy's process died or exceeded its limits.
         UserError: a transcript is not that of these matches.
     """
     with running_player(part) as player:
-        wanted = [Pairing(part.entry(player, suite), suite, rival) for suite, rival in matchups]
-        return (store or Store()).fill(wanted, partial(_play, part))
+        records: list[Record] = []
+        for name, of_suite in groupby(matchups, key=lambda matchup: matchup[0].name):
+            wanted = [Pairing(part.entry(player, suite), suite, rival) for suite, rival in of_suite]
+            store = Store(None if folder is None else folder / name / RECORDS)
+            records += store.fill(wanted, partial(_play, part))
+        return records
 
 
 def _play(part: Part, entry: EvaluatedPlayer, suite: Suite, rival: Rival, **more: Any) -> Record:
@@ -157,7 +165,7 @@ def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:
     """Play a part's matchups that have no record in a folder; if the policy fails, the reason is noted."""
     notes = RowFile(folder / NOTES)
     try:
-        part_records(part, matchups, Store(folder / RECORDS))
+        part_records(part, matchups, folder)
     except PolicyFailed as error:
         notes.append([{FAILED: f"{part.name}: {error}"}])
     if isinstance(part.plays, Policy) and (lacking := missing_here()):
@@ -185,7 +193,7 @@ class PlayedPart:
 
 def read_part(folder: Path) -> PlayedPart:
     """Read the records of a part from its folder; empty if there is no such folder."""
-    records = Store(folder / RECORDS).records()
+    records = [record for path in folder.glob(f"*/{RECORDS}") for record in Store(path).records()]
     played = PlayedPart({(record.suite, record.suite_hash, record.rival): record for record in records})
     for row in RowFile(folder / NOTES).read():
         if FAILED in row:

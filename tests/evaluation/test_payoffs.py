@@ -45,8 +45,8 @@ def test_the_worst_rival_and_the_best_answer_are_named_with_what_is_earned():
 
 
 def test_an_unknown_name_is_refused():
-    with pytest.raises(UserError, match=r"pay-offs: no player 'scrip'; did you mean 'script'\?"):
-        HAND.worst("scrip")
+    with pytest.raises(UserError, match=r"pay-offs: no player 'scripts'; did you mean 'script'\?"):
+        HAND.worst("scripts")
     with pytest.raises(UserError, match="pay-offs: no rival 'three'"):
         HAND.best_answer("three")
 
