@@ -65,7 +65,7 @@ class Store:
     >>> wanted = pairings([player_entry("expert")], with_matches(load_suite("ally-v1"), 1))
     >>> store = Store()
     >>> len(store.fill(wanted)), store.missing(wanted)
-    (11, [])
+    (10, [])
 
     Args:
         path: the file, which need not exist; None: the records are kept in memory.

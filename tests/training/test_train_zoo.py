@@ -110,6 +110,24 @@ def test_every_player_is_evaluated_once_as_evaluate_does_to_the_digit(tmp_path):
             assert one.same_as(other)
 
 
+def test_each_record_is_kept_once_and_the_newest_of_a_matchup(tmp_path):
+    zoo = make_zoo(tmp_path / "zoo")
+    make_agent(zoo.members("small/ppo")[0])
+    group = zoo.groups[0]
+    suite = load_suite(group.suites[0])
+    records = add_missing_records(zoo, group)
+    of_scripts, of_agents = (RowFile(zoo.records_file(of)) for of in (suite, group))
+    older = [{**row, "rounds_sha256": "older"} for row in of_agents.read()]
+    newer, scripts = of_agents.read(), of_scripts.read()
+    of_agents.path.unlink()
+    of_agents.append([*older, *scripts, *newer])  # as groups held them before, each its own scripts
+    with pytest.raises(UserError, match="of the same matchup"):
+        zoo.read_records(group, suite)
+    assert script.compact(zoo) == len(older) + len(scripts)
+    assert zoo.read_records(group, suite) == records
+    assert script.compact(zoo) == 0
+
+
 def test_a_replaced_agent_is_evaluated_again(tmp_path):
     zoo = make_zoo(tmp_path)
     agent = zoo.members()[0]
