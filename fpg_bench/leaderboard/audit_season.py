@@ -13,8 +13,9 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
-from fpg_bench.evaluation.store import RECORDS, Store
+from fpg_bench.evaluation.store import Store
 from fpg_bench.leaderboard.close_season import (
+    PROFILE,
     against_candidate,
     earned,
     play_candidate,
@@ -145,7 +146,7 @@ def _compare(
         for number, player in enumerate(entry.players)
         for agent in (published, again)
     ]
-    records = Store(work / side / member.name / RECORDS).fill(wanted, play_candidate)
+    records = Store(work / side / member.name / PROFILE).fill(wanted, play_candidate)
     returns = np.array([earned(record, other, season.scenario)[other] for record in records]).reshape(-1, 2)
     is_same = read_card(again).policy_sha256 == member.policy_sha256
     difference = float(np.abs(returns[:, 0] - returns[:, 1]).mean())

@@ -58,7 +58,7 @@ _logger = logging.getLogger(__name__)
 
 CANDIDATES, SIZE = 24, 12
 ROUNDS = 60  # of each entry against each candidate
-PLAN, PROBE = "plan.yml", "probe"
+PROFILE, PLAN, PROBE = RECORDS, "plan.yml", "probe"
 # Groups of each side's candidates. Against the first, the first script of PROBES leads the second by more.
 # Herders keep an ally hopping, so the best answer is to stay; aimers jam where it is, so it has to hop.
 # Herdable allies hop into a jammer that alternates between both halves of the band; evasive ones do not.
@@ -240,10 +240,10 @@ def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") ->
         hyperparameters(recipe),
     )
     if not RunFolder(folder).is_finished():
-        (folder / RECORDS).unlink(missing_ok=True)
+        (folder / PROFILE).unlink(missing_ok=True)
         train(run, folder, evaluations=0, progress=False, restart=True)
     for path in folder.iterdir():
-        if path.name not in ("agent", "run.json", "evaluations.jsonl", RECORDS):
+        if path.name not in ("agent", "run.json", "evaluations.jsonl", PROFILE):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
@@ -547,14 +547,14 @@ def _make_candidate(closing: Closing, recipe: Recipe, folder: Path) -> None:
         for entry in closing.rival_entries(recipe.side)
         for number, player in enumerate(entry.players)
     ]
-    wanted += [against(script, recipe.path, f"{PROBE}/{script}") for script in PROBES[recipe.side]]
-    Store(folder / RECORDS).fill(wanted, play_candidate)
+    wanted += [against(script, recipe.path, PROBE) for script in PROBES[recipe.side]]
+    Store(folder / PROFILE).fill(wanted, play_candidate)
 
 
 def _is_complete(closing: Closing, recipe: Recipe) -> bool:
     folder, entries = closing.folder(recipe), closing.rival_entries(recipe.side)
     count = sum(len(entry.players) for entry in entries) + len(PROBES[recipe.side])
-    return RunFolder(folder).is_finished() and len(Store(folder / RECORDS).records()) == count
+    return RunFolder(folder).is_finished() and len(Store(folder / PROFILE).records()) == count
 
 
 def against_candidate(
@@ -594,10 +594,7 @@ def against_candidate(
 
 def _load(player: str, side: str, rival: Rival) -> Player:
     """Return a player when its turn has come: all of a board's policies at once would fill the memory."""
-    try:
-        return as_player(player, side, rival.scenario)
-    except UserError as error:
-        raise UserError(f"{player}: {error}") from error
+    return as_player(player, side, rival.scenario)
 
 
 def play_candidate(entry: EvaluatedPlayer, suite: Suite, rival: Rival, **more: Any) -> Record:
@@ -627,25 +624,30 @@ def _scale(side: str, scenario: str) -> Scale:
     return load_suite(track_of(side, path, scenario).public).scale
 
 
+def _profile(closing: Closing, recipe: Recipe) -> list[dict[str, Any]]:
+    """Return a row of each player that met a candidate: its entry, and what both sides earned."""
+    side = other_side(recipe.side)
+    return [
+        {"entry": record.entry, "player": record.fingerprint} | earned(record, side, closing.scenario)
+        for record in Store(closing.folder(recipe) / PROFILE).records()
+    ]
+
+
 def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     recipes = closing.recipes(side)
+    profiles = [_profile(closing, recipe) for recipe in recipes]
     other = other_side(side)
-    profiles = [
-        {
-            (record.entry, record.training_seed): earned(record, other, closing.scenario)[other]
-            for record in Store(closing.folder(recipe) / RECORDS).records()
-        }
-        for recipe in recipes
-    ]
-    players = [(entry.name, n) for entry in closing.rival_entries(side) for n in range(len(entry.players))]
-    returns = np.array([[of[player] for of in profiles] for player in players])
-    first, second = ([of[f"{PROBE}/{script}", None] for of in profiles] for script in PROBES[side])
+    returns = np.array([[row[other] for row in rows if row["entry"] != PROBE] for rows in profiles]).T
+    probes = [{row["player"]: row[other] for row in rows if row["entry"] == PROBE} for rows in profiles]
+    first, second = PROBES[side]
     groups: list[str] | None = None
     size = min(closing.size, len(recipes))
     if closing.number is None:
         selected = select_diverse(returns, size)
     else:
-        groups = group_candidates(returns, np.array(first) - np.array(second), side)
+        groups = group_candidates(
+            returns, np.array([earned[first] - earned[second] for earned in probes]), side
+        )
         selected = select_by_group(returns, groups, size)
     members = []
     for index in selected:

@@ -19,11 +19,12 @@ import pytest
 import yaml
 
 from fpg_bench import UserError
-from fpg_bench.evaluation.store import RECORDS, Store
+from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.audit_season import audit_season, check_entries, late_entries
 from fpg_bench.leaderboard.close_season import (
     ALGORITHMS,
+    PROFILE,
     REWARDS,
     STEPS,
     _lock,
@@ -275,7 +276,7 @@ def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board,
     about = json.loads((run / "run.json").read_text())
     (run / "run.json").write_text(json.dumps(about | {"finished": False}))
     shutil.rmtree(run / "agent")
-    rows = copied / "work/ally/a01" / RECORDS
+    rows = copied / "work/ally/a01" / PROFILE
     rows.write_text(rows.read_text()[:-20])  # killed while it was played
     again, messages = close_tiny(board, copied / "work", copied / "season-1")
     assert policies(again) == policies(season)
@@ -289,7 +290,7 @@ def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board,
 def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(closed):
     season, work = closed
     assert season.entries["ally/broken"]
-    profile = Store(work / "opponent/o00" / RECORDS).records()
+    profile = Store(work / "opponent/o00" / PROFILE).records()
     lost = [earned(record, "ally")["ally"] for record in profile if record.entry == "ally/broken"]
     assert lost == [pytest.approx(load_suite("ally-v2").scale.reward(-100), rel=0.01)] * 2
 
