@@ -26,14 +26,15 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.store import Store, pairings
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.game.state import TYPES
-from fpg_bench.leaderboard.ranking import nash
 from fpg_bench.players.player import SIDES, Memory, Player, PlayerSpec
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import Batched
@@ -99,25 +100,30 @@ def _reward(player: PlayerSpec, suite: Suite, rival: Rival) -> float:
     return float(suite.rewards(record.returns).mean())
 
 
-def payoffs(
-    scenario: Scenario, allies: Mapping[str, str], opponents: Mapping[str, str], matches: int
-) -> np.ndarray:
-    """Return the ally's reward per step ``(allies, opponents)`` in pursuit, of players by their labels."""
-    rivals = tuple(Rival(label, (name,), scenario) for label, name in opponents.items())
-    suite = Suite("payoffs", "ally", scenario, matches, rivals)
-    return np.array([[_reward(ally, suite, rival) for rival in rivals] for ally in allies.values()])
+def measure(
+    scenario: Scenario, allies: Mapping[str, str], opponents: Mapping[str, str], matches: int, store: Store
+) -> Payoffs:
+    """Return the pay-offs of allies against opponents in pursuit, of players by their labels."""
+    rivals = [Rival(label, (name,), scenario) for label, name in opponents.items()]
+    suites = [Suite("payoffs", "ally", scenario, matches, (rival,)) for rival in rivals]
+    players = {
+        label: name if name in SCRIPTED["ally"] else as_player(name, "ally", scenario)
+        for label, name in allies.items()
+    }
+    entries = [player_entry(player, label) for label, player in players.items()]
+    wanted = [pairing for suite in suites for pairing in pairings(entries, suite)]
+    store.fill(wanted)
+    return Payoffs.of(store, wanted)
 
 
-def equilibrium_note(allies: Sequence[str], opponents: Sequence[str], values: np.ndarray) -> str:
-    """Return a sentence on the equilibrium of the pay-offs ``(allies, opponents)``."""
-    equilibrium = nash(-values)
+def equilibrium_note(payoffs: Payoffs) -> str:
+    """Return a sentence on the equilibrium of pay-offs."""
+    equilibrium = payoffs.equilibrium()
     shares = [
-        ", ".join(
-            f"{name} {share:.2f}" for name, share in zip(names, mixture, strict=True) if share > LEAST_SHARE
-        )
-        for names, mixture in ((allies, equilibrium.rows), (opponents, equilibrium.columns))
+        ", ".join(f"{name} {share:.2f}" for name, share in mixture.items() if share > LEAST_SHARE)
+        for mixture in (equilibrium.players, equilibrium.rivals)
     ]
-    worth = f"worth {-equilibrium.value:z.2f} to the ally"
+    worth = f"worth {equilibrium.value:z.2f} to the ally"
     return f"Equilibrium, {worth}. Allies: {shares[0]}. Opponents: {shares[1]}."
 
 
@@ -183,6 +189,8 @@ def main() -> int:
     for side in SIDES:
         text = f"LABEL=FOLDER of one more {side} of the pay-offs, a best response for instance"
         parser.add_argument(f"--{side}", action="append", default=[], metavar="LABEL=FOLDER", help=text)
+    text = "file of the pay-offs' records, which are not played again"
+    parser.add_argument("--store", type=Path, metavar="FILE", help=text)
     parser.add_argument("--page", type=Path, help="page that the tables are put into")
     options = parser.parse_args()
     scenario = preset(options.scenario)
@@ -198,11 +206,14 @@ def main() -> int:
         for side in SIDES
     ]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
-    values = payoffs(scenario, *players, options.matches)
-    allies, opponents = map(list, players)
-    earned = [[ally, *(f"{value:.2f}" for value in row)] for ally, row in zip(allies, values, strict=True)]
+    allies, opponents = players
+    payoffs = measure(scenario, allies, opponents, options.matches, Store(options.store))
+    earned = [
+        [ally, *(f"{value:.2f}" for value in row)]
+        for ally, row in zip(payoffs.players, payoffs.values, strict=True)
+    ]
     tables = {
-        "equilibrium": equilibrium_note(allies, opponents, values),
+        "equilibrium": equilibrium_note(payoffs),
         "levers": markdown_table(lever_table(scenario, suites, strongest)),
     }
     files = {

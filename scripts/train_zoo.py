@@ -3,12 +3,14 @@
 python scripts/train_zoo.py [--only ally-scripted/ppo] [--n-jobs 2]    trains; run it again to resume
 python scripts/train_zoo.py --list      shows which agents are shipped
 python scripts/train_zoo.py --check     evaluates every shipped agent again and compares the records
+python scripts/train_zoo.py --compact   drops records that repeat a matchup
 python scripts/train_zoo.py --tables    adds missing records; writes baselines/README.md and its pictures
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import signal
 import sys
@@ -25,10 +27,11 @@ from fpg_bench.common.ids import DUEL, SCRIPTED, sides_of
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, run_jobs
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.entry import EvaluatedPlayer, player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.record import Record
-from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.record import MatchupKey, Record, read_record
+from fpg_bench.evaluation.store import pairings
+from fpg_bench.evaluation.suite import Rival, Suite, load_suite
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.config import RunConfig
@@ -122,29 +125,46 @@ def ship(agent: ZooAgent, run: Path) -> None:
 
 
 def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
-    """Evaluate a group's scripts and shipped agents on its suites where their records are missing.
+    """Evaluate a group's shipped agents, and the scripts, on its suites where their records are missing.
 
     Returns:
         All records of the group.
     """
-    file, records = zoo.score_file(group), []
-    entries = [player_entry(name) for name in SCRIPTED[group.side]]
-    entries += [agent.entry() for agent in zoo.members(group.name) if agent.shipped]
-    with file.locked():
-        for suite in map(load_suite, group.suites):
-            known = zoo.read_records(group, suite)
-            done = {(record.entry, record.training_seed, record.rival) for record in known}
-            for entry in entries:
-                key = (entry.name, entry.training_seed)
-                missing = [c for c in suite.rivals if (*key, c.name) not in done]
-                if missing:
-                    seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
-                    _logger.info(f"scoring {group.name}: {entry.name}{seed} against {suite.name}")
-                played = [play(entry, suite, rival) for rival in missing]
-                file.append(record.row() for record in played)
-                known += played
-            records += known
+    scripts = [player_entry(name) for name in SCRIPTED[group.side]]
+    agents = [agent.entry() for agent in zoo.members(group.name) if agent.shipped]
+    records = []
+    for suite in map(load_suite, group.suites):
+        for store, entries in ((zoo.store(suite), scripts), (zoo.store(group), agents)):
+            store.fill(pairings(entries, suite), progress=partial(_tell, suite))
+        records += zoo.read_records(group, suite)
     return records
+
+
+def _tell(suite: Suite, entry: EvaluatedPlayer, rival: Rival, rounds: int) -> None:
+    if not rounds and rival == suite.rivals[0]:
+        seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
+        _logger.info(f"scoring {entry.name}{seed} against {suite.name}")
+
+
+def compact(zoo: Zoo) -> int:
+    """Keep each record once, the newest of its matchup, and those of scripts in the file of their suite.
+
+    Returns:
+        The number of rows that are gone.
+    """
+    suites = {suite.name: suite for group in zoo.groups for suite in map(load_suite, group.suites)}
+    kept: dict[Path, dict[MatchupKey, Record]] = {
+        zoo.records_file(of): {} for of in (*suites.values(), *zoo.groups)
+    }
+    rows = [(path, row) for path in kept for row in RowFile(path).read()]
+    for path, row in rows:
+        record = read_record(row, f"records {path}")
+        is_script = record.training_seed is None and record.suite in suites
+        kept[zoo.records_file(suites[record.suite]) if is_script else path][record.key] = record
+    for path, records in kept.items():
+        text = [json.dumps(record.row(), separators=(",", ":")) + "\n" for record in records.values()]
+        write_whole(path, "".join(text))
+    return len(rows) - sum(map(len, kept.values()))
 
 
 def differences(zoo: Zoo, agent: ZooAgent) -> list[str]:
@@ -182,7 +202,7 @@ def main() -> int:
     parser.add_argument("--n-jobs", type=int, default=2, help="trainings at once, one thread each")
     parser.add_argument("--runs", type=Path, default=Path("runs/zoo"), help="the runs' folders")
     parser.add_argument("--zoo", type=Path, help="a folder with a zoo.yml; default: baselines/")
-    for name in ("list", "check", "tables"):
+    for name in ("list", "check", "compact", "tables"):
         parser.add_argument(f"--{name}", action="store_true")
     options = parser.parse_args()
     print_messages()
@@ -193,6 +213,9 @@ def main() -> int:
         return 0
     if options.check:
         return int(not check(zoo, options.only))
+    if options.compact:
+        print(f"dropped: {compact(zoo):,} records")
+        return 0
     if not options.tables:
         failed = train_zoo(zoo, options.runs, options.only, options.n_jobs)
     for group in zoo.groups:

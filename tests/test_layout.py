@@ -105,6 +105,13 @@ def test_no_modules_and_no_rooms_import_each_other_in_a_circle():
     assert not circle({room: others - {room} for room, others in rooms.items()})
 
 
+def test_the_board_never_reads_the_records_of_the_zoo():
+    """What it ranks it has played itself."""
+    readers = [module for module, others in graph().items() if "fpg_bench.evaluation.zoo" in others]
+    assert readers
+    assert not [module for module in readers if room_of(module) == "leaderboard"]
+
+
 @pytest.mark.parametrize(
     ("door", "home"),
     [

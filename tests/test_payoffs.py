@@ -6,8 +6,10 @@ import dataclasses
 
 import measure_payoffs
 import numpy as np
-from measure_payoffs import Frozen, Lever, equilibrium_note, lever_table, levers, payoffs
+from measure_payoffs import Frozen, Lever, equilibrium_note, lever_table, levers, measure
 
+from fpg_bench.evaluation.payoffs import Payoffs
+from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import preset
 from fpg_bench.players.registry import as_player
@@ -19,13 +21,19 @@ SUITE = dataclasses.replace(
 
 
 def test_the_note_names_the_equilibrium_of_the_payoffs():
-    values = payoffs(
-        LINK, {"idle": "idle", "mine": "expert"}, {"tone": "tone", "random": "random"}, matches=3
-    )
-    assert values.shape == (2, 2)
-    assert np.isfinite(values).all()
-    note = equilibrium_note(["a", "b"], ["x", "y"], np.array([[3.0, -1.0], [-2.0, 1.0]]))
+    rows = tuple(np.array([row, row]) for row in ([3.0, -1.0], [-2.0, 1.0]))
+    note = equilibrium_note(Payoffs(("a", "b"), ("x", "y"), rows, ("matches",) * 2))
     assert note == "Equilibrium, worth 0.14 to the ally. Allies: a 0.43, b 0.57. Opponents: x 0.29, y 0.71."
+
+
+def test_pay_offs_that_are_in_the_store_are_not_played_again(tmp_path, monkeypatch):
+    allies, store = {"idle": "idle", "mine": "expert"}, Store(tmp_path / "records.jsonl")
+    first = measure(LINK, allies, {"tone": "tone"}, 3, store)
+    assert (first.players, first.rivals) == (("idle", "mine"), ("tone",))
+    assert len(measure(LINK, allies, {"tone": "tone", "again": "random"}, 3, store).rivals) == 2
+    assert len(store.records()) == 4
+    monkeypatch.setattr("fpg_bench.evaluation.store.play", None)
+    assert np.array_equal(measure(LINK, allies, {"tone": "tone"}, 3, store).values, first.values)
 
 
 def test_a_frozen_player_does_as_it_did_but_for_the_lever():

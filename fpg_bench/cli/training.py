@@ -49,7 +49,7 @@ from fpg_bench.cli.options import (
     steps_option,
     whole_number,
 )
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
@@ -556,7 +556,7 @@ def export(
     seeds = seed_folders(source)
     targets = [out / seed.name for seed in seeds] or [out]
     if taken := next((target for target in targets if (target / "agent.json").exists()), None):
-        raise UserError(f"export: {taken} already holds an agent; remove it or choose another folder")
+        raise other_content(f"export: {taken}", "an agent already", "remove it")
     if source.is_dir():
         agents = [_agent_of(run, side) for run in seeds or [source]]  # all of them, before any is written
         for (agent, difference), target in zip(agents, targets, strict=True):

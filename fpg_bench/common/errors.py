@@ -24,6 +24,17 @@ class UnknownOptionError(UserError, TypeError):
     """An unknown option of a call; also a TypeError, which frameworks that probe for one expect."""
 
 
+def other_content(where: object, content: str, remedy: str = "") -> UserError:
+    """Return the error for a folder, or a file of it, that belongs to something else.
+
+    Args:
+        where: the folder or file.
+        content: what it holds.
+        remedy: what else than another folder would help.
+    """
+    return UserError(f"{where}: holds {content}; {f'{remedy}, or ' if remedy else ''}choose another folder")
+
+
 def printable(text: str) -> str:
     """Return a text from outside with control characters and lone surrogates replaced."""
     return "".join(c if c.isprintable() or c == "\n" else "�" for c in text)

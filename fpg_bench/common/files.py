@@ -22,7 +22,7 @@ from typing import Any
 
 import yaml
 
-from fpg_bench.common.errors import UserError, one_line
+from fpg_bench.common.errors import UserError, one_line, other_content
 from fpg_bench.common.strict_json import LONGEST, read_plain
 
 PACKED = ".gz"
@@ -184,7 +184,7 @@ def check_own_folder(folder: Path, description: str, what: str, *others: str) ->
     names = os.listdir(folder) if folder.exists() else []
     begun = f".{description}."  # of a process that was killed while it wrote the description
     if description not in names and any(name not in others and not name.startswith(begun) for name in names):
-        raise UserError(f"{folder}: is not empty and holds no {what}; choose another folder")
+        raise other_content(folder, f"other files, but no {what}")
 
 
 def check_writable(folder: Path) -> None:
@@ -193,7 +193,7 @@ def check_writable(folder: Path) -> None:
     if not there.is_dir():
         raise UserError(f"out: {there} is a file; name a folder")
     if not os.access(there, os.W_OK):
-        raise UserError(f"out: {there} cannot be written to; choose another folder")
+        raise UserError(f"out: {there} cannot be written to; make it writable, or name another")
 
 
 def _begun(path: Path) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from minari.serialization import serialize_space
 
 from fpg_bench.common.checks import integer
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder, check_writable, read_json, write_json
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.datasets.croissant import croissant
@@ -130,15 +130,13 @@ def _check_same(folder: Path, recipe: dict[str, Any]) -> None:
     where = f"data set {folder}"
     known = read_json(folder / "data" / METADATA, "data set").get(RECIPE)
     if not isinstance(known, dict):
-        raise UserError(f"{where}: was not made by fpg-bench dataset make; choose another folder")
+        raise other_content(where, "data that fpg-bench dataset make did not make")
     if known.get("version") != recipe["version"]:
-        raise UserError(
-            f"{where}: was started by fpg-bench {known.get('version')}, this is {recipe['version']}; "
-            "delete it, or choose another folder"
-        )
+        versions = f"{known.get('version')}, not this version, {recipe['version']}"
+        raise other_content(where, f"a data set begun by fpg-bench {versions}", "delete it")
     before, now = ({**each.get("spec", {}), **each, "spec": None} for each in (known, recipe))
     if different := [key for key, value in now.items() if before.get(key) != value]:
-        raise UserError(f"{where}: differs in {', '.join(different)}; delete it, or choose another folder")
+        raise other_content(where, f"one that differs in {', '.join(different)}", "delete it")
 
 
 def _check_room(data: Path, spec: DatasetSpec) -> None:
@@ -148,7 +146,7 @@ def _check_room(data: Path, spec: DatasetSpec) -> None:
     if needed > free:
         raise UserError(
             f"data set {spec.name}: needs {needed / 1e6:,.0f} MB in {data.parents[1]}, where "
-            f"{free / 1e6:,.0f} MB are free; use fewer --steps, or choose another folder"
+            f"{free / 1e6:,.0f} MB are free; use fewer --steps, or a larger disk"
         )
 
 

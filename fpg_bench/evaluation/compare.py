@@ -9,13 +9,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.entry import EvaluatedPlayer, planner_entry
-from fpg_bench.evaluation.evaluate import Progress, play_into, with_matches
+from fpg_bench.evaluation.evaluate import play_into, with_matches
 from fpg_bench.evaluation.match import replaying
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
+from fpg_bench.evaluation.store import Progress
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
@@ -194,9 +195,8 @@ def _claim(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any]:
         _check_suite(folder, known, suite)
         for key in (*_DECIDING, *_SAMPLING):
             if known.get(key, about[key]) != about[key]:
-                raise UserError(
-                    f"transcripts {folder}: recorded with {key} {known[key]}, not {about[key]}; choose "
-                    "another folder"
+                raise other_content(
+                    f"transcripts {folder}", f"answers recorded with {key} {known[key]}, not {about[key]}"
                 )
         return known
     if (folder / ABOUT).exists():  # the run was begun with another ally, and nothing was answered yet

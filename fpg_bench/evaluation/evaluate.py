@@ -5,30 +5,24 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import pydantic
 
 from fpg_bench.common.checks import integer
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_json, write_json
-from fpg_bench.common.parallel import Job, check_all_done, run_jobs
-from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import MADE, EvaluatedPlayer, check_kept, check_seeds, entries_of
-from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.record import Record, read_records
 from fpg_bench.evaluation.rounds import Players
-from fpg_bench.evaluation.suite import Rival, Suite, load_suite, read_suite
+from fpg_bench.evaluation.store import RECORDS, Progress, Store, pairings
+from fpg_bench.evaluation.suite import Suite, load_suite, read_suite
 from fpg_bench.evaluation.summary import Summary, Training, summarise
 from fpg_bench.evaluation.table import Results
 from fpg_bench.players.player import PlayerSpec
 
-RECORDS, ABOUT = "records.jsonl", "evaluation.json"  # the files of a results folder
-# Called with the number of rounds of each match that were played.
-Progress = Callable[[EvaluatedPlayer, Rival, int], None]
+ABOUT = "evaluation.json"  # beside a results folder's records
 
 
 def evaluate(
@@ -100,24 +94,18 @@ def play_into(
     """
     check_seeds(entries)
     if out.is_dir() and any(out.iterdir()) and not any((out / name).exists() for name in (RECORDS, ABOUT)):
-        raise UserError(f"results {out}: is not empty and not a results folder; choose another")
-    file = RowFile(out / RECORDS)
-    with file.locked():
+        raise other_content(f"results {out}", "other files, but no results")
+    store, wanted = Store(out / RECORDS), pairings(entries, suite)
+    with store.locked():
         _claim(out, name, suite, entries)
-        missing = list(_missing(entries, suite, file))
-        if n_jobs == 1 and backend == "loky":
-            for entry, rival in missing:
-                progress(entry, rival, 0)
-                file.append([play(entry, suite, rival, on_round=partial(progress, entry, rival)).row()])
-        else:
-            jobs = [_job(entry, suite, rival, file) for entry, rival in missing]
-            check_all_done(run_jobs(jobs, n_jobs, backend, address))
+        store.claim(wanted)
+        store.fill(wanted, progress=progress, n_jobs=n_jobs, backend=backend, address=address)
     return _summaries(out, suite)
 
 
 def _summaries(folder: Path, suite: Suite) -> list[Summary]:
     """Return the summaries of a folder's records, with the cost of agents' training where it is known."""
-    summaries = summarise(records_of(RowFile(folder / RECORDS)), suite)
+    summaries = summarise(Store(folder / RECORDS).records(), suite)
     about = _about(folder)
     return [dataclasses.replace(each, training=_training(about, each)) for each in summaries]
 
@@ -131,11 +119,6 @@ def _training(about: _ResultsFile, summary: Summary) -> Training:
         return Training(elsewhere=elsewhere)
     mean = sum(seconds) / len(seconds) if len(seconds) == len(known) else None
     return Training(int(steps[0]), mean, elsewhere)
-
-
-def records_of(file: RowFile) -> list[Record]:
-    """Return the records of a file; raises UserError for an invalid row."""
-    return read_records(file.read(), f"records {file.path}")
 
 
 def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
@@ -180,9 +163,10 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer
         if (out / RECORDS).stat().st_size:
             about = known
     if about.suite_hash != suite.hash:
-        raise UserError(
-            f"results {out}: hold records of {about.suite} with {about.matches} matches, or of "
-            f"another version of it, not of {name} with {suite.matches}; choose another folder"
+        raise other_content(
+            f"results {out}",
+            f"records of {about.suite} with {about.matches} matches, or of another version of it, not of "
+            f"{name} with {suite.matches}",
         )
     for entry in entries:
         if entry.made is not None:
@@ -213,36 +197,3 @@ def _about(folder: Path) -> _ResultsFile:
         return parse(_ResultsFile, content, f"results {folder}: {ABOUT}")
     except UserError as error:
         raise UserError(f"{error}; evaluate again into another folder") from error
-
-
-def _missing(
-    entries: Sequence[EvaluatedPlayer], suite: Suite, file: RowFile
-) -> Iterator[tuple[EvaluatedPlayer, Rival]]:
-    """Yield the matchups that have no record yet.
-
-    Raises:
-        UserError: the file holds records of another suite, or of another player under the same name.
-    """
-    known = {}
-    for record in records_of(file):
-        if record.suite_hash != suite.hash[:16]:
-            raise UserError(
-                f"records {file.path}: hold some of another suite ({record.suite}); choose another folder"
-            )
-        known[record.entry, record.training_seed, record.rival] = record.fingerprint
-    for entry in entries:
-        for rival in suite.rivals:
-            fingerprint = known.get((entry.name, entry.training_seed, rival.name))
-            if fingerprint is None:
-                yield entry, rival
-            elif fingerprint != entry.fingerprint[:16]:
-                raise UserError(
-                    f"records {file.path}: hold records of another {entry.name!r} (another policy, or its "
-                    "file has changed); give this one another name or write to another folder"
-                )
-
-
-def _job(entry: EvaluatedPlayer, suite: Suite, rival: Rival, file: RowFile) -> Job:
-    seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
-    name = f"{entry.name}{seed} - {rival.name}"
-    return Job(name, partial(play, entry, suite, rival), lambda record: file.append([record.row()]))

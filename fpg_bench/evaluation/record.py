@@ -6,7 +6,7 @@ import dataclasses
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, Strict
@@ -37,6 +37,7 @@ Word = Annotated[str, Strict(), Field(max_length=200), AfterValidator(_check_pri
 Numbers = Annotated[tuple[Number, ...], Field(min_length=1, fail_fast=True)]
 Counts = Annotated[tuple[Count, ...], Field(min_length=1, fail_fast=True)]
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+MatchupKey = tuple[str, str, int | None, str, str]
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,11 @@ class Record:
     lost: Count
     rounds_sha256: Word
     plans: Plans | None = None
+
+    @property
+    def key(self) -> MatchupKey:
+        """What tells it from the records of other matchups."""
+        return self.suite_hash, self.entry, self.training_seed, self.fingerprint, self.rival
 
     def row(self) -> Row:
         """Return the record as a row of JSON; the tuples of its rounds' numbers are shared, not copied."""
@@ -213,10 +219,9 @@ def read_records(rows: Iterable[Row], where: str) -> list[Record]:
         UserError: as :func:`read_record`, with the number of the row; or two records of one matchup.
     """
     records = [read_record(row, f"{where}: record {number}") for number, row in enumerate(rows, 1)]
-    known: dict[tuple[Any, ...], int] = {}
+    known: dict[MatchupKey, int] = {}
     for number, record in enumerate(records, 1):
-        matchup = record.suite_hash, record.entry, record.training_seed, record.fingerprint, record.rival
-        if (first := known.setdefault(matchup, number)) != number:
+        if (first := known.setdefault(record.key, number)) != number:
             raise UserError(
                 f"{where}: record {number} is of the same matchup as record {first}; remove one of them"
             )

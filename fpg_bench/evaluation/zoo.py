@@ -12,7 +12,6 @@ from pydantic import Field as Constraint
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import SCRIPTED, sides_of
-from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite, load_suite
@@ -23,6 +22,7 @@ from fpg_bench.players.player import SIDES
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.entry import EvaluatedPlayer
+    from fpg_bench.evaluation.store import Store
 
 
 class _GroupFile(Strict):
@@ -119,9 +119,17 @@ class Zoo:
         """Return the folder of a group's records, learning curves and pictures."""
         return self.folder / "scores" / group.name
 
-    def score_file(self, group: ZooGroup) -> RowFile:
-        """Return the file of a group's records, which is only ever appended to."""
-        return RowFile(self.scores(group) / "records.jsonl")
+    def records_file(self, of: ZooGroup | Suite) -> Path:
+        """Return the file of the records of a group's agents, or of the scripts on a suite."""
+        if isinstance(of, Suite):
+            return self.folder / "scores" / "scripts" / f"{of.name}.jsonl"
+        return self.scores(of) / "records.jsonl"
+
+    def store(self, of: ZooGroup | Suite) -> Store:
+        """Return the store of that file."""
+        from fpg_bench.evaluation.store import Store  # needs the extra `evaluate`
+
+        return Store(self.records_file(of))
 
     def members(self, only: str | None = None) -> list[ZooAgent]:
         """Return the agents, by group, algorithm and seed.
@@ -168,21 +176,20 @@ class Zoo:
         return GameSpec.of(game, **{other: getattr(mixed, other), "path": game.path or mixed.path})
 
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
-        """Return the newest records of a group on a suite, those of the present agents and scripts only."""
-        from fpg_bench.evaluation.evaluate import records_of  # needs the extra `evaluate`
-
+        """Return the records of a group and of the scripts on a suite, those of the present players only."""
         prints: dict[tuple[str, int | None], str] = {(name, None): name[:16] for name in SCRIPTED[group.side]}
         prints |= {
             (agent.algorithm, agent.seed): agent.card().policy_sha256[:16]
             for agent in self.members(group.name)
             if agent.shipped
         }
-        records = {}
-        for record in records_of(self.score_file(group)):
-            player = (record.entry, record.training_seed)
-            if record.suite_hash == suite.hash[:16] and record.fingerprint == prints.get(player):
-                records[*player, record.rival] = record
-        return list(records.values())
+        return [
+            record
+            for store in (self.store(suite), self.store(group))
+            for record in store.records()
+            if record.suite_hash == suite.hash[:16]
+            and record.fingerprint == prints.get((record.entry, record.training_seed))
+        ]
 
 
 def _draws(group: ZooGroup) -> bool:

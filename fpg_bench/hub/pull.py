@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder, check_writable, read_json, write_json
 from fpg_bench.leaderboard.playing import smoke_test
 from fpg_bench.leaderboard.submission import read_policy
@@ -78,8 +78,5 @@ def _check_same(out: Path, origin: dict[str, str]) -> None:
         return
     where = f"{known.get('repository')} at {known.get('revision')}, commit {known.get('commit')}"
     if all(known.get(key) == origin[key] for key in ("repository", "revision")):
-        raise UserError(
-            f"{out}: holds {where}, and {origin['revision']} has moved to commit {origin['commit']}; "
-            "choose another folder for the new one"
-        )
-    raise UserError(f"{out}: holds {where}; choose another folder")
+        where += f", and {origin['revision']} has moved to commit {origin['commit']}"
+    raise other_content(out, where)

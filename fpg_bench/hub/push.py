@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.evaluate import RECORDS, read_results, records_of
+from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import Summary, Training, summarise
 from fpg_bench.evaluation.zoo import load_zoo
@@ -135,7 +135,7 @@ def _records(
     home = run / "results" if results is None and run is not None else results
     if home is not None and (results is not None or (home / RECORDS).is_file()):
         _, suite = read_results(home)
-        records = own(records_of(RowFile(home / RECORDS)))
+        records = own(Store(home / RECORDS).records())
         if results is not None and not records:
             raise UserError(f"results {results}: hold no record of this agent's policy")
         if records:

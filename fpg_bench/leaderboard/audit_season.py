@@ -13,7 +13,15 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
-from fpg_bench.leaderboard.close_season import play_against_candidate, shuffled, train_candidate
+from fpg_bench.evaluation.store import Store
+from fpg_bench.leaderboard.close_season import (
+    PROFILE,
+    against_candidate,
+    earned,
+    play_candidate,
+    shuffled,
+    train_candidate,
+)
 from fpg_bench.leaderboard.season import (
     Recipe,
     Season,
@@ -126,24 +134,20 @@ def _compare(
 ) -> AuditedMember:
     other = other_side(side)
     published, again = season.agent(side, member), work / side / member.name / "agent"
-    returns = np.array(
-        [
-            [
-                play_against_candidate(
-                    player,
-                    other,
-                    str(agent),
-                    member.path if side == "opponent" else entry.path,
-                    season.seed,
-                    season.scenario,
-                )[other]
-                for agent in (published, again)
-            ]
-            for entry in entries
-            if entry.side == other and entry.name in season.entries
-            for player in entry.players
-        ]
-    )
+    wanted = [
+        against_candidate(
+            *(player, other, str(agent), member.path if side == "opponent" else entry.path),
+            *(season.seed, season.scenario),
+            name=entry.name,
+            number=number,
+        )
+        for entry in entries
+        if entry.side == other and entry.name in season.entries
+        for number, player in enumerate(entry.players)
+        for agent in (published, again)
+    ]
+    records = Store(work / side / member.name / PROFILE).fill(wanted, play_candidate)
+    returns = np.array([earned(record, other, season.scenario)[other] for record in records]).reshape(-1, 2)
     is_same = read_card(again).policy_sha256 == member.policy_sha256
     difference = float(np.abs(returns[:, 0] - returns[:, 1]).mean())
     return AuditedMember(side, member.name, is_same, difference, float(np.corrcoef(returns.T)[0, 1]))

@@ -14,6 +14,7 @@ from pydantic import TypeAdapter
 
 from fpg_bench.common.errors import nearest
 from fpg_bench.common.ids import other_side
+from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
 from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
@@ -37,7 +38,7 @@ from fpg_bench.leaderboard.crossplay import (
     read_pairs,
 )
 from fpg_bench.leaderboard.folders import TRACK_FOLDERS, result_file, short_path, submission_folders
-from fpg_bench.leaderboard.ranking import improvements, nash, profiles
+from fpg_bench.leaderboard.ranking import improvements, profiles
 from fpg_bench.leaderboard.result import Result, round_finite, rounded, summaries_of
 from fpg_bench.leaderboard.submission import Submission, TrackNames, Training
 from fpg_bench.leaderboard.tracks import (

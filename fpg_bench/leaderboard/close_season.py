@@ -20,14 +20,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_json, read_yaml, write_whole
 from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
+from fpg_bench.evaluation.store import RECORDS, Pairing, Store
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.game.spec import GameSpec
@@ -47,7 +49,7 @@ from fpg_bench.leaderboard.season import (
 from fpg_bench.leaderboard.tracks import SCENARIOS, track_of
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES, Player
-from fpg_bench.players.registry import as_player
+from fpg_bench.players.registry import as_player, named_card
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
@@ -56,7 +58,7 @@ _logger = logging.getLogger(__name__)
 
 CANDIDATES, SIZE = 24, 12
 ROUNDS = 60  # of each entry against each candidate
-PROFILE, PLAN, PROBE = "profile.jsonl", "plan.yml", "probe"
+PROFILE, PLAN, PROBE = RECORDS, "plan.yml", "probe"
 # Groups of each side's candidates. Against the first, the first script of PROBES leads the second by more.
 # Herders keep an ally hopping, so the best answer is to stay; aimers jam where it is, so it has to hop.
 # Herdable allies hop into a jammer that alternates between both halves of the band; evasive ones do not.
@@ -213,7 +215,7 @@ def hyperparameters(recipe: Recipe) -> dict[str, Any]:
 
 
 def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") -> None:
-    """Train a candidate and keep only its agent and its run's records.
+    """Train a candidate and keep only its agent, its run's rows, and who has met it.
 
     A finished run is not trained again; an unfinished one starts anew, so the result is always the same.
 
@@ -239,9 +241,10 @@ def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") ->
         hyperparameters(recipe),
     )
     if not RunFolder(folder).is_finished():
+        (folder / PROFILE).unlink(missing_ok=True)
         train(run, folder, evaluations=0, progress=False, restart=True)
     for path in folder.iterdir():
-        if path.name not in ("agent", "run.json", "evaluations.jsonl"):
+        if path.name not in ("agent", "run.json", "evaluations.jsonl", PROFILE):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
@@ -548,71 +551,65 @@ def _check_plan(closing: Closing) -> None:
     stored = read_yaml(file, "closing")
     for key, value in plan.items():
         if stored.get(key) != value:
-            raise UserError(
-                f"season: {closing.work} holds candidates of another closing ({key}: {stored.get(key)}, "
-                f"now {value}; a seed changes with the entries); choose another folder"
+            raise other_content(
+                f"season: {closing.work}",
+                f"candidates of another closing ({key}: {stored.get(key)}, now {value}; a seed changes with "
+                "the entries)",
             )
 
 
 def _candidate_job(closing: Closing, recipe: Recipe) -> Job:
     folder = closing.folder(recipe)
-    players = [
-        (entry.name, recipe.path if recipe.side == "opponent" else entry.path, player)
-        for entry in closing.rival_entries(recipe.side)
-        for player in entry.players
-    ]
-    players += [(PROBE, recipe.path, script) for script in PROBES[recipe.side]]
-    make = partial(_make_candidate, closing, recipe, players)
-    return folder_job(
-        f"{recipe.side}/{recipe.name}", folder, make, partial(_is_complete, folder, len(players))
-    )
+    make, done = partial(_make_candidate, closing, recipe), partial(_is_complete, closing, recipe)
+    return folder_job(f"{recipe.side}/{recipe.name}", folder, make, done)
 
 
-def _make_candidate(
-    closing: Closing, recipe: Recipe, players: list[tuple[str, str, str]], folder: Path
-) -> None:
-    """Train a candidate and play all entries against it; skips what is done already."""
+def _make_candidate(closing: Closing, recipe: Recipe, folder: Path) -> None:
+    """Train a candidate and play all entries and probes against it; skips what is done already."""
     train_candidate(recipe, folder, closing.scenario)
-    file = RowFile(folder / PROFILE)
-    played = {(row["entry"], row["player"]) for row in file.read()}
-    for entry, path, player in players:
-        if (entry, player) not in played:
-            means = play_against_candidate(
-                player,
-                other_side(recipe.side),
-                str(folder / "agent"),
-                path,
-                closing.seed,
-                closing.scenario,
-            )
-            file.append([{"entry": entry, "player": player, "n": ROUNDS, **means}])
+    side = other_side(recipe.side)
+
+    def against(player: str, path: str, name: str, number: int | None = None) -> Pairing:
+        where = str(folder / "agent"), path, closing.seed, closing.scenario
+        return against_candidate(player, side, *where, name=name, number=number)
+
+    wanted = [
+        against(player, recipe.path if recipe.side == "opponent" else entry.path, entry.name, number)
+        for entry in closing.rival_entries(recipe.side)
+        for number, player in enumerate(entry.players)
+    ]
+    wanted += [against(script, recipe.path, PROBE) for script in PROBES[recipe.side]]
+    Store(folder / PROFILE).fill(wanted, play_candidate)
 
 
-def _is_complete(folder: Path, n_players: int) -> bool:
-    return RunFolder(folder).is_finished() and len(RowFile(folder / PROFILE).read()) == n_players
+def _is_complete(closing: Closing, recipe: Recipe) -> bool:
+    folder, entries = closing.folder(recipe), closing.rival_entries(recipe.side)
+    count = sum(len(entry.players) for entry in entries) + len(PROBES[recipe.side])
+    return RunFolder(folder).is_finished() and len(Store(folder / PROFILE).records()) == count
 
 
-def play_against_candidate(
-    player: str | Player,
+def against_candidate(
+    player: str,
     side: str,
     candidate: str,
     path: str,
     seed: str,
     scenario: str = "standard",
-) -> dict[str, float]:
-    """Play a player of an entry against a candidate.
+    *,
+    name: str | None = None,
+    number: int | None = None,
+) -> Pairing:
+    """Return the pairing of a player of an entry with a candidate.
 
     Args:
-        player: a name, or an object with ``predict``.
+        player: its name.
         side: the player's side.
         candidate: the candidate's name, or the folder of its agent.
         path: the opponent's path.
         seed: the season's seed, from which the evaluation seeds follow.
         scenario: the preset.
-
-    Returns:
-        Mean return per step of both sides, by side. In the player's own mean, rounds that it lost by an
-        invalid answer count as in :func:`fpg_bench.evaluation.play.play`.
+        name: the entry's name; None: the player's.
+        number: of the entry's players; None: it has a single one.
 
     Raises:
         UserError: an unknown player, or one of the wrong side.
@@ -620,13 +617,34 @@ def play_against_candidate(
     preset = as_scenario(scenario)
     rival = Rival("season", (candidate,), as_scenario(preset, opponent_path=path))
     suite = Suite("season", side, preset, ROUNDS, (rival,), season=seed, scale=_scale(side, scenario))
+    card = named_card(player, side)
+    fingerprint = player if card is None else card.policy_sha256
+    entry = EvaluatedPlayer(name or player, number, fingerprint, partial(_load, player, side))
+    return Pairing(entry, suite, rival)
+
+
+def _load(player: str, side: str, rival: Rival) -> Player:
+    """Return a player when its turn has come: all of a board's policies at once would fill the memory."""
+    return as_player(player, side, rival.scenario)
+
+
+def play_candidate(entry: EvaluatedPlayer, suite: Suite, rival: Rival, **more: Any) -> Record:
+    """Play a pairing of :func:`against_candidate`; the error of one that cannot be played names both."""
     try:
-        record = play(player_entry(as_player(player, side, rival.scenario)), suite, rival)
+        return play(entry, suite, rival, **more)
     except UserError as error:
-        raise UserError(f"{player} against {candidate}: {error}") from error
+        raise UserError(f"{entry.name} against {rival.players[0]}: {error}") from error
+
+
+def earned(record: Record, side: str, scenario: str = "standard") -> dict[str, float]:
+    """Return the mean return per step of both sides, by side, where a player of a side met a candidate.
+
+    In the player's own mean, rounds that it lost by an invalid answer count as in
+    :func:`fpg_bench.evaluation.play.play`.
+    """
     means = {name: record.tally[f"{name}_return"] / record.tally["steps"] for name in SIDES}
     if record.lost:
-        means[side] = statistics.fmean(record.returns) / preset.steps_per_round
+        means[side] = statistics.fmean(record.returns) / as_scenario(scenario).steps_per_round
     return {name: round(value, 6) for name, value in means.items()}
 
 
@@ -637,9 +655,18 @@ def _scale(side: str, scenario: str) -> Scale:
     return load_suite(track_of(side, path, scenario).public).scale
 
 
+def _profile(closing: Closing, recipe: Recipe) -> list[dict[str, Any]]:
+    """Return a row of each player that met a candidate: its entry, and what both sides earned."""
+    side = other_side(recipe.side)
+    return [
+        {"entry": record.entry, "player": record.fingerprint} | earned(record, side, closing.scenario)
+        for record in Store(closing.folder(recipe) / PROFILE).records()
+    ]
+
+
 def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     recipes = closing.recipes(side)
-    profiles = [RowFile(closing.folder(recipe) / PROFILE).read() for recipe in recipes]
+    profiles = [_profile(closing, recipe) for recipe in recipes]
     other = other_side(side)
     returns = entry_returns(profiles, other)
     limited = limit_influence(returns)

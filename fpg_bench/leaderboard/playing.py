@@ -7,7 +7,9 @@ import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +20,8 @@ from fpg_bench.evaluation.compare import transcript_file
 from fpg_bench.evaluation.entry import EvaluatedPlayer, FixedPlayer, player_entry
 from fpg_bench.evaluation.match import replaying
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.record import Record, read_record
+from fpg_bench.evaluation.record import Record
+from fpg_bench.evaluation.store import RECORDS, Pairing, Store
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.leaderboard.submission import Submission
@@ -30,7 +33,7 @@ from fpg_bench.players.sandbox import client
 from fpg_bench.players.sandbox.client import Policy
 from fpg_bench.players.sandbox.process import PolicyFailed, missing_here
 
-RECORDS = "records.jsonl"
+NOTES = "notes.jsonl"  # in a part's folder, beside a folder for each suite
 FAILED = "failed"  # key of a row that says why a part could not be finished
 OPEN = "open"  # key of a row that names what the policy could not be kept from
 _GAMES, _STEPS, _ROUNDS = 16, 25, 6  # of a smoke test
@@ -105,24 +108,37 @@ def matchups_of(suites: Iterable[Suite]) -> list[Matchup]:
     return [(suite, rival) for suite in suites for rival in suite.rivals]
 
 
-def part_records(part: Part, matchups: Iterable[Matchup]) -> Iterator[Record]:
-    """Play a part against some rivals in this process.
+def part_records(part: Part, matchups: Iterable[Matchup], folder: Path | None = None) -> list[Record]:
+    """Play a part's matchups in this process, and return their records.
+
+    Args:
+        part: the part.
+        matchups: what it plays, suite by suite.
+        folder: has a store of each suite, whose records are not played again; None: nothing is kept.
 
     Raises:
         PolicyFailed: a policy's process died or exceeded its limits.
         UserError: a transcript is not that of these matches.
     """
     with running_player(part) as player:
-        for suite, rival in matchups:
-            try:
-                record = play(part.entry(player, suite), suite, rival)
-            except UserError as error:
-                if part.recorded is None:
-                    raise
-                raise UserError(f"against {rival.name}: {local(error, part.recorded)}") from error
-            # The time that planning took differs each time, so it is left out.
-            plans = record.plans and dataclasses.replace(record.plans, seconds=0.0)
-            yield dataclasses.replace(record, plans=plans)
+        records: list[Record] = []
+        for name, of_suite in groupby(matchups, key=lambda matchup: matchup[0].name):
+            wanted = [Pairing(part.entry(player, suite), suite, rival) for suite, rival in of_suite]
+            store = Store(None if folder is None else folder / name / RECORDS)
+            records += store.fill(wanted, partial(_play, part))
+        return records
+
+
+def _play(part: Part, entry: EvaluatedPlayer, suite: Suite, rival: Rival, **more: Any) -> Record:
+    try:
+        record = play(entry, suite, rival, **more)
+    except UserError as error:
+        if part.recorded is None:
+            raise
+        raise UserError(f"against {rival.name}: {local(error, part.recorded)}") from error
+    # The time that planning took differs each time, so it is left out.
+    plans = record.plans and dataclasses.replace(record.plans, seconds=0.0)
+    return dataclasses.replace(record, plans=plans)
 
 
 @contextlib.contextmanager
@@ -146,19 +162,14 @@ def running_player(part: Part, shipped_in_process: bool = False) -> Iterator[Pla
 
 
 def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:
-    """Play a part's matchups and append a record of each to a folder; skips matchups with a record.
-
-    If the policy fails, a row with the reason is appended.
-    """
-    file, there = RowFile(folder / RECORDS), read_part(folder).records
-    missing = [matchup for matchup in matchups if key_of(*matchup) not in there]
+    """Play a part's matchups that have no record in a folder; if the policy fails, the reason is noted."""
+    notes = RowFile(folder / NOTES)
     try:
-        for record in part_records(part, missing):
-            file.append([record.row()])
+        part_records(part, matchups, folder)
     except PolicyFailed as error:
-        file.append([{FAILED: f"{part.name}: {error}"}])
+        notes.append([{FAILED: f"{part.name}: {error}"}])
     if isinstance(part.plays, Policy) and (lacking := missing_here()):
-        file.append([{OPEN: lacking}])
+        notes.append([{OPEN: lacking}])
 
 
 @dataclass
@@ -182,15 +193,13 @@ class PlayedPart:
 
 def read_part(folder: Path) -> PlayedPart:
     """Read the records of a part from its folder; empty if there is no such folder."""
-    played = PlayedPart()
-    for row in RowFile(folder / RECORDS).read():
+    records = [record for path in folder.glob(f"*/{RECORDS}") for record in Store(path).records()]
+    played = PlayedPart({(record.suite, record.suite_hash, record.rival): record for record in records})
+    for row in RowFile(folder / NOTES).read():
         if FAILED in row:
             played.failure = played.failure or str(row[FAILED])
         elif OPEN in row:
             played.unprotected = list(row[OPEN])
-        else:
-            record = read_record(row, f"records {folder / RECORDS}")
-            played.records[record.suite, record.suite_hash, record.rival] = record
     return played
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder, read_json, write_json
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS
@@ -99,15 +99,13 @@ class RunFolder:
                 f"--start {self.path} --out NEW"
             )
         if differing:
-            raise UserError(
-                f"{self.path}: holds another run ({state.get('command')}), or this one with other "
-                "hyper-parameters or agents; choose another folder"
+            raise other_content(
+                self.path,
+                f"another run ({state.get('command')}), or this one with other hyper-parameters or agents",
             )
         if not state.get("finished") and not allow_unfinished:
-            raise UserError(
-                f"{self.path}: holds this run unfinished; continue it with --resume, start over with "
-                "--restart, or choose another folder"
-            )
+            remedy = "continue it with --resume, start over with --restart"
+            raise other_content(self.path, "this run unfinished", remedy)
         return state
 
     def last_scores(self) -> dict[str, float | None]:

@@ -125,7 +125,7 @@ def test_a_read_only_folder_is_one_line_before_anything_begins(words, tmp_path, 
     monkeypatch.setattr(sys, "argv", ["fpg-bench", *words.split(), "--out", str(tmp_path / "run" / "ppo")])
     with pytest.raises(SystemExit) as end:
         cli.main()
-    line = f"fpg-bench: out: {tmp_path} cannot be written to; choose another folder\n"
+    line = f"fpg-bench: out: {tmp_path} cannot be written to; make it writable, or name another\n"
     assert (end.value.code, capsys.readouterr().err) == (2, line)
 
 

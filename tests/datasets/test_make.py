@@ -226,12 +226,12 @@ def test_a_finished_data_set_stays_and_another_is_refused(tmp_path, monkeypatch)
     folder = make_dataset(tiny(), tmp_path)
     monkeypatch.setattr(make, "run_jobs", None)  # nothing is played any more
     assert make_dataset(tiny(), tmp_path) == folder
-    with pytest.raises(UserError, match="differs in steps; delete it"):
+    with pytest.raises(UserError, match="differs in steps; delete it, or choose another folder"):
         make_dataset(tiny(6), tmp_path)
     with pytest.raises(UserError, match="differs in rivals, identities; delete it"):
         make_dataset(tiny(rivals=("tone",)), tmp_path)
     monkeypatch.setattr("fpg_bench.datasets.spec.__version__", "9.9")
-    with pytest.raises(UserError, match=r"was started by fpg-bench 0\..*, this is 9.9"):
+    with pytest.raises(UserError, match=r"begun by fpg-bench 0\..*, not this version, 9.9"):
         make_dataset(tiny(), tmp_path)
 
 
@@ -242,7 +242,7 @@ def test_foreign_folders_and_torn_parts_are_refused(tmp_path):
     data = tmp_path / "fpg/tiny-v0/data"
     data.mkdir()
     (data / "metadata.json").write_text("{}")
-    with pytest.raises(UserError, match="was not made by fpg-bench"):
+    with pytest.raises(UserError, match="that fpg-bench dataset make did not make"):
         make_dataset(tiny(), tmp_path)
     shutil.rmtree(tmp_path / "fpg")
     (tmp_path / "fpg").write_text("")

@@ -134,7 +134,7 @@ def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, as
             compare(["llm"], "mine.yml", out, llm={"server": "server.yml", **more})
         bodies = [received.body for received in server.requests]
         usual, cold, other = (bodies[k : k + PLANS] for k in range(0, 3 * PLANS, PLANS))
-        with pytest.raises(UserError, match="hold records of another 'llm'"):
+        with pytest.raises(UserError, match="holds records of another 'llm'"):
             compare(["llm"], "mine.yml", "cold")
         (folder / "cold" / "records.jsonl").unlink()
         with pytest.raises(UserError, match=r"recorded with temperature 0\.0, not 0\.7; choose another"):
@@ -223,7 +223,7 @@ def test_a_folder_of_other_files_is_left_alone(folder, asks, planner):
     (folder / "out" / "notes.txt").write_text("mine")
     with FaultServer([ok(PATH)]) as server:
         asks(server)
-        with pytest.raises(UserError, match="out: is not empty and not a results folder; choose another"):
+        with pytest.raises(UserError, match="out: holds other files, but no results; choose another"):
             compare([planner], "mine.yml", "out")
     assert [path.name for path in (folder / "out").iterdir()] == ["notes.txt"]
 

@@ -12,7 +12,7 @@ import pytest
 import fpg_bench
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation import evaluate as evaluating
+from fpg_bench.evaluation import store as storing
 from fpg_bench.evaluation.entry import EvaluatedPlayer, entries_of, player_entry
 from fpg_bench.evaluation.evaluate import evaluate, play_into, read_results
 from fpg_bench.evaluation.play import play
@@ -84,7 +84,7 @@ def test_what_is_there_is_not_played_again(suite, tmp_path, monkeypatch):
         played.append((entry.name, rival.name))
         return play(entry, suite, rival, **more)
 
-    monkeypatch.setattr(evaluating, "play", noted)
+    monkeypatch.setattr(storing, "play", noted)
     evaluate(["expert", "idle"], suite, tmp_path / "cut")
     assert played == [("expert", "sweep/circle"), ("idle", "adaptive/pursuit"), ("idle", "sweep/circle")]
     assert rows(tmp_path / "cut") == rows(tmp_path / "whole")
@@ -164,7 +164,7 @@ def test_lines_that_are_broken_or_of_another_suite_are_one_clear_error(suite, tm
         with pytest.raises(UserError, match=r"(line|record) 3"):
             evaluate(["idle"], suite, tmp_path / "out")
     file.write_text(text.replace(load_suite(suite).hash[:16], "0" * 16))
-    with pytest.raises(UserError, match=r"hold some of another suite \(small\); choose another folder"):
+    with pytest.raises(UserError, match=r"holds some of another suite \(small\); choose another folder"):
         evaluate(["idle"], suite, tmp_path / "out")
 
 
@@ -194,7 +194,7 @@ def test_agents_of_another_policy_or_budget_are_not_merged_by_a_second_command(s
     assert {(s.entry, s.training_seeds) for s in found} == {("ppo", 3), ("mine", 1)}
     shutil.rmtree(agents[0])
     make_agent(zoo.members()[0], tmp_path / "agents" / zoo.members()[0].name, seed=77)
-    with pytest.raises(UserError, match=r"hold records of another 'ppo' \(another policy, or its"):
+    with pytest.raises(UserError, match=r"holds records of another 'ppo' \(another policy, or its"):
         evaluate(agents, suite, tmp_path / "out")
 
 

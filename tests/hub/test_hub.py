@@ -344,7 +344,7 @@ def test_a_repository_that_changes_during_the_download_gives_the_files_of_one_co
 def test_a_folder_with_other_files_is_left_alone(hub, first, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out/thesis.tex").write_text("years")
-    with pytest.raises(UserError, match="is not empty and holds no agent of the Hub"):
+    with pytest.raises(UserError, match="holds other files, but no agent of the Hub"):
         run("pull", "me/mine", "--out", tmp_path / "out")
     assert contents(tmp_path / "out") == {"thesis.tex": b"years"}
 

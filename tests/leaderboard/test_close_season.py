@@ -19,7 +19,7 @@ import pytest
 import yaml
 
 from fpg_bench import UserError
-from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.audit_season import audit_season, check_entries, late_entries
 from fpg_bench.leaderboard.close_season import (
@@ -29,16 +29,18 @@ from fpg_bench.leaderboard.close_season import (
     REWARDS,
     STEPS,
     _lock,
+    against_candidate,
     assign_balanced,
     close_season,
     draw_number,
     draw_recipes,
+    earned,
     entry_returns,
     group_candidates,
     hyperparameters,
     limit_influence,
     make_closing,
-    play_against_candidate,
+    play_candidate,
     select_by_group,
     select_diverse,
     select_representative,
@@ -307,7 +309,6 @@ def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board,
     about = json.loads((run / "run.json").read_text())
     (run / "run.json").write_text(json.dumps(about | {"finished": False}))
     shutil.rmtree(run / "agent")
-    (run / PROFILE).unlink()
     rows = copied / "work/ally/a01" / PROFILE
     rows.write_text(rows.read_text()[:-20])  # killed while it was played
     again, messages = close_tiny(board, copied / "work", copied / "season-1")
@@ -322,8 +323,8 @@ def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board,
 def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(closed):
     season, work = closed
     assert season.entries["ally/broken"]
-    profile = RowFile(work / "opponent/o00" / PROFILE).read()
-    lost = [row["ally"] for row in profile if row["entry"] == "ally/broken"]
+    profile = Store(work / "opponent/o00" / PROFILE).records()
+    lost = [earned(record, "ally")["ally"] for record in profile if record.entry == "ally/broken"]
     assert lost == [pytest.approx(load_suite("ally-v2").scale.reward(-100), rel=0.01)] * 2
 
 
@@ -490,7 +491,7 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
     (tmp_path / "agent/agent.json").write_text(json.dumps(about))
     remember_exported(about["policy_sha256"])  # by the closing itself; others would play in a sandbox
     with pytest.raises(UserError, match=r"expert against .*agent: opponent action of game 0: index 0 is nan"):
-        play_against_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed")
+        play_candidate(*against_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed"))
 
 
 @pytest.mark.slow

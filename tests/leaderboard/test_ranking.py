@@ -5,13 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard.board import CROSSPLAY, worst_case
 from fpg_bench.leaderboard.crossplay import Pair
-from fpg_bench.leaderboard.ranking import improvements, nash, profiles, runs
+from fpg_bench.leaderboard.ranking import improvements, profiles, runs
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTED, UNSEEN
 
 
@@ -107,32 +106,3 @@ def test_profiles_fall_from_all_to_none():
     assert (np.diff(shares, axis=1) <= 0).all()
     assert (shares[0] >= shares[1]).all()
     assert shares[:, -1].tolist() == [0, 0]
-
-
-def test_rock_paper_scissors_is_played_evenly_and_a_dominant_row_alone():
-    solution = nash(np.array([[0, 1, -1], [-1, 0, 1], [1, -1, 0]], float))
-    assert solution.rows == pytest.approx([1 / 3] * 3)
-    assert solution.columns == pytest.approx([1 / 3] * 3)
-    assert solution.value == pytest.approx(0)
-
-    solution = nash(np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.9]]))
-    assert (solution.rows.tolist(), solution.columns.tolist()) == ([1, 0, 0], [0, 1])
-    assert solution.value == pytest.approx(0.2)
-
-
-@pytest.mark.parametrize(("seed", "shape"), [(1, (1, 9)), (2, (20, 31))])
-def test_neither_side_gains_by_deviating(seed, shape):
-    losses = np.random.default_rng(seed).uniform(size=shape)
-    solution = nash(losses)
-    assert solution.rows.sum() == pytest.approx(1)
-    assert solution.columns.sum() == pytest.approx(1)
-    assert min(solution.rows.min(), solution.columns.min()) >= 0
-    gap = (solution.rows @ losses).max() - (losses @ solution.columns).min()
-    assert gap == pytest.approx(0, abs=1e-9)
-    assert solution.value == pytest.approx((solution.rows @ losses).max())
-
-
-@pytest.mark.parametrize("losses", [np.zeros((0, 3)), np.array([[0.1, np.nan]]), np.zeros(3)])
-def test_an_invalid_matrix_is_refused(losses):
-    with pytest.raises(UserError, match="meta-game: expected a matrix of finite numbers"):
-        nash(losses)

@@ -376,7 +376,7 @@ def test_every_measure_of_a_round_has_a_label():
 
 def test_a_folder_of_other_files_is_left_alone(tmp_path):
     (tmp_path / "thesis.txt").write_text("mine")
-    with pytest.raises(UserError, match="is not empty and holds no leaderboard's site"):
+    with pytest.raises(UserError, match="holds other files, but no leaderboard's site"):
         build_site(example_board(1), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 

@@ -267,7 +267,7 @@ def test_an_interrupted_command_goes_on(ally, tmp_path, monkeypatch):
 def test_folders_of_others_are_refused_and_stay_as_they_are(tmp_path):
     (tmp_path / "thesis.tex").write_text("mine")
     for make in (lambda: respond("expert", tmp_path), lambda: play_selfplay(tmp_path)):
-        with pytest.raises(UserError, match=r"is not empty and holds no (best responses|self-play); choose"):
+        with pytest.raises(UserError, match=r"holds other files, but no (best responses|self-play); choose"):
             make()
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
@@ -497,7 +497,7 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
     assert kept["copies"][hardest] == 3
     assert len(options["opponent"]) == sum(kept["copies"].values())
     assert agent == last / "run" / "agent"
-    with pytest.raises(UserError, match="was drawn with another priority; choose another folder"):
+    with pytest.raises(UserError, match="a population drawn with another priority; choose another folder"):
         championing.train_champion(load_champion(tmp_path, priority=4), 3, runs)
     championing.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
     about = load_agent(tmp_path / "out", "ally").card.to_dict()

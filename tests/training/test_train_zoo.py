@@ -9,6 +9,7 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.parallel import run_jobs
+from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
@@ -64,7 +65,7 @@ def test_missing_agents_are_trained_shipped_and_evaluated_once_whichever_fails(z
     assert [agent.shipped for agent in zoo.members()] == [True] * 3 + [False] * 3
     assert sum(line.endswith(": shipped") for line in caplog.messages) == 2
     assert {row["training_seed"] for row in zoo_page.curve_file(zoo, zoo.groups[0]).read()} == {1, 2}
-    scored = [row for row in zoo.score_file(zoo.groups[0]).read() if row["entry"] == "ppo"]
+    scored = [row for row in RowFile(zoo.records_file(zoo.groups[0])).read() if row["entry"] == "ppo"]
     assert {row["training_seed"] for row in scored} == {0, 1, 2}
     script.train_zoo(zoo, runs, "small/ppo")
     assert len(begun(zoo)) == 3
@@ -95,9 +96,9 @@ def test_every_player_is_evaluated_once_as_evaluate_does_to_the_digit(tmp_path):
     suite = load_suite(group.suites[0])
     records = add_missing_records(zoo, group)
     assert len(records) == 2 * (len(SCRIPTED["ally"]) + 3)
-    size = zoo.score_file(group).path.stat().st_size
+    size = zoo.records_file(group).stat().st_size
     assert add_missing_records(zoo, group) == records == zoo.read_records(group, suite)
-    assert zoo.score_file(group).path.stat().st_size == size
+    assert zoo.records_file(group).stat().st_size == size
     agents = [str(agent.folder) for agent in zoo.members("small/ppo")]
     expected = evaluate([*agents, "expert", "idle"], group.suites[0], tmp_path / "results")
     summaries = {s.entry: s for s in summarise(records, suite)}
@@ -107,6 +108,24 @@ def test_every_player_is_evaluated_once_as_evaluate_does_to_the_digit(tmp_path):
         assert (own.score, own.reward, own.measures) == (summary.score, summary.reward, summary.measures)
         for one, other in zip(own.records, summary.records, strict=True):
             assert one.same_as(other)
+
+
+def test_each_record_is_kept_once_and_the_newest_of_a_matchup(tmp_path):
+    zoo = make_zoo(tmp_path / "zoo")
+    make_agent(zoo.members("small/ppo")[0])
+    group = zoo.groups[0]
+    suite = load_suite(group.suites[0])
+    records = add_missing_records(zoo, group)
+    of_scripts, of_agents = (RowFile(zoo.records_file(of)) for of in (suite, group))
+    older = [{**row, "rounds_sha256": "older"} for row in of_agents.read()]
+    newer, scripts = of_agents.read(), of_scripts.read()
+    of_agents.path.unlink()
+    of_agents.append([*older, *scripts, *newer])  # as groups held them before, each its own scripts
+    with pytest.raises(UserError, match="of the same matchup"):
+        zoo.read_records(group, suite)
+    assert script.compact(zoo) == len(older) + len(scripts)
+    assert zoo.read_records(group, suite) == records
+    assert script.compact(zoo) == 0
 
 
 def test_a_replaced_agent_is_evaluated_again(tmp_path):
@@ -124,7 +143,7 @@ def test_a_replaced_agent_is_evaluated_again(tmp_path):
     add_missing_records(zoo, agent.group)
     after = records_of(zoo, "ppo")
     assert [record.returns for record in after] != [record.returns for record in before]
-    file = zoo.score_file(agent.group).path
+    file = zoo.records_file(agent.group)
     file.write_text(file.read_text().replace(after[0].rounds_sha256, "0" * 64))
     assert script.differences(zoo, agent) == [
         "small-v1, adaptive/pursuit: the same returns, but other rounds"

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from pydantic import Field as Constraint
 
 from fpg_bench.common.checks import mapping
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_json, read_yaml, write_json
 from fpg_bench.common.ids import find_env, policy_env
 from fpg_bench.common.imports import check_allowed
@@ -182,10 +182,10 @@ def _prioritized(config: ChampionConfig, agent: Path, population: list[str], fil
         content = read_json(file, "population")
         copies = content["copies"]
         if list(copies) != population:
-            raise UserError(f"{file}: holds another population; choose another folder")
+            raise other_content(file, "another population")
         values = content["returns_per_step"].values()
         if max(values) > min(values) and max(copies.values()) != config.priority:
-            raise UserError(f"{file}: was drawn with another priority; choose another folder")
+            raise other_content(file, "a population drawn with another priority")
     else:
         scenario = config.game.resolve()
         others = {name: member_folder(name, config.other_side) for name in population}

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import other_content
 from fpg_bench.common.files import read_json
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import SeedSource, play
+from fpg_bench.evaluation.store import Store, pairings
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, side_suite
-from fpg_bench.evaluation.summary import Summary, summarise
+from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.player import Player
 
@@ -49,9 +51,8 @@ def evaluate_against(
     scale = public.scale if same_path.hash == public.scenario.hash else Scale()
     rivals = tuple(Rival(name, (other,), scenario) for name, other in others.items())
     suite = Suite("league", side, scenario, matches, rivals, scale)
-    entry = player_entry(player)
-    (summary,) = summarise([play(entry, suite, rival, seeds) for rival in rivals], suite)
-    return summary
+    records = Store().fill(pairings([player_entry(player)], suite), partial(play, seeds=seeds))
+    return summary_of(records, suite)
 
 
 def result_row(summary: Summary) -> Row:
@@ -68,5 +69,5 @@ def check_same(file: Path, kind: str, about: Mapping[str, Any]) -> dict[str, Any
     """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
     content = read_json(file, kind)
     if different := [key for key in about if content.get(key) != about[key]]:
-        raise UserError(f"{file}: holds {kind} with another {different[0]}; choose another folder")
+        raise other_content(file, f"{kind} with another {different[0]}")
     return content

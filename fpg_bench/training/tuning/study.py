@@ -18,7 +18,7 @@ from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
 from optuna.trial import FrozenTrial, TrialState
 
 from fpg_bench.common.checks import integer
-from fpg_bench.common.errors import UserError, first_line, nearest
+from fpg_bench.common.errors import UserError, first_line, nearest, other_content
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Strict, parse
@@ -228,7 +228,7 @@ def open_storage(out: Path, url: str | None = None, *, must_exist: bool = False)
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     if (out / "run.json").exists():
-        raise UserError(f"{out}: holds a training run; choose another folder for the study")
+        raise other_content(out, "a training run")
     file = out.absolute() / DATABASE
     if url is None:
         if must_exist and not file.is_file():

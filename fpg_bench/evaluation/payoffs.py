@@ -1,0 +1,163 @@
+"""Pay-offs: who earns what from whom by the records of a store, and what follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
+from fpg_bench.evaluation.store import Pairing, Store
+
+
+@dataclass(frozen=True)
+class Payoffs:
+    """Rewards per step of players against rivals.
+
+    >>> tone, sweep = np.array([[9.0, 2.0]]), np.array([[4.0, 5.0], [4.0, 7.0]])
+    >>> payoffs = Payoffs(("tone", "sweep"), ("idle", "expert"), (tone, sweep), ("matches",) * 2)
+    >>> payoffs.values.tolist()
+    [[9.0, 2.0], [4.0, 6.0]]
+    >>> payoffs.worst("tone")[0], payoffs.best_answer("expert")[0]
+    ('expert', 'sweep')
+    >>> {name: round(share, 2) for name, share in payoffs.equilibrium().players.items()}
+    {'tone': 0.22, 'sweep': 0.78}
+
+    Attributes:
+        players: names of the players, the rows.
+        rivals: names of the rivals, the columns.
+        samples: of each player ``(units, rivals)``: the reward of each training seed or, of a script and a
+            single training seed, of each match.
+        over: the units of each player, which its intervals are over.
+    """
+
+    players: tuple[str, ...]
+    rivals: tuple[str, ...]
+    samples: tuple[np.ndarray, ...]
+    over: tuple[str, ...]
+
+    @classmethod
+    def of(cls, store: Store, wanted: Sequence[Pairing]) -> Payoffs:
+        """Return the pay-offs of pairings that a store has, in the order of their players and rivals.
+
+        Entries of one name are training seeds of one player.
+
+        Raises:
+            UserError: a record is missing, or a pairing of one of the players with one of the rivals.
+        """
+        cells: dict[tuple[str, str], list[np.ndarray]] = {}
+        for (entry, suite, rival), record in zip(wanted, store.of(wanted), strict=True):
+            cells.setdefault((entry.name, rival.name), []).append(suite.rewards(record.returns))
+        players, rivals = (tuple(dict.fromkeys(names)) for names in zip(*cells, strict=True))
+        runs = {player: max(len(of) for (one, _), of in cells.items() if one == player) for player in players}
+        for pair in product(players, rivals):
+            if len(cells.get(pair, ())) != runs[pair[0]]:
+                raise UserError(
+                    f"pay-offs: {' against '.join(pair)} is missing, or one of its training seeds"
+                )
+        over = tuple(TRAINING_SEEDS if runs[player] > 1 else MATCHES for player in players)
+        samples = [
+            [np.mean(cells[one, rival], axis=1 if unit == TRAINING_SEEDS else 0) for rival in rivals]
+            for one, unit in zip(players, over, strict=True)
+        ]
+        return cls(players, rivals, tuple(np.array(of).T for of in samples), over)
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """The mean rewards ``(players, rivals)``."""
+        return np.array([[column.mean() for column in of.T] for of in self.samples])
+
+    def interval(self, player: str, rivals: str | Mapping[str, float]) -> Interval:
+        """Return what a player earns from a rival, or from a mixture of rivals by their shares.
+
+        Raises:
+            UserError: no such player or rival.
+        """
+        row = _index(player, self.players, "player")
+        shares = {rivals: 1.0} if isinstance(rivals, str) else rivals
+        columns = [_index(name, self.rivals, "rival") for name in shares]
+        return mean_interval(self.samples[row][:, columns] @ np.array(list(shares.values())), self.over[row])
+
+    def worst(self, player: str) -> tuple[str, Interval]:
+        """Return the rival that a player earns least from, and what it earns there."""
+        row = self.values[_index(player, self.players, "player")]
+        rival = self.rivals[int(row.argmin())]
+        return rival, self.interval(player, rival)
+
+    def best_answer(self, rivals: str | Mapping[str, float]) -> tuple[str, Interval]:
+        """Return the player that earns most from a rival or a mixture of rivals, and what it earns."""
+        earned = {player: self.interval(player, rivals) for player in self.players}
+        player = max(earned, key=lambda name: earned[name].value)
+        return player, earned[player]
+
+    def equilibrium(self) -> Equilibrium:
+        """Return the Nash equilibrium of the zero-sum game in which rivals lose what players earn."""
+        solution = nash(-self.values)
+        return Equilibrium(
+            dict(zip(self.players, solution.rows.tolist(), strict=True)),
+            dict(zip(self.rivals, solution.columns.tolist(), strict=True)),
+            -solution.value,
+        )
+
+
+class Equilibrium(NamedTuple):
+    """Shares of players and of rivals, and what the players earn on average."""
+
+    players: dict[str, float]
+    rivals: dict[str, float]
+    value: float
+
+
+def _index(name: str, names: Sequence[str], what: str) -> int:
+    if name not in names:
+        raise UserError(f"pay-offs: no {what} {name!r}{nearest(name, names)}")
+    return names.index(name)
+
+
+class Nash(NamedTuple):
+    """Equilibrium of a zero-sum game: mixtures of rows and columns, and the value."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    value: float
+
+
+def nash(losses: np.ndarray) -> Nash:
+    """Return the Nash equilibrium of a zero-sum game by linear programming.
+
+    Args:
+        losses: ``(m, n)``, the losses of the side that chooses rows to the side that chooses columns.
+
+    Raises:
+        UserError: not a matrix of finite numbers, or the solver fails.
+    """
+    if losses.ndim != 2 or not losses.size or not np.isfinite(losses).all():
+        raise UserError(f"meta-game: expected a matrix of finite numbers, got shape {losses.shape}")
+    rows, columns = _minimax(losses), _minimax(-losses.T)
+    return Nash(rows, columns, float(rows @ losses @ columns))
+
+
+def _minimax(losses: np.ndarray) -> np.ndarray:
+    """Return the mixture of rows with the least greatest loss: min v, x @ losses <= v, x a distribution."""
+    from scipy.optimize import linprog
+
+    m, n = losses.shape
+    solution = linprog(
+        c=np.append(np.zeros(m), 1.0),
+        A_ub=np.hstack([losses.T, -np.ones((n, 1))]),
+        b_ub=np.zeros(n),
+        A_eq=np.append(np.ones(m), 0.0)[None],
+        b_eq=[1.0],
+        bounds=[(0, None)] * m + [(None, None)],
+        method="highs",
+    )
+    if not solution.success:
+        raise UserError(f"meta-game: the solver gives up: {solution.message}")
+    mixture = np.clip(solution.x[:m], 0, None)
+    normalized: np.ndarray = mixture / mixture.sum()
+    return normalized

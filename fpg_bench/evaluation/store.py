@@ -1,0 +1,162 @@
+"""Stores of records: who met whom, each pairing once, in an append-only file or in memory.
+
+A store reads its own file and no other, so all its records have one origin and one trust: what the board
+verifies is never taken from the zoo.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from fpg_bench.common.errors import UserError, other_content
+from fpg_bench.common.parallel import Job, check_all_done, run_jobs
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.entry import EvaluatedPlayer
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.record import MatchupKey, Record, read_records
+from fpg_bench.evaluation.suite import Rival, Suite
+
+RECORDS = "records.jsonl"
+# Called with the number of rounds of each match that were played.
+Progress = Callable[[EvaluatedPlayer, Rival, int], None]
+
+
+class Pairing(NamedTuple):
+    """A player and the rival that it meets; the suite has the matches' number and seeds."""
+
+    entry: EvaluatedPlayer
+    suite: Suite
+    rival: Rival
+
+    @property
+    def key(self) -> MatchupKey:
+        """What its record is found by."""
+        entry, rival = self.entry, self.rival
+        return (
+            self.suite.hash[:16],
+            entry.name,
+            entry.training_seed,
+            entry.fingerprint[:16],
+            rival.name,
+        )
+
+    @property
+    def name(self) -> str:
+        """Its name in messages."""
+        seed = "" if self.entry.training_seed is None else f"/seed_{self.entry.training_seed}"
+        return f"{self.entry.name}{seed} - {self.rival.name}"
+
+
+def pairings(entries: Iterable[EvaluatedPlayer], suite: Suite) -> list[Pairing]:
+    """Return the pairings of entries with all rivals of a suite, entry by entry."""
+    return [Pairing(entry, suite, rival) for entry in entries for rival in suite.rivals]
+
+
+class Store:
+    """Records of pairings.
+
+    >>> from fpg_bench.evaluation.entry import player_entry
+    >>> from fpg_bench.evaluation.evaluate import with_matches
+    >>> from fpg_bench.evaluation.suite import load_suite
+    >>> wanted = pairings([player_entry("expert")], with_matches(load_suite("ally-v1"), 1))
+    >>> store = Store()
+    >>> len(store.fill(wanted)), store.missing(wanted)
+    (10, [])
+
+    Args:
+        path: the file, which need not exist; None: the records are kept in memory.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self.path = path
+        self._file = None if path is None else RowFile(path)
+        self._kept: list[Record] = []
+
+    def locked(self) -> contextlib.AbstractContextManager[None]:
+        """Hold the store for this process; raises UserError while another one holds it."""
+        return contextlib.nullcontext() if self._file is None else self._file.locked()
+
+    def records(self) -> list[Record]:
+        """Return all records; raises UserError for an invalid row."""
+        if self._file is None:
+            return list(self._kept)
+        return read_records(self._file.read(), f"records {self.path}")
+
+    def add(self, record: Record) -> None:
+        """Append a record."""
+        if self._file is None:
+            self._kept.append(record)
+        else:
+            self._file.append([record.row()])
+
+    def claim(self, wanted: Iterable[Pairing]) -> None:
+        """Refuse to mix: raise UserError unless all records are of these suites, and of these players.
+
+        A player of the same name and training seed must be the same player; other names may be there.
+        """
+        wanted = list(wanted)
+        suites = {pairing.suite.hash[:16] for pairing in wanted}
+        players = {(each.name, each.training_seed): each.fingerprint[:16] for each, *_ in wanted}
+        for record in self.records():
+            if record.suite_hash not in suites:
+                raise other_content(f"records {self.path}", f"some of another suite ({record.suite})")
+            known = players.get((record.entry, record.training_seed), record.fingerprint)
+            if known != record.fingerprint:
+                raise other_content(
+                    f"records {self.path}",
+                    f"records of another {record.entry!r} (another policy, or its file has changed)",
+                    "give this one another name",
+                )
+
+    def missing(self, wanted: Iterable[Pairing]) -> list[Pairing]:
+        """Return the pairings that have no record, each once."""
+        known = {record.key for record in self.records()}
+        return list({each.key: each for each in wanted if each.key not in known}.values())
+
+    def fill(
+        self,
+        wanted: Sequence[Pairing],
+        by: Callable[..., Record] | None = None,
+        *,
+        progress: Progress = lambda entry, rival, rounds: None,
+        n_jobs: int = 1,
+        backend: str = "loky",
+        address: str | None = None,
+    ) -> list[Record]:
+        """Play the pairings that have no record; each record is kept as soon as it is there.
+
+        Args:
+            wanted: the pairings.
+            by: plays one of them; None: :func:`fpg_bench.evaluation.play.play`, whose arguments it takes.
+            progress: called before each pairing and after each of its rounds, if there is one job.
+            n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
+
+        Returns:
+            The records of all these pairings, in their order.
+
+        Raises:
+            UserError: a pairing that cannot be played, an invalid row, or another process fills the store.
+        """
+        with self.locked():
+            missing, by = self.missing(wanted), by or play
+            if n_jobs == 1 and backend == "loky":
+                for pairing in missing:
+                    note = partial(progress, pairing.entry, pairing.rival)
+                    note(0)
+                    self.add(by(*pairing, on_round=note))
+            else:
+                jobs = [Job(each.name, partial(by, *each), self.add) for each in missing]
+                check_all_done(run_jobs(jobs, n_jobs, backend, address))
+            return self.of(wanted)
+
+    def of(self, wanted: Sequence[Pairing]) -> list[Record]:
+        """Return the records of pairings, in their order; raises UserError where one is missing."""
+        known = {record.key: record for record in self.records()}
+        for pairing in wanted:
+            if pairing.key not in known:
+                raise UserError(f"records {self.path}: none of {pairing.name}; play it first")
+        return [known[pairing.key] for pairing in wanted]

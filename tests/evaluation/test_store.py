@@ -1,0 +1,132 @@
+"""Stores of records: what is missing, filling after a kill and by workers, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation import store as storing
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.store import Pairing, Store, pairings
+from fpg_bench.evaluation.suite import load_suite
+from tests.programs import ROOT
+
+FILLER = """
+import sys, time
+from pathlib import Path
+from tests.evaluation.test_store import small, wanted
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.store import Store
+
+def slow(entry, suite, rival, **more):
+    if rival == suite.rivals[2]:
+        time.sleep(600)  # until it is killed
+    return play(entry, suite, rival, **more)
+
+Store(Path(sys.argv[1])).fill(wanted(small()), slow)
+"""
+
+
+def small(matches=1):
+    """The first rivals of a suite, met in few matches."""
+    suite = load_suite("ally-v1")
+    return dataclasses.replace(suite, matches=matches, rivals=suite.rivals[:3])
+
+
+def wanted(suite, *names):
+    return pairings([player_entry(name) for name in names or ("expert", "idle")], suite)
+
+
+@pytest.fixture(params=["file", "memory"])
+def store(request, tmp_path):
+    return Store(tmp_path / "deep" / "records.jsonl" if request.param == "file" else None)
+
+
+def test_what_is_missing_is_played_once_and_told_in_the_order_that_was_asked_for(store, monkeypatch):
+    every = wanted(small())
+    assert store.missing(every) == every
+    assert store.missing([*every, *every]) == every
+    with pytest.raises(UserError, match="none of expert - tone/pursuit; play it first"):
+        store.of(every)
+    first = store.fill(every[2:4])
+    assert store.missing(every) == [*every[:2], *every[4:]]
+    records = store.fill(every)
+    assert [record.key for record in records] == [pairing.key for pairing in every]
+    assert records[2:4] == first
+    assert records == [play(*pairing) for pairing in every]
+    monkeypatch.setattr(storing, "play", None)  # nothing is played any more
+    assert store.fill(every[::-1]) == records[::-1]
+    assert len(store.records()) == len(every)
+
+
+def test_progress_is_told_of_what_is_played_alone(store):
+    every, told = wanted(small(), "expert"), []
+    store.fill(every[:1])
+    store.fill(every, progress=lambda entry, rival, rounds: told.append((rival.name, rounds)))
+    rounds = range(small().rounds_per_match + 1)
+    assert told == [(pairing.rival.name, number) for pairing in every[1:] for number in rounds]
+
+
+def test_a_suite_its_matches_and_its_season_are_parts_of_the_key(store):
+    suite = small()
+    store.fill(wanted(suite))
+    for other in (small(2), dataclasses.replace(suite, season="1")):
+        assert store.missing(wanted(other)) == wanted(other)
+    renamed = dataclasses.replace(suite, name="other")  # what is played is the same
+    assert store.missing(wanted(renamed)) == []
+
+
+def test_another_policy_of_the_same_name_is_missing_and_a_store_of_one_suite_refuses_it(store):
+    store.fill(wanted(small()))
+    impostor = dataclasses.replace(player_entry("expert"), fingerprint="another")
+    changed = pairings([impostor], small())
+    assert store.missing(changed) == changed
+    with pytest.raises(UserError, match=r"holds records of another 'expert' .*choose another folder"):
+        store.claim(changed)
+    store.claim(wanted(small(), "always-hop"))  # another name is welcome
+
+
+def test_records_of_another_suite_are_refused(store):
+    store.fill(wanted(small()))
+    with pytest.raises(UserError, match=r"holds some of another suite \(ally-v1\); choose another folder"):
+        store.claim(wanted(small(2)))
+
+
+def test_workers_fill_it_with_the_same_records(tmp_path):
+    every = wanted(small())
+    records = Store(tmp_path / "records.jsonl").fill(every, n_jobs=2)
+    assert records == Store().fill(every)
+
+
+def test_a_pairing_that_fails_keeps_what_was_there(store):
+    entry, suite, rival = wanted(small())[0]
+    broken = Pairing(dataclasses.replace(entry, name="broken", make=lambda rival: "no-such"), suite, rival)
+    with pytest.raises(UserError, match="no-such"):
+        store.fill([Pairing(entry, suite, rival), broken])
+    assert [record.entry for record in store.records()] == ["expert"]
+
+
+@pytest.mark.process
+def test_a_killed_filling_goes_on_and_two_processes_never_fill_at_once(tmp_path):
+    path = tmp_path / "records.jsonl"
+    killed = subprocess.Popen([sys.executable, "-c", FILLER, str(path)], cwd=ROOT)
+    while not (path.exists() and path.read_bytes().count(b"\n") == 2) and killed.poll() is None:
+        time.sleep(0.005)
+    with pytest.raises(UserError, match="another process is writing them"):
+        Store(path).fill(wanted(small()))
+    killed.kill()
+    assert killed.wait() == -signal.SIGKILL
+    before = Store(path).records()
+    assert len(before) == 2
+    with path.open("a") as file:
+        file.write('{"suite":"ally')  # killed while a line was written
+    every = wanted(small())
+    assert Store(path).fill(every) == [play(*pairing) for pairing in every]
+    assert Store(path).records()[:2] == before
