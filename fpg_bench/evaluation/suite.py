@@ -25,8 +25,8 @@ from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.planning import as_planner
 from fpg_bench.players.agent import read_card, suites_folder
-from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.registry import as_player
+from fpg_bench.players.remote import is_remote
 
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
 _SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # so that sums can be pooled
@@ -169,7 +169,7 @@ def identity(name: str) -> str:
     """Return what decides how a named player plays: the hash of an agent's policy, or its name."""
     if name.startswith("suite:"):
         raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
-    if not is_on_hub(name) and (":" in name or "/" not in name):
+    if not is_remote(name) and (":" in name or "/" not in name):
         return name
     return read_card(name).policy_sha256
 

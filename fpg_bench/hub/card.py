@@ -11,8 +11,8 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import markdown
+from fpg_bench.hub.download import HUB
 from fpg_bench.players.card import AgentCard
-from fpg_bench.players.hub import HUB
 from fpg_bench.version import __version__
 
 _TASK = "reinforcement-learning"

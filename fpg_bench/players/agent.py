@@ -8,23 +8,21 @@ import re
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_json
+from fpg_bench.common.products import load
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import FILE, AgentCard
-from fpg_bench.players.hub import PULLED, is_on_hub, resolve
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
 from fpg_bench.players.player import SIDES, Memory
+from fpg_bench.players.remote import PULLED, fetch, is_remote
 from fpg_bench.players.seeded import SeededPolicy
-
-if TYPE_CHECKING:
-    from fpg_bench.players.sandbox.agent import SandboxedAgent
 
 _SEED = re.compile(r"seed_(\d+)")
 
@@ -114,7 +112,7 @@ class OnnxPlayer(SeededPolicy):
         return "OnnxPlayer()" if self.card is None else f"OnnxPlayer({self.card})"
 
 
-def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer | SandboxedAgent:
+def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer:
     """Load a trained agent as a player, without torch or Stable-Baselines3.
 
     Agents of others play in a sandbox: an agent on the Hugging Face Hub, one that was pulled from
@@ -126,10 +124,10 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
 
     Raises:
         UserError: no such agent, a file missing, truncated or changed, another format, id, size or side; for
-            the Hub also as :func:`fpg_bench.players.hub.download`.
+            the Hub also as :func:`fpg_bench.hub.download.download`.
     """
     folder = agent_folder(name)
-    where = f"agent {name if is_on_hub(name) else folder}"
+    where = f"agent {name if is_remote(name) else folder}"
     card = AgentCard.parse(read_json(folder / FILE, "agent"), where, side)
     try:
         model = (folder / "policy.onnx").read_bytes()
@@ -139,10 +137,9 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
         raise UserError(f"{where}: policy.onnx is not the file that agent.json describes (sha256)")
     marks = (folder / PULLED, folder.absolute().parent / "submission.yaml")
     try:
-        if is_on_hub(name) or any(mark.exists() for mark in marks):
-            from fpg_bench.players.sandbox.agent import SandboxedAgent
-
-            return SandboxedAgent(model, card)
+        if is_remote(name) or any(mark.exists() for mark in marks):
+            sandboxed: OnnxPlayer = load("player", "sandbox")(model, card)
+            return sandboxed
         return OnnxPlayer(model, card)
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
@@ -163,8 +160,8 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
     Raises:
         UserError: neither exists.
     """
-    if is_on_hub(name):
-        return resolve(os.fspath(name)).folder
+    if is_remote(name):
+        return fetch(os.fspath(name)).folder
     if os.fspath(name).endswith(".zip"):
         raise UserError(
             f"agent {os.fspath(name)!r}: SB3's zip holds pickled code; name the run's agent folder"

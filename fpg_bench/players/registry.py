@@ -21,9 +21,9 @@ from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.waterfall import Waterfall
 from fpg_bench.players.card import AgentCard
-from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Memory, Player, PlayerSpec
+from fpg_bench.players.remote import is_remote
 from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
 from fpg_bench.players.seeded import Batched
 from fpg_bench.players.tactics import Tactic
@@ -138,7 +138,7 @@ def _is_agent(name: str, side: str) -> bool:
     """Return True if a name is that of an agent or a folder."""
     if _VARIANT.fullmatch(name) or name in NAMED[side] or name in ORACLES:
         return False
-    return is_on_hub(name) or (":" not in name and ("/" in name or (bool(name) and Path(name).is_dir())))
+    return is_remote(name) or (":" not in name and ("/" in name or (bool(name) and Path(name).is_dir())))
 
 
 def player_name(spec: PlayerSpec) -> str:

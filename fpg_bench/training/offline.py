@@ -126,13 +126,22 @@ class OfflineAlgorithm(OffPolicyAlgorithm):
     """Base class: ``learn`` makes gradient steps on batches of :attr:`data` and plays no game.
 
     Attributes:
-        data: the transitions; set them before ``learn``.
+        data: the transitions; :meth:`learn_from` sets them before ``learn``.
     """
 
     data: Transitions
 
     def __init__(self, policy: Any, env: Any, **arguments: Any) -> None:
         super().__init__(policy, env, buffer_size=1, learning_starts=0, gradient_steps=-1, **arguments)
+
+    def learn_from(self, dataset: Any, frames: int = 1) -> None:
+        """Take the transitions of a data set.
+
+        Args:
+            dataset: a :class:`fpg_bench.datasets.read.Dataset`.
+            frames: number of stacked observations.
+        """
+        self.data = Transitions(*dataset.read(), self.gamma, frames, self.get_vec_normalize_env())
 
     def collect_rollouts(
         self, env: VecEnv, callback: BaseCallback, *arguments: Any, **options: Any
