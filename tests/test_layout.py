@@ -26,15 +26,15 @@ FLOORS = {
     "game": 1,
     "players": 2,
     "planning": 2,
-    "rendering": 2,
     "envs": 3,
     "evaluation": 4,
     "datasets": 5,
     "training": 5,
-    "leaderboard": 5,
-    "hub": 6,
-    "paper": 6,
-    "cli": 7,
+    "rendering": 5,
+    "leaderboard": 6,
+    "hub": 7,
+    "paper": 7,
+    "cli": 8,
 }
 HEAVY = ("numba", "torch", "stable_baselines3", "matplotlib", "onnxruntime")
 

@@ -13,7 +13,7 @@ from fpg_bench.cli.options import JsonOption, PathOption, ScenarioOption, listed
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
-from fpg_bench.common.products import load
+from fpg_bench.common.products import load, offered
 
 if TYPE_CHECKING:
     from fpg_bench.common.ids import EnvConfig
@@ -197,7 +197,8 @@ def players() -> None:
         name_all(f"planners, tier {tier}", names)
     name_all("paths", PATHS)
     typer.echo("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
-    typer.echo("On the Hugging Face Hub: hf://owner/name, or hf://owner/name@revision")
+    if "hf://" in offered("agents"):
+        typer.echo("On the Hugging Face Hub: hf://owner/name, or hf://owner/name@revision")
 
 
 def suites(
