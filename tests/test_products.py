@@ -80,6 +80,20 @@ def test_products_say_which_products_they_need():
     assert {name: set(product.needs) for name, product in PRODUCTS.items()} == needed
 
 
+def test_the_map_shows_the_products_and_names_what_there_is():
+    page = (ROOT / "docs/project/map.md").read_text(encoding="utf-8")
+    for name, product in PRODUCTS.items():
+        paths = ", ".join(f"`{path}`" for path in product.paths)
+        assert f"| {name} | {paths} | {', '.join(product.needs) or '-'} |" in page
+    places = re.findall(r"`((?:fpg_bench|baselines|tests)/[\w./]+)`", page)
+    assert not [place for place in places if not (ROOT / place).exists()]
+    rows = [line for line in page.splitlines() if line.startswith("|")]
+    for row in rows:  # a name stands in the file before it
+        for place, names in re.findall(r"`([\w./]+\.py)`: ((?:`\w+`(?:, )?)+)", row):
+            text = (ROOT / place).read_text(encoding="utf-8")
+            assert not [name for name in re.findall(r"\w+", names) if name not in text], place
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_products_offer_is_theirs_and_is_there(kind):
     for title, product in PRODUCTS.items():
