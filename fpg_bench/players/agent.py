@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,11 +20,23 @@ from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import FILE, AgentCard
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
-from fpg_bench.players.player import SIDES, Memory
+from fpg_bench.players.player import SIDES, Memory, Player
 from fpg_bench.players.remote import PULLED, fetch, is_remote
 from fpg_bench.players.seeded import SeededPolicy
 
 _SEED = re.compile(r"seed_(\d+)")
+
+
+class AgentPlayer(Player, Protocol):
+    """Player of an agent: an :class:`OnnxPlayer`, or one in the sandbox.
+
+    Attributes:
+        model: the bytes of ``policy.onnx``.
+        card: the agent's card.
+    """
+
+    model: bytes
+    card: AgentCard | None
 
 
 class OnnxPlayer(SeededPolicy):
@@ -112,7 +124,7 @@ class OnnxPlayer(SeededPolicy):
         return "OnnxPlayer()" if self.card is None else f"OnnxPlayer({self.card})"
 
 
-def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPlayer:
+def load_agent(name: str | os.PathLike[str], side: str | None = None) -> AgentPlayer:
     """Load a trained agent as a player, without torch or Stable-Baselines3.
 
     Agents of others play in a sandbox: an agent on the Hugging Face Hub, one that was pulled from
@@ -138,7 +150,7 @@ def load_agent(name: str | os.PathLike[str], side: str | None = None) -> OnnxPla
     marks = (folder / PULLED, folder.absolute().parent / "submission.yaml")
     try:
         if is_remote(name) or any(mark.exists() for mark in marks):
-            sandboxed: OnnxPlayer = load("player", "sandbox")(model, card)
+            sandboxed: AgentPlayer = load("player", "sandbox")(model, card)
             return sandboxed
         return OnnxPlayer(model, card)
     except UserError as error:
