@@ -11,10 +11,10 @@ import shutil
 from pathlib import Path
 
 from fpg_bench import make_duel
+from fpg_bench.game.recording import Recording
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
 from fpg_bench.rendering.film import write_gif
-from fpg_bench.rendering.recording import Recording
 
 STEPS, SEED = 170, 12
 EVERY = 3  # steps per frame

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.common.canvas import blank_figure
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS, GREY, Styles, draw_curves, styles_of
@@ -20,7 +21,6 @@ from fpg_bench.evaluation.suite import Suite, load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import bounds, markdown_table, number
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup
-from fpg_bench.rendering.canvas import blank_figure
 
 PAGE, CURVES = "README.md", "curves.jsonl"
 PICTURES = ("curves", "profiles", "improvement")

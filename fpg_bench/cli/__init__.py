@@ -12,40 +12,46 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.cli import dataset, evaluation, hub, leaderboard, listing, llm, plan, reproduce, training, tune
+from fpg_bench.cli import evaluation, listing, plan, training
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
+from fpg_bench.common.products import load, offered
 
 app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for verb in (
-    evaluation.play,
-    training.train,
-    training.offline,
-    evaluation.evaluate,
-    evaluation.table,
-    evaluation.curves,
-    training.best_response,
-    training.selfplay,
-    training.export,
-    reproduce.reproduce,
-    listing.envs,
-    listing.players,
-    listing.suites,
-    listing.zoo,
-):
-    app.command()(verb)
-app.add_typer(tune.app, name="tune")
-app.add_typer(plan.app, name="plan")
-app.add_typer(dataset.app, name="dataset")
-app.add_typer(hub.app, name="hub")
-app.add_typer(llm.app, name="llm")
-app.add_typer(leaderboard.submit, name="submit")
-app.add_typer(leaderboard.leaderboard, name="leaderboard")
+_VERBS: dict[str, Any] = {  # in the order of --help; None: a product's, which is there or not
+    "play": evaluation.play,
+    "train": training.train,
+    "offline": None,
+    "evaluate": evaluation.evaluate,
+    "table": evaluation.table,
+    "curves": evaluation.curves,
+    "best-response": None,
+    "selfplay": None,
+    "export": training.export,
+    "reproduce": None,
+    "envs": listing.envs,
+    "players": listing.players,
+    "suites": listing.suites,
+    "zoo": listing.zoo,
+    "tune": None,
+    "plan": plan.app,
+    "dataset": None,
+    "hub": None,
+    "llm": None,
+    "submit": None,
+    "leaderboard": None,
+}
+_VERBS |= {name: load("verb", name) for name in offered("verb")}
+for name, verb in _VERBS.items():
+    if isinstance(verb, typer.Typer):
+        app.add_typer(verb, name=name)
+    elif verb is not None:
+        app.command(name)(verb)
 _DEBUG = False
 _STOPPED, _KEPT = 130, "stopped; what was finished is kept"
 _AGAIN_S = 0.05

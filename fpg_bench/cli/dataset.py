@@ -1,4 +1,4 @@
-"""The verbs of data sets for offline learning: list, make and check."""
+"""The verbs of offline learning: ``offline``, and those that list, make and check data sets."""
 
 from __future__ import annotations
 
@@ -7,10 +7,29 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.completion import complete_dataset
+from fpg_bench.cli.completion import complete_dataset, complete_offline
 from fpg_bench.cli.evaluation import shown_progress
-from fpg_bench.cli.options import JobsOption, name_all, share, whole_number
+from fpg_bench.cli.options import (
+    AllowOption,
+    HyperparamsOption,
+    JobsOption,
+    name_all,
+    share,
+    steps_option,
+    whole_number,
+)
+from fpg_bench.cli.training import (
+    EvaluationsOption,
+    RestartOption,
+    ResumeOption,
+    RunOption,
+    ScoringSuiteOption,
+    SeedOption,
+    SeedsOption,
+    train_runs,
+)
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
 
 app = typer.Typer(help="Make and check data sets for offline reinforcement learning.")
@@ -91,3 +110,54 @@ def check(
                 progress=lambda done, total: show(f"{data}: {done:,} of {total:,} rounds"),  # noqa: B023
             )
             print_line(line)
+
+
+def offline(
+    algorithm: Annotated[
+        str,
+        typer.Argument(
+            help="bc, td3-bc, cql, iql or discrete-cql; bc-stack8 etc. see the last eight observations.",
+            autocompletion=complete_offline,
+        ),
+    ],
+    dataset: Annotated[
+        str,
+        typer.Argument(
+            metavar="DATASET",
+            help="Folder of a data set, or its name in Minari's folder (see fpg-bench dataset).",
+            autocompletion=complete_dataset,
+        ),
+    ],
+    out: RunOption,
+    resume: ResumeOption = False,
+    restart: RestartOption = False,
+    steps: Annotated[
+        int | None, steps_option("Number of gradient steps. Default: that of the hyper-parameter file.")
+    ] = None,
+    hyperparams: HyperparamsOption = None,
+    seed: SeedOption = None,
+    seeds: SeedsOption = None,
+    suite: ScoringSuiteOption = None,
+    n_evals: EvaluationsOption = 5,
+    n_jobs: JobsOption = 2,
+    allow: AllowOption = None,
+) -> None:
+    """Train an offline algorithm on a data set without interacting with the environment; export the agent.
+
+    Example: fpg-bench offline td3-bc datasets/fpg/ally-mixed-v0 --out runs/td3_bc_0
+    """
+    check_writable(out)
+    require_extra("offline", "minari", "h5py", "PIL", "torch", "stable_baselines3")
+    from fpg_bench.datasets.read import open_dataset
+    from fpg_bench.training.config import RunConfig
+
+    config = RunConfig.offline(
+        algorithm,
+        open_dataset(dataset),
+        seed=seed or 0,
+        steps=steps,
+        hyperparams=hyperparams,
+        suite=suite,
+        allow=allow or (),
+    )
+    train_runs(config, out, seed, seeds, n_evals, resume, restart, n_jobs)

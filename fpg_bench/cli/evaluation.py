@@ -124,9 +124,9 @@ def table(
 
     Example: fpg-bench table results/mine --wide
     """
+    from fpg_bench.common.canvas import check_figure
     from fpg_bench.evaluation import table as tables
     from fpg_bench.evaluation.evaluate import read_results
-    from fpg_bench.rendering.canvas import check_figure
 
     if out is not None:
         check_figure(out)
@@ -154,8 +154,8 @@ def curves(
     Example: fpg-bench curves runs/ppo runs/sac --out curves.svg
     """
     require_extra("evaluate", "scipy", "matplotlib")
+    from fpg_bench.common.canvas import check_figure, write_figure
     from fpg_bench.evaluation.curves import draw_curves, read_runs
-    from fpg_bench.rendering.canvas import check_figure, write_figure
 
     check_figure(out)
     write_figure(draw_curves(read_runs(runs)), out)

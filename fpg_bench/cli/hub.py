@@ -64,8 +64,8 @@ def pull(
     """
     require_extra("hub", "huggingface_hub")
     require_extra("evaluate", "onnx", "scipy", "matplotlib", "joblib")
+    from fpg_bench.hub.download import download, hub_name
     from fpg_bench.hub.pull import keep
-    from fpg_bench.players.hub import download, hub_name
     from fpg_bench.players.sandbox.process import forget_keys
 
     snapshot = download(hub_name(repository, revision))

@@ -13,6 +13,7 @@ from fpg_bench.cli.options import JsonOption, PathOption, ScenarioOption, listed
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
+from fpg_bench.common.products import load, offered
 
 if TYPE_CHECKING:
     from fpg_bench.common.ids import EnvConfig
@@ -196,7 +197,8 @@ def players() -> None:
         name_all(f"planners, tier {tier}", names)
     name_all("paths", PATHS)
     typer.echo("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
-    typer.echo("On the Hugging Face Hub: hf://owner/name, or hf://owner/name@revision")
+    if "hf://" in offered("agents"):
+        typer.echo("On the Hugging Face Hub: hf://owner/name, or hf://owner/name@revision")
 
 
 def suites(
@@ -218,9 +220,7 @@ def suites(
     from fpg_bench.players.agent import suites_folder
 
     if name is not None and ((suites_folder() / name).is_dir() or Path(name).is_dir()):
-        from fpg_bench.leaderboard.audit_season import describe_season
-
-        for line in describe_season(name, folder):
+        for line in load("description", "season")(name, folder):
             print_line(line)
         return
     names = sorted(path.stem for path in suites_folder().glob("*.yml")) if name is None else [name]
@@ -269,10 +269,9 @@ def _planners() -> dict[str, list[str]]:
     """Return the planners by tier."""
     from fpg_bench.game.scenario import STANDARD
     from fpg_bench.planning import LLM_CONTROLS, PLANNERS, TIERS, as_planner
-    from fpg_bench.planning.llm.llm_planner import LLMPlanner
 
     by_tier: dict[str, list[str]] = {tier: [] for tier in TIERS}
     for name in PLANNERS:
-        tier = LLMPlanner.tier if name in LLM_CONTROLS else as_planner(name, STANDARD).tier
+        tier = load("planner", name).tier if name in LLM_CONTROLS else as_planner(name, STANDARD).tier
         by_tier[tier].append(name)
     return by_tier

@@ -1,4 +1,4 @@
-"""The verbs of ``fpg-bench llm``: a small language model on this machine."""
+"""The verbs of ``fpg-bench llm``, a small language model on this machine, and ``plan probe``."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from fpg_bench.cli.options import ServerOption
+from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 
@@ -58,3 +60,30 @@ def serve(
         server.wait()
     finally:
         server.stop()
+
+
+def probe(
+    server: ServerOption = None,
+    deadline: Annotated[
+        float | None, typer.Option(min=0.1, help="Time limit of each question in seconds. Default: 30.")
+    ] = None,
+) -> None:
+    """Probe the server of the language model that the environment variables name for its features.
+
+    Example: fpg-bench plan probe --deadline 60
+    """
+    require_extra("llm", "openai")
+    from rich.console import Console
+
+    from fpg_bench.planning.llm.probe import probe as findings_of
+    from fpg_bench.planning.llm.servers import endpoint_from_environment
+
+    endpoint = endpoint_from_environment(server)
+    console = Console(soft_wrap=True, highlight=False)
+    console.print(f"{endpoint.model} at {endpoint.base_url}, profile {endpoint.server.name}", markup=False)
+    signs = {True: "yes", False: "no", None: "-"}
+    for finding in findings_of(endpoint, deadline):
+        line = f"{finding.subject:24} {signs[finding.ok]:4} {finding.detail}"
+        console.print(printable(line), markup=False)
+        if finding.subject == "answer" and not finding.ok:
+            raise UserError(f"nothing answers at {endpoint.base_url}: {finding.detail}")

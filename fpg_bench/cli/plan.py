@@ -30,6 +30,7 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.products import load, offered
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.match import Round
@@ -87,7 +88,8 @@ def run(
     """
     require_extra("video", "matplotlib")
     from fpg_bench.evaluation.match import run_match
-    from fpg_bench.evaluation.match_picture import draw_match, write_match_replay
+
+    draw_match, write_match_replay = load("drawing", "match"), load("drawing", "match's page")
 
     asked: dict[str, Any] = {"prompt": prompt, "control": control, "server": server}
     asked |= {"temperature": temperature, "sampling_seed": sampling_seed}
@@ -153,32 +155,8 @@ def replay(
     typer.echo(f"identical: {len(played)} rounds of {file}")
 
 
-@app.command()
-def probe(
-    server: ServerOption = None,
-    deadline: Annotated[
-        float | None, typer.Option(min=0.1, help="Time limit of each question in seconds. Default: 30.")
-    ] = None,
-) -> None:
-    """Probe the server of the language model that the environment variables name for its features.
-
-    Example: fpg-bench plan probe --deadline 60
-    """
-    require_extra("llm", "openai")
-    from rich.console import Console
-
-    from fpg_bench.planning.llm.probe import probe as findings_of
-    from fpg_bench.planning.llm.servers import endpoint_from_environment
-
-    endpoint = endpoint_from_environment(server)
-    console = Console(soft_wrap=True, highlight=False)
-    console.print(f"{endpoint.model} at {endpoint.base_url}, profile {endpoint.server.name}", markup=False)
-    signs = {True: "yes", False: "no", None: "-"}
-    for finding in findings_of(endpoint, deadline):
-        line = f"{finding.subject:24} {signs[finding.ok]:4} {finding.detail}"
-        console.print(printable(line), markup=False)
-        if finding.subject == "answer" and not finding.ok:
-            raise UserError(f"nothing answers at {endpoint.base_url}: {finding.detail}")
+for name in offered("verb of plan"):
+    app.command(name)(load("verb of plan", name))
 
 
 @app.command()
@@ -242,7 +220,7 @@ def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
     Raises:
         UserError: they would overwrite other files, or mix with them.
     """
-    from fpg_bench.rendering.canvas import FIGURES
+    from fpg_bench.common.canvas import FIGURES
 
     path = Path("runs", "plan", name.replace("/", "_").replace(":", "_")) if out is None else out
     if path.suffix in (".jsonl", *FIGURES):
@@ -284,10 +262,8 @@ def _shown_progress(rounds: int) -> Iterator[Callable[[int, Round | None], None]
 
 
 def _print_talk(played: Round) -> None:
-    from fpg_bench.evaluation.match_picture import messages_of
-
     for attempt in played.talk:
-        for who, text in messages_of(attempt):
+        for who, text in attempt.messages():
             for line in (f"--- {who}", *text.splitlines()):
                 typer.echo(printable(line))
 

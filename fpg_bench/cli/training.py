@@ -1,4 +1,4 @@
-"""The verbs of training: ``train``, ``offline``, ``selfplay``, ``best-response`` and ``export``."""
+"""The verbs of training: ``train`` and ``export``."""
 
 from __future__ import annotations
 
@@ -6,16 +6,13 @@ import re
 import shlex
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fpg_bench.cli.completion import (
     complete_algorithm,
-    complete_dataset,
     complete_id,
-    complete_offline,
-    complete_player,
     complete_suite,
 )
 from fpg_bench.cli.options import (
@@ -47,13 +44,9 @@ from fpg_bench.cli.options import (
     listed,
     llm_options,
     steps_option,
-    whole_number,
 )
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_writable
-from fpg_bench.common.output import print_line
-from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
     from fpg_bench.training.config import RunConfig
@@ -213,61 +206,10 @@ def train(
     )
     if seeds is None and (backend, address) != ("loky", None):
         raise UserError("backend, address: need several runs; list their --seeds")
-    _train(config, out, seed, seeds, n_evals, resume, restart, n_jobs, backend, address)
+    train_runs(config, out, seed, seeds, n_evals, resume, restart, n_jobs, backend, address)
 
 
-def offline(
-    algorithm: Annotated[
-        str,
-        typer.Argument(
-            help="bc, td3-bc, cql, iql or discrete-cql; bc-stack8 etc. see the last eight observations.",
-            autocompletion=complete_offline,
-        ),
-    ],
-    dataset: Annotated[
-        str,
-        typer.Argument(
-            metavar="DATASET",
-            help="Folder of a data set, or its name in Minari's folder (see fpg-bench dataset).",
-            autocompletion=complete_dataset,
-        ),
-    ],
-    out: RunOption,
-    resume: ResumeOption = False,
-    restart: RestartOption = False,
-    steps: Annotated[
-        int | None, steps_option("Number of gradient steps. Default: that of the hyper-parameter file.")
-    ] = None,
-    hyperparams: HyperparamsOption = None,
-    seed: SeedOption = None,
-    seeds: SeedsOption = None,
-    suite: ScoringSuiteOption = None,
-    n_evals: EvaluationsOption = 5,
-    n_jobs: JobsOption = 2,
-    allow: AllowOption = None,
-) -> None:
-    """Train an offline algorithm on a data set without interacting with the environment; export the agent.
-
-    Example: fpg-bench offline td3-bc datasets/fpg/ally-mixed-v0 --out runs/td3_bc_0
-    """
-    check_writable(out)
-    require_extra("offline", "minari", "h5py", "PIL", "torch", "stable_baselines3")
-    from fpg_bench.datasets.read import open_dataset
-    from fpg_bench.training.config import RunConfig
-
-    config = RunConfig.offline(
-        algorithm,
-        open_dataset(dataset),
-        seed=seed or 0,
-        steps=steps,
-        hyperparams=hyperparams,
-        suite=suite,
-        allow=allow or (),
-    )
-    _train(config, out, seed, seeds, n_evals, resume, restart, n_jobs)
-
-
-def _train(
+def train_runs(
     config: RunConfig,
     out: Path,
     seed: int | None,
@@ -326,189 +268,6 @@ def print_scores(run: RunFolder, head: str = "") -> None:
     for side, score in run.last_scores().items():
         shown = "none" if score is None else f"{score:.1f}"
         typer.echo(f"{head}{side}'s score at the end of training (few rounds, tuning seeds): {shown}")
-
-
-def selfplay(
-    algorithm: Annotated[str, typer.Argument(help="The algorithm, as for train.")],
-    out: Annotated[Path, typer.Option(help="Folder of all generations.")],
-    generations: Annotated[
-        int, typer.Option(min=1, help="Number of generations of each side.", rich_help_panel=TRAINING)
-    ] = 10,
-    steps: Annotated[int, steps_option("Training budget of one generation of one side.")] = 500_000,
-    pool: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            help="Maximum number of past generations of the other side to train against.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = 5,
-    seed: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            help="Seed of the trainings and of the draws from past generations.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = 0,
-    hyperparams: HyperparamsOption = None,
-    n_evals: Annotated[
-        int,
-        typer.Option(
-            min=0, help="Number of evaluations of a generation on its suite.", rich_help_panel=EVALUATION
-        ),
-    ] = 1,
-    scenario: ScenarioOption = None,
-    path: PathOption = None,
-    knowledge: KnowledgeOption = None,
-    jamming_types: JammingTypesOption = None,
-    allow: AllowOption = None,
-) -> None:
-    """Train both sides alternately against past generations of each other; run it again to resume.
-
-    Example: fpg-bench selfplay ppo --generations 10 --out runs/selfplay
-    """
-    check_writable(out)
-    from fpg_bench.training.league.selfplay import selfplay as play
-
-    agents = play(
-        algorithm,
-        out,
-        generations=generations,
-        steps=steps,
-        pool=pool,
-        seed=seed,
-        hyperparams=hyperparams,
-        evaluations=n_evals,
-        scenario=scenario,
-        path=listed(path),
-        knowledge=knowledge,
-        jamming_types=listed(jamming_types),
-        allow=allow or (),
-    )
-    print_line(f"agents: {agents['ally']}, {agents['opponent']}")
-
-
-def best_response(
-    agent: Annotated[
-        str,
-        typer.Argument(
-            help="A shipped agent, an agent's folder, a script, or package.module:object.",
-            autocompletion=complete_player,
-        ),
-    ],
-    out: Annotated[Path, typer.Option(help="Folder of the best responses and best_responses.json.")],
-    side: Annotated[
-        str | None,
-        typer.Option(
-            help="The player's side: ally or opponent. Default: that of the agent.", rich_help_panel=GAME
-        ),
-    ] = None,
-    scenario: ScenarioOption = None,
-    path: PathOption = None,
-    steps: Annotated[
-        str,
-        typer.Option(
-            help="Training budget of each best response; several are separated by commas.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = "500000",
-    n_seeds: Annotated[
-        int,
-        typer.Option(
-            min=1, help="Number of training seeds of each algorithm and budget.", rich_help_panel=TRAINING
-        ),
-    ] = 3,
-    algorithm: Annotated[
-        str,
-        typer.Option(
-            help="The algorithm, as for train; several are separated by commas.", rich_help_panel=TRAINING
-        ),
-    ] = "ppo",
-    start: Annotated[
-        str,
-        typer.Option(
-            help="Start of each training: nothing, strongest (imitate the strongest known rival first), or "
-            "nothing,strongest for both.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = "nothing",
-    hyperparams: HyperparamsOption = None,
-    reward: Annotated[
-        str | None,
-        typer.Option(
-            help="zero_sum: lower the player's return; own: raise the response's return. Default: zero_sum "
-            "against an ally, own against an opponent.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = None,
-    actions: ActionsOption = None,
-    search: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            help="Number of scripts with random constants to evaluate in addition to the scripts.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = 0,
-    full: Annotated[
-        bool,
-        typer.Option(
-            help="Run the full search instead: SAC, PPO with stacked frames (continuous, discrete, and "
-            "discrete from the strongest), two seeds each, and 100 scripts with random constants; about "
-            "half an hour.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = False,
-    allow: AllowOption = None,
-) -> None:
-    """Train best responses to a fixed player and report its return against each.
-
-    Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
-    """
-    check_writable(out)
-    from fpg_bench.training.league.best_responses import FULL_SEARCH, response_label
-    from fpg_bench.training.league.best_responses import best_responses as respond
-
-    search_options: dict[str, Any] = {
-        "steps": [whole_number(word) for word in steps.split(",")],
-        "n_seeds": n_seeds,
-        "algorithm": algorithm.split(","),
-        "start": start.split(","),
-        "hyperparams": hyperparams,
-        "actions": actions,
-        "search": search,
-    }
-    for one in FULL_SEARCH if full else [search_options]:
-        row = respond(
-            agent,
-            out,
-            side=side,
-            scenario=scenario,
-            path=listed(path),
-            reward=reward,
-            allow=allow or (),
-            **one,
-        )
-    for response in row["responses"]:
-        print_line(
-            f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}; "
-            f"{response['seconds'] / 60:.1f} min"
-        )
-    scripts = row["scripts"]
-    strongest = min(scripts, key=lambda name: scripts[name]["return"])
-    met = scripts[strongest]
-    print_line(f"strongest script, {strongest}: {met['return']:.2f} per step, jammed {_percent(met)}")
-    print_line(f"{agent}: lowest {row['lowest']['return']:.2f} per step, against {row['lowest']['against']}")
-    paid_for_loss = all(response["reward"] == "zero_sum" for response in row["responses"])
-    if row["lowest"]["against"] == strongest and paid_for_loss:
-        print_line(
-            f"{strongest} is stronger than these responses: they are not best responses yet; raise --steps"
-        )
-
-
-def _percent(met: Row) -> str:
-    return f"{100 * met['measures']['jamming_success_rate']:.0f} %"
 
 
 def export(

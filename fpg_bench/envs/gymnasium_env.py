@@ -11,8 +11,8 @@ from gymnasium.envs.registration import EnvSpec
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import SingleAgentGame, first_seeds, one_action, wants_new_match
+from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 
 
 class FPGEnv(gymnasium.Env):

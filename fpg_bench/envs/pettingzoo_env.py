@@ -13,12 +13,12 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
+from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.full_state import FULL_STATE_SIZE
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
-from fpg_bench.rendering.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 
 _Observations = dict[str, np.ndarray]  # by agent, as the infos
 _Infos = dict[str, dict[str, Any]]

@@ -23,8 +23,8 @@ from fpg_bench.envs.core import (
     staggered_horizons,
     wants_new_match,
 )
+from fpg_bench.envs.screen import Screen
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.rendering.screen import Screen
 
 
 class FPGVecEnv(VecEnv):

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fpg_bench.common.canvas import blank_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.statistics import student_t
 from fpg_bench.players.agent import seed_folders
-from fpg_bench.rendering.canvas import blank_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

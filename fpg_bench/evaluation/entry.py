@@ -20,9 +20,9 @@ from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.planning import PLANNERS, as_planner
 from fpg_bench.players.agent import agents_named
-from fpg_bench.players.hub import is_on_hub, pinned
 from fpg_bench.players.player import Abilities, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, card_of, player_name, policy_hash
+from fpg_bench.players.remote import is_remote, pinned
 
 ALL_SCRIPTED = "all-scripted"
 MADE = "2:"  # begins what is kept of how an agent was made; version 0.2.0 hashed other text
@@ -118,7 +118,7 @@ def _each(spec: PlayerSpec, side: str) -> Sequence[PlayerSpec]:
     """Return the players that a specification stands for."""
     if spec == ALL_SCRIPTED:
         return SCRIPTED[side]
-    if is_on_hub(spec):
+    if is_remote(spec):
         return [pinned(spec)]
     name = os.fspath(spec) if isinstance(spec, str | os.PathLike) else ""
     named = agents_named(name, side) if name and ":" not in name and name not in NAMED[side] else [name]

@@ -16,23 +16,20 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
 from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match
 from fpg_bench.game.batch import check_seeds
 from fpg_bench.game.metrics import measures
+from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import TALLY
-from fpg_bench.planning.llm.llm_planner import LLMPlanner
-from fpg_bench.planning.llm.prompts import Prompt
-from fpg_bench.planning.llm.servers import endpoint_from_environment
-from fpg_bench.planning.llm.transcript import Attempt
 from fpg_bench.planning.planner import Planner
 from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
-from fpg_bench.players.hub import pinned
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name
-from fpg_bench.rendering.recording import Recording
+from fpg_bench.players.remote import pinned
 from fpg_bench.version import __version__
 
 ROUNDS = 10
@@ -45,13 +42,14 @@ class Round:
     Attributes:
         row: its row of the file.
         recording: its steps.
-        talk: the attempts of a language model at its plan; empty for other planners.
+        talk: the attempts of a language model at its plan, each a
+            :class:`fpg_bench.planning.llm.transcript.Attempt`; empty for other planners.
         problem: the reason that a language model gave no valid path for it; None if it did.
     """
 
     row: Row
     recording: Recording
-    talk: tuple[Attempt, ...]
+    talk: tuple[Any, ...]
     problem: str | None
 
     @property
@@ -115,8 +113,8 @@ def run_match(
         return list(_rounds(match, flier, players, None, [], progress))
     file = MatchFile(path)
     with file.locked(), contextlib.ExitStack() as stack:
-        if isinstance(flier, LLMPlanner):
-            stack.callback(flier.transcript.close)
+        if (transcript := _transcript(flier)) is not None:
+            stack.callback(transcript.close)
         return list(_rounds(match, flier, players, file, file.begin(match), progress))
 
 
@@ -135,7 +133,10 @@ def replay_match(path: str | Path, *, allow: Collection[str] = ()) -> tuple[Matc
     file = MatchFile(Path(path))
     match, rows = file.read()
     check_allowed((match.planner, match.ally, match.opponent), allow, f"match {path}")
-    planner = _replayed_planner(match, file.path)
+    if match.planner in LLM_CONTROLS:
+        planner = load("language model", "of a match's file")(match, file.path)
+    else:
+        planner = as_planner(match.planner, match.scenario)
     players = {side: as_player(getattr(match, side), side, match.scenario) for side in SIDES}
     return match, list(_rounds(match, planner, players, file, rows))
 
@@ -168,12 +169,18 @@ def _rounds(
         yield played
 
 
-def _talk(planner: Planner, row: Row) -> tuple[Attempt, ...]:
+def _talk(planner: Planner, row: Row) -> tuple[Any, ...]:
     """Return the exchange with a language model for a round; empty for other planners."""
-    if not isinstance(planner, LLMPlanner):
+    if (transcript := _transcript(planner)) is None:
         return ()
     place = (row["seed"], row["match"], row["round"])
-    return tuple(attempt for attempt in planner.transcript.attempts() if attempt.where[:3] == place)
+    return tuple(attempt for attempt in transcript.attempts() if attempt.where[:3] == place)
+
+
+def _transcript(planner: Planner) -> Any:
+    """Return the transcript of a planner that asks a language model; None for other planners."""
+    asks = getattr(planner, "asks_language_model", False)
+    return getattr(planner, "transcript", None) if asks else None
 
 
 def _row(duel: TwoPlayerBatch, recording: Recording) -> Row:
@@ -363,73 +370,11 @@ def _planner(
     ``path``, the match's file, is the language model's transcript, too.
     """
     if isinstance(spec, str) and spec in LLM_CONTROLS:
-        return _llm_planner(spec, scenario, path, dict(options))
+        flier, described = load("language model", "of a match")(spec, scenario, path, dict(options))
+        return flier, described
     if options:
         raise UserError(f"{next(iter(options))}: is for the planner 'llm', not for {spec!r}")
     planner = as_planner(spec, scenario)
     if path is not None and getattr(planner, "name", "") in LLM_CONTROLS:
         raise UserError("planner: name it 'llm' and pass its options with it, so that the file describes it")
     return planner, None
-
-
-def _replayed_planner(match: Match, path: Path) -> Planner:
-    """Return the planner of a match that is replayed from its file; no server is asked.
-
-    Raises:
-        UserError: an unknown planner, or a language model that the file does not describe completely.
-    """
-    if match.planner not in LLM_CONTROLS:
-        return as_planner(match.planner, match.scenario)
-    description = match.llm or {}
-    try:
-        prompt, control = Prompt(**description["prompt"]), str(description["control"])
-        unchanged = prompt.hash == description["prompt_hash"]
-    except (TypeError, KeyError, ValueError) as error:
-        raise UserError(f"match {path}: lacks the prompt or the control of its planner") from error
-    if not unchanged:
-        raise UserError(f"match {path}: its prompt is not the one that was recorded")
-    return replaying(match.scenario, prompt, {**description, "control": control}, path)
-
-
-def replaying(
-    scenario: Scenario,
-    prompt: Prompt,
-    description: Mapping[str, Any],
-    transcript: Path,
-    chain: str | None = None,
-) -> LLMPlanner:
-    """Return a language model's planner that takes its answers from a transcript; no server is asked.
-
-    Args:
-        scenario: what is played.
-        prompt: the prompt that was recorded.
-        description: ``model``, ``prompt_hash``, ``control`` and ``parser`` (the first where it is not there),
-            with which every attempt must have been made.
-        transcript: the file.
-        chain: the first hash of its chain of hashes; None: no chain.
-
-    Raises:
-        UserError: an attempt was made with another model, prompt, control or parser.
-    """
-    recorded: dict[str, Any] = {"transcript": transcript, "mode": "replay", "chain": chain}
-    planner = LLMPlanner(scenario, prompt=prompt, control=description["control"], **recorded)
-    planner.transcript.check_header(description)
-    return planner
-
-
-def _llm_planner(
-    name: str, scenario: Scenario, path: Path | None, options: dict[str, Any]
-) -> tuple[LLMPlanner, dict[str, Any]]:
-    options = {"control": LLM_CONTROLS[name], **options}
-    endpoint = endpoint_from_environment(options.pop("server", None))
-    planner = LLMPlanner(scenario, endpoint, transcript=path, **options)
-    prompt = planner.prompt
-    return planner, {
-        "model": endpoint.model,
-        "server": endpoint.server.name,
-        "control": planner.control,
-        **{key: options[key] for key in ("temperature", "sampling_seed") if key in options},
-        "prompt": {"name": prompt.name, **prompt.model_dump()},
-        "prompt_hash": prompt.hash,
-        "parser": planner.parser,
-    }

@@ -25,8 +25,8 @@ from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.planning import as_planner
 from fpg_bench.players.agent import read_card, suites_folder
-from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.registry import as_player
+from fpg_bench.players.remote import is_remote
 
 MOST_ROUNDS = 1_000_000  # per rival
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
@@ -177,7 +177,7 @@ def identity(name: str) -> str:
     """Return what decides how a named player plays: the hash of an agent's policy, or its name."""
     if name.startswith(SUITE):
         raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
-    if not is_on_hub(name) and (names_object(name) or not {"/", "\\"} & set(name)):
+    if not is_remote(name) and (names_object(name) or not {"/", "\\"} & set(name)):
         return name
     return read_card(name).policy_sha256
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fpg_bench.common.canvas import blank_figure, write_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, difference, mean_interval, rank_ranges
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary
-from fpg_bench.rendering.canvas import blank_figure, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,14 +14,15 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.ids import DUEL
+from fpg_bench.common.products import load
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, make_match
 from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.players.registry import named_card, player_name
-from fpg_bench.rendering.recording import Recording
 
 _logger = logging.getLogger(__name__)
 SUFFIXES = (".html", ".gif", ".mp4")
@@ -138,10 +139,9 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
         )
     if suffix != ".html":
         require_extra("video", "matplotlib", "PIL")
+    load("film", suffix)
     if suffix == ".mp4":
-        from fpg_bench.rendering.film import check_mp4
-
-        check_mp4()
+        load("film", "check of .mp4")()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path.parent):
@@ -205,13 +205,9 @@ def _closing_line(recording: Recording, measures: dict[str, float | None]) -> st
 
 
 def _write(recordings: Sequence[Recording], path: Path, names: dict[str, str], every: int) -> None:
-    title = _title(names)
-    if path.suffix.lower() == ".html":
-        from fpg_bench.rendering.replay import write_replay
-
-        write_replay(recordings, path, title, names["ally"], names["opponent"])
+    title, suffix = _title(names), path.suffix.lower()
+    write = load("film", suffix)
+    if suffix == ".html":
+        write(recordings, path, title, names["ally"], names["opponent"])
     else:
-        from fpg_bench.rendering.film import write_gif, write_mp4
-
-        write = write_gif if path.suffix.lower() == ".gif" else write_mp4
         write(recordings, path, title, every)

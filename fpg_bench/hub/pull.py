@@ -9,9 +9,10 @@ from pathlib import Path
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder, check_writable, read_json, write_json
+from fpg_bench.hub.download import Snapshot
 from fpg_bench.leaderboard.playing import smoke_test
 from fpg_bench.leaderboard.submission import read_policy
-from fpg_bench.players.hub import PULLED, Snapshot
+from fpg_bench.players.remote import PULLED
 from fpg_bench.players.sandbox.client import AGENT_FILES, check_policy
 
 

@@ -20,14 +20,14 @@ from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import Summary, Training, summarise
 from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.game.recording import Recording
 from fpg_bench.hub.card import model_card
+from fpg_bench.hub.download import PUSHED_FILES, TIMEOUT_S, client, hub_errors, hub_name, split_name
 from fpg_bench.hub.pull import copy_checked
 from fpg_bench.players.agent import agent_folder, load_agent
 from fpg_bench.players.card import AgentCard
-from fpg_bench.players.hub import PUSHED_FILES, TIMEOUT_S, client, hub_errors, hub_name, split_name
 from fpg_bench.players.player import Player
 from fpg_bench.players.sandbox.client import AGENT_FILES
-from fpg_bench.rendering.recording import Recording
 from fpg_bench.rendering.replay import write_replay
 
 _CURVE = "curve.png"  # in a run's folder

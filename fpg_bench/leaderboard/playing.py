@@ -16,9 +16,8 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.envs.two_player import PlannerSpec
-from fpg_bench.evaluation.compare import transcript_file
 from fpg_bench.evaluation.entry import EvaluatedPlayer, FixedPlayer, player_entry
-from fpg_bench.evaluation.match import replaying
+from fpg_bench.evaluation.language_models import replaying, transcript_file
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.store import RECORDS, Pairing, Store

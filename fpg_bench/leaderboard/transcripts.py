@@ -13,7 +13,7 @@ import yaml
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_json
 from fpg_bench.common.rows import Row
-from fpg_bench.evaluation.compare import ABOUT, PROMPT, nonce_of, transcript_file, transcript_name
+from fpg_bench.evaluation.language_models import ABOUT, PROMPT, nonce_of, transcript_file, transcript_name
 from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.leaderboard.folders import folder_problem, list_names

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure
 from fpg_bench.common.files import write_whole
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
 from fpg_bench.paper.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
 from fpg_bench.paper.runs import FIFTH, STAGES, WINDOWS, Results
-from fpg_bench.rendering.canvas import SIDE_COLOURS, blank_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,6 +9,7 @@ from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.imports import has_any, import_object, ready
+from fpg_bench.common.products import load, offered
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.interceptor import Interceptor
 from fpg_bench.planning.patterns import PATTERNS
@@ -24,9 +25,7 @@ _METHODS = ("plan", "plan_batch")
 
 
 def _language_model(name: str, scenario: Scenario) -> Any:
-    from fpg_bench.planning.llm.llm_planner import LLMPlanner
-
-    return LLMPlanner(scenario, control=LLM_CONTROLS[name])
+    return load("planner", name)(scenario, control=LLM_CONTROLS[name])
 
 
 _MAKERS: dict[str, Callable[[Scenario], Any]] = {
@@ -34,7 +33,7 @@ _MAKERS: dict[str, Callable[[Scenario], Any]] = {
     "hill-climb": lambda scenario: HillClimb(),
     "cma-es": lambda scenario: CMAES(),
     "interceptor": Interceptor,
-    **{name: partial(_language_model, name) for name in LLM_CONTROLS},
+    **{name: partial(_language_model, name) for name in offered("planner")},
     "pursuit": lambda scenario: Chaser("pursuit"),
     "lead-pursuit": lambda scenario: Chaser("lead-pursuit"),
     "optimised": Optimised,

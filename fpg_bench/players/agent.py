@@ -8,27 +8,37 @@ import re
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_bounded, read_json
+from fpg_bench.common.products import load
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import FILE, AgentCard
-from fpg_bench.players.hub import is_on_hub, resolve
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
-from fpg_bench.players.player import SIDES, Memory
+from fpg_bench.players.player import SIDES, Memory, Player
+from fpg_bench.players.remote import fetch, is_remote
 from fpg_bench.players.seeded import SeededPolicy
 from fpg_bench.players.trust import is_exported_here, remember_exported
 
-if TYPE_CHECKING:
-    from fpg_bench.players.sandbox.agent import SandboxedAgent
-
 _MOST_POLICY = 2**28  # bytes
 _SEED = re.compile(r"seed_(\d+)")
+
+
+class AgentPlayer(Player, Protocol):
+    """Player of an agent: an :class:`OnnxPlayer`, or one in the sandbox.
+
+    Attributes:
+        model: the bytes of ``policy.onnx``.
+        card: the agent's card.
+    """
+
+    model: bytes
+    card: AgentCard | None
 
 
 class OnnxPlayer(SeededPolicy):
@@ -118,7 +128,7 @@ class OnnxPlayer(SeededPolicy):
 
 def load_agent(
     name: str | os.PathLike[str], side: str | None = None, *, trusted: bool | None = None
-) -> OnnxPlayer | SandboxedAgent:
+) -> AgentPlayer:
     """Load a trained agent as a player, without torch or Stable-Baselines3.
 
     Args:
@@ -130,10 +140,10 @@ def load_agent(
 
     Raises:
         UserError: no such agent, a file missing, truncated or changed, another format, id, size or side; for
-            the Hub also as :func:`fpg_bench.players.hub.download`.
+            the Hub also as :func:`fpg_bench.hub.download.download`.
     """
     folder = agent_folder(name)
-    where = f"agent {name if is_on_hub(name) else folder}"
+    where = f"agent {name if is_remote(name) else folder}"
     card = AgentCard.parse(read_json(folder / FILE, "agent"), where, side)
     model = read_bounded(folder / "policy.onnx", "agent", _MOST_POLICY)
     if not card.describes(model):
@@ -144,9 +154,8 @@ def load_agent(
     try:
         if trusted:
             return OnnxPlayer(model, card)
-        from fpg_bench.players.sandbox.agent import SandboxedAgent
-
-        return SandboxedAgent(model, card)
+        sandboxed: AgentPlayer = load("player", "sandbox")(model, card)
+        return sandboxed
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
 
@@ -166,8 +175,8 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
     Raises:
         UserError: neither exists.
     """
-    if is_on_hub(name):
-        return resolve(os.fspath(name)).folder
+    if is_remote(name):
+        return fetch(os.fspath(name)).folder
     if os.fspath(name).endswith(".zip"):
         raise UserError(
             f"agent {os.fspath(name)!r}: SB3's zip holds pickled code; name the run's agent folder"

@@ -20,7 +20,6 @@ from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.waterfall import Waterfall
 from fpg_bench.players.card import AgentCard
-from fpg_bench.players.hub import is_on_hub
 from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Memory, Player, PlayerSpec
 from fpg_bench.players.preprocessing import (
@@ -32,6 +31,7 @@ from fpg_bench.players.preprocessing import (
     takes_masks,
     unknown,
 )
+from fpg_bench.players.remote import is_remote
 from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
 from fpg_bench.players.seeded import Batched
 from fpg_bench.players.tactics import Tactic
@@ -147,7 +147,7 @@ def _is_agent(name: str, side: str) -> bool:
     if _VARIANT.fullmatch(name) or name in NAMED[side] or name in ORACLES:
         return False
     is_path = bool({"/", "\\"} & set(name)) or (bool(name) and Path(name).is_dir())
-    return is_on_hub(name) or (is_path and not names_object(name))
+    return is_remote(name) or (is_path and not names_object(name))
 
 
 def player_name(spec: PlayerSpec) -> str:

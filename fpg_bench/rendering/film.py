@@ -14,9 +14,9 @@ from rich.progress import track
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
+from fpg_bench.envs.screen import FRAMES_PER_SECOND
+from fpg_bench.game.recording import Recording
 from fpg_bench.rendering.picture import HEIGHT, WIDTH, Picture
-from fpg_bench.rendering.recording import Recording
-from fpg_bench.rendering.screen import FRAMES_PER_SECOND
 
 
 def check_mp4() -> None:

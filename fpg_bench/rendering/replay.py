@@ -14,8 +14,8 @@ import numpy as np
 
 from fpg_bench.common.files import write_whole
 from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.rendering.recording import Recording
 
 FORMAT = "fpg-replay/1"
 _CODE = ("events", "pen", "arena", "times", "hands", "player")  # each uses those before it

@@ -11,6 +11,7 @@ from typing import Any
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import DUEL, OFFLINE
 from fpg_bench.common.imports import imported
+from fpg_bench.common.products import offered
 
 # Of one side, with shipped hyper-parameters.
 ALGORITHMS = ("ppo", "ppo-fast", "ppo-stack8", "recurrent-ppo", "maskable-ppo", "sac", "td3", "dqn", "qr-dqn")
@@ -22,12 +23,7 @@ _CLASSES = {
     "recurrent-ppo": "sb3_contrib:RecurrentPPO",
     "qr-dqn": "sb3_contrib:QRDQN",
     "maskable-ppo": "sb3_contrib:MaskablePPO",
-    "maddpg": "fpg_bench.training.maddpg:MADDPG",
-    "bc": "fpg_bench.training.offline:BC",
-    "td3-bc": "fpg_bench.training.offline:TD3BC",
-    "cql": "fpg_bench.training.offline:CQL",
-    "iql": "fpg_bench.training.offline:IQL",
-    "discrete-cql": "fpg_bench.training.offline:DiscreteCQL",
+    **offered("algorithm"),
 }
 _VARIANTS = {"ppo-fast": "ppo"}  # the same class with its own hyper-parameter file
 _STACKED = re.compile(rf"(ppo|sac|td3|dqn|qr-dqn|maskable-ppo|{'|'.join(OFFLINE)})-stack([1-9]\d*)")
@@ -89,7 +85,7 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
         return Algorithm(name, stacked[1], _registered(stacked[1]), int(stacked[2]))
     base = _VARIANTS.get(name, name)
     if base not in _CLASSES:
-        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, 'maddpg', *OFFLINE))}")
+        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, *offered('algorithm')))}")
     return Algorithm(name, base, _registered(base))
 
 

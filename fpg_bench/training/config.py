@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -14,12 +14,9 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL, OFFLINE
 from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.hub import pinned
 from fpg_bench.players.player import SIDES
+from fpg_bench.players.remote import pinned
 from fpg_bench.training.algorithms import find_algorithm
-
-if TYPE_CHECKING:
-    from fpg_bench.datasets.read import Dataset
 
 
 @dataclass(frozen=True)
@@ -40,9 +37,10 @@ class RunConfig:
         transcript: transcript of a run with a language model; its plans are replayed without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
             the endpoint.
-        dataset: data set of an offline algorithm; see :meth:`offline`.
         allow: the ``package.module:object`` and agents of the Hub that the files of the hyper-parameters
             and of the suite may name; neither is run on a file's word.
+        dataset: data set of an offline algorithm, a :class:`fpg_bench.datasets.read.Dataset`; see
+            :meth:`offline`.
     """
 
     algorithm: str | type[BaseAlgorithm]
@@ -54,7 +52,7 @@ class RunConfig:
     start: str | Path | None = None
     transcript: str | Path | None = None
     llm: Mapping[str, Any] | None = None
-    dataset: Dataset | None = None
+    dataset: Any = None
     allow: Collection[str] = ()
 
     def __post_init__(self) -> None:
@@ -63,12 +61,12 @@ class RunConfig:
         object.__setattr__(self, "game", dataclasses.replace(spec, **pins))
 
     @classmethod
-    def offline(cls, algorithm: str, dataset: Dataset, **options: Any) -> RunConfig:
+    def offline(cls, algorithm: str, dataset: Any, **options: Any) -> RunConfig:
         """Return the configuration of a run that learns from a data set.
 
         Args:
             algorithm: one of :data:`fpg_bench.common.ids.OFFLINE`, with or without stacked frames.
-            dataset: the data set.
+            dataset: the data set, a :class:`fpg_bench.datasets.read.Dataset`.
             **options: further attributes.
 
         Raises:

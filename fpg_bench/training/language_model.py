@@ -9,8 +9,7 @@ from typing import Any
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning import LLM_CONTROLS
-
-TRANSCRIPT = "transcript.jsonl"
+from fpg_bench.training.run_folder import TRANSCRIPT
 
 
 def training_planner(

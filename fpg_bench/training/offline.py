@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -32,6 +32,9 @@ from torch.nn.functional import mse_loss, smooth_l1_loss
 
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.training.imitation import actor_loss, discounted_returns
+
+if TYPE_CHECKING:
+    from fpg_bench.datasets.read import Dataset
 
 STEPS_AT_ONCE = 100  # between two calls of the callbacks
 _GREATEST_WEIGHT = 100.0  # of an action in IQL's regression, as in its authors' code
@@ -126,13 +129,22 @@ class OfflineAlgorithm(OffPolicyAlgorithm):
     """Base class: ``learn`` makes gradient steps on batches of :attr:`data` and plays no game.
 
     Attributes:
-        data: the transitions; set them before ``learn``.
+        data: the transitions; :meth:`learn_from` sets them before ``learn``.
     """
 
     data: Transitions
 
     def __init__(self, policy: Any, env: Any, **arguments: Any) -> None:
         super().__init__(policy, env, buffer_size=1, learning_starts=0, gradient_steps=-1, **arguments)
+
+    def learn_from(self, dataset: Dataset, frames: int = 1) -> None:
+        """Take the transitions of a data set.
+
+        Args:
+            dataset: the data set.
+            frames: number of stacked observations.
+        """
+        self.data = Transitions(*dataset.read(), self.gamma, frames, self.get_vec_normalize_env())
 
     def collect_rollouts(
         self, env: VecEnv, callback: BaseCallback, *arguments: Any, **options: Any

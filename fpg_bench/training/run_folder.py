@@ -17,8 +17,8 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
-from fpg_bench.training.language_model import TRANSCRIPT
 
+TRANSCRIPT = "transcript.jsonl"  # of a run with a language model
 # Keys that identify a run; the command and the versions may change when a run is resumed.
 _IDENTITY = (
     "algorithm",

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -20,17 +20,18 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from torch.distributions import Distribution
 
+from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure, write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
 from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
+from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.planning import LLM_CONTROLS
-from fpg_bench.rendering.canvas import SIDE_COLOURS, blank_figure, write_figure
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
@@ -50,13 +51,8 @@ from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.interrupts import StopRequest
-from fpg_bench.training.language_model import training_planner
 from fpg_bench.training.models import by_side, is_finite, make_model, tells_divergence
-from fpg_bench.training.offline import Transitions
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
-
-if TYPE_CHECKING:
-    from fpg_bench.datasets.read import Dataset
 
 EVALUATIONS = 20
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
@@ -282,7 +278,11 @@ class _Run:
         """Make the model, and check that it can be exported before anything is written."""
         Distribution.set_default_validate_args(True)  # an export in this process turned torch's checks off
         config = self.config
-        planner = training_planner(config.planner, self.folder.path, config.transcript, config.llm)
+        planner = config.planner
+        asks = isinstance(planner, str) and planner in LLM_CONTROLS
+        if asks or config.transcript is not None or config.llm:
+            make_planner = load("language model", "of a training")
+            planner = make_planner(planner, self.folder.path, config.transcript, config.llm)
         game = dataclasses.replace(config.spec, planner=planner)
         first_seed = training_seed(config.seed)
         self.games = make_sb3(game, self.parameters.n_envs, first_seed, stagger=True)
@@ -293,11 +293,7 @@ class _Run:
             load_weights(self.model, start)
             self._starts_fresh = False
         if config.dataset is not None:
-            model = cast(Any, self.model)  # an OfflineAlgorithm
-            frames = self.parameters.frame_stack or 1
-            model.data = Transitions(
-                *config.dataset.read(), model.gamma, frames, model.get_vec_normalize_env()
-            )
+            cast(Any, self.model).learn_from(config.dataset, self.parameters.frame_stack or 1)
         if (imitation := self.parameters.imitate) is not None:
             teacher_of(imitation, self.model, self.sides[0], self.games.core.scenario)
         try:
@@ -417,7 +413,7 @@ def _warn_of_overshoot(model: BaseAlgorithm, steps: int) -> None:
             )
 
 
-def _offline(data: Dataset) -> dict[str, Any]:
+def _offline(data: Any) -> dict[str, Any]:
     """Return the description of a data set for ``run.json`` and ``agent.json``."""
     steps = data.spec.episodes * data.spec.load_scenario().steps_per_round
     return {"dataset": data.spec.dataset_id, "content_sha256": data.sha256, "transitions": steps}

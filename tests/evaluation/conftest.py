@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 
 import pytest
-from planning.llm.playing import KEY
 
 
 @pytest.fixture
@@ -16,6 +15,8 @@ def file(tmp_path):
 @pytest.fixture
 def asks(monkeypatch):
     """Clear the endpoint of the environment; return a function that points it at a server."""
+    from tests.planning.llm.playing import KEY
+
     for name in os.environ:
         if name.startswith("FPG_LLM_"):
             monkeypatch.delenv(name)

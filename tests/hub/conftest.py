@@ -3,7 +3,7 @@
 import pytest
 from huggingface_hub import constants
 
-from fpg_bench.players.hub import resolve
+from fpg_bench.hub.download import resolve
 from fpg_bench.players.sandbox import process
 from tests.hub.hub_server import TOKEN, HubServer
 

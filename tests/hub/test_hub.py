@@ -17,11 +17,12 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.match import replay_match, run_match
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.spec import GameSpec
+from fpg_bench.hub import download as names
 from fpg_bench.hub import pull
 from fpg_bench.hub import push as uploads
-from fpg_bench.players import hub as names
+from fpg_bench.hub.download import client, resolve
 from fpg_bench.players.agent import agent_folder
-from fpg_bench.players.hub import client, pinned, resolve
+from fpg_bench.players.remote import pinned
 from fpg_bench.players.sandbox import process
 from fpg_bench.players.sandbox.agent import SandboxedAgent
 from fpg_bench.training.config import RunConfig

@@ -9,7 +9,7 @@ from unittest import mock
 
 import pytest
 
-from fpg_bench.evaluation import compare
+from fpg_bench.evaluation import language_models
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, UNSEEN
 from fpg_bench.leaderboard.verification import load_case
@@ -26,7 +26,7 @@ NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "planner-v1.yml").write_text(recording.PLANNER_SUITE)
-    with mock.patch.object(compare, "current_season", return_value=None):  # as the board of these tests
+    with mock.patch.object(language_models, "current_season", return_value=None):  # as on this board
         recording.record(folder, folder / "planner-v1.yml")
     return folder
 

@@ -10,8 +10,8 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.watching import watch
 from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.rendering.recording import Recording
 from fpg_bench.rendering.replay import FORMAT, write_replay
 
 SHORT = Scenario(steps_per_round=24, waypoints=4)

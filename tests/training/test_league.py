@@ -6,7 +6,7 @@ import json
 import pytest
 import yaml
 
-from fpg_bench.cli.training import best_response
+from fpg_bench.cli.league import best_response
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.rows import RowFile

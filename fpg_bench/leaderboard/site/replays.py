@@ -18,6 +18,7 @@ from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
+from fpg_bench.game.recording import Recording
 from fpg_bench.leaderboard.board import Board, Figures
 from fpg_bench.leaderboard.playing import Matchup, parts_of, running_player, suites_of
 from fpg_bench.leaderboard.site.views import ROLES, format_number
@@ -25,7 +26,6 @@ from fpg_bench.leaderboard.submission import Submission, load_submission
 from fpg_bench.leaderboard.tracks import PUBLIC, RESPONSES, UNSEEN, TrackSuites
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.players.sandbox.process import PolicyFailed
-from fpg_bench.rendering.recording import Recording
 from fpg_bench.rendering.replay import FORMAT, replay_data, script_json
 from fpg_bench.version import __version__
 

@@ -17,7 +17,7 @@ import logging
 import operator
 import re
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -96,6 +96,13 @@ class Attempt(Strict, extra="ignore"):
     tokens_out: int | None
     model: str | None
     parser: _Version = 1
+
+    def messages(self) -> Iterator[tuple[str, str]]:
+        """Yield who says what: the messages of the request, then the answer or the error."""
+        for message in (self.request or {}).get("messages", []):
+            yield str(message.get("role")), str(message.get("content"))
+        cost = f"{self.status}, {self.seconds:.1f} s, {self.tokens_out or 0} tokens"
+        yield f"{self.model or 'no answer'} ({cost})", self.text or self.detail
 
     @classmethod
     def read(cls, row: Row, where: str) -> Attempt:

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from huggingface_hub import HfApi
 
 PUSHED_FILES = (*AGENT_FILES, "README.md", "replay.html", "curve.png", "records.jsonl", ".gitattributes")
-PULLED = "hub.json"  # in the folder of a pulled agent: where it comes from
 _NAME = re.compile(rf"{HUB}([\w.-]+/[\w.-]+)(?:@(\S+))?")
 _COMMIT = re.compile(r"[0-9a-f]{40}")
 TIMEOUT_S = 10  # of the first request of an upload
@@ -68,18 +67,13 @@ class Snapshot:
         return f"{HUB}{self.repository}@{self.commit}"
 
 
-def is_on_hub(name: object) -> bool:
-    """Return True if a player's name stands for an agent on the Hub."""
-    return isinstance(name, str) and name.startswith(HUB)
-
-
 def hub_name(repository: str, revision: str | None = None) -> str:
     """Return the player's name of ``owner/name`` at a revision; such a name is accepted, too.
 
     Raises:
         UserError: not of this form, or two revisions.
     """
-    name = repository if is_on_hub(repository) else HUB + repository
+    name = repository if repository.startswith(HUB) else HUB + repository
     if revision is not None:
         if "@" in name:
             raise UserError(f"{name}: names a revision, and so does --revision; give only one")
@@ -107,13 +101,6 @@ def resolve(name: str) -> Snapshot:
     if snapshot.commit != snapshot.revision:
         _logger.info(f"{name} is commit {snapshot.commit}")
     return snapshot
-
-
-def pinned(spec: Spec) -> Spec:
-    """Return a player, or a list of players, with the commit in each name of an agent on the Hub."""
-    if isinstance(spec, list | tuple):
-        return type(spec)(map(pinned, spec))
-    return resolve(spec).name if is_on_hub(spec) else spec  # type: ignore[return-value]
 
 
 def client() -> HfApi:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, write_figure
 from fpg_bench.evaluation.match import Round
-from fpg_bench.planning.llm.transcript import Attempt
-from fpg_bench.rendering.canvas import ALLY, OPPONENT, blank_figure, write_figure
 from fpg_bench.rendering.picture import GREY, GROUND, INK, PALE, bezier_curve
 from fpg_bench.rendering.replay import write_replay
 
@@ -102,16 +101,8 @@ def write_match_replay(rounds: Sequence[Round], path: Path, title: str, ally: st
     talks = [
         {
             "status": played.row["status"],
-            "talk": [{"who": who, "text": text} for each in played.talk for who, text in messages_of(each)],
+            "talk": [{"who": who, "text": text} for each in played.talk for who, text in each.messages()],
         }
         for played in rounds
     ]
     write_replay([played.recording for played in rounds], path, title, ally, opponent, talks)
-
-
-def messages_of(attempt: Attempt) -> Iterator[tuple[str, str]]:
-    """Return the messages of an attempt at a plan: the request, then the answer or the error."""
-    for message in (attempt.request or {}).get("messages", []):
-        yield str(message.get("role")), str(message.get("content"))
-    cost = f"{attempt.status}, {attempt.seconds:.1f} s, {attempt.tokens_out or 0} tokens"
-    yield f"{attempt.model or 'no answer'} ({cost})", attempt.text or attempt.detail

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import has, require_extra
+from fpg_bench.common.products import load, offered
 from fpg_bench.game.batch import GameBatch
-from fpg_bench.rendering.recording import Recording
-
-if TYPE_CHECKING:
-    from fpg_bench.rendering.picture import Picture
+from fpg_bench.game.recording import Recording
 
 FRAMES_PER_SECOND = 10  # of windows and videos
 RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}  # and what each needs
@@ -22,7 +20,8 @@ RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}
 @functools.cache  # the search for packages takes as long as the rest of an environment's creation
 def offered_modes() -> tuple[str, ...]:
     """Return the render modes that the installed packages support."""
-    return tuple(mode for mode, packages in RENDER_MODES.items() if all(map(has, packages)))
+    drawn = RENDER_MODES if "picture" in offered("drawing") else {}
+    return tuple(mode for mode, packages in drawn.items() if all(map(has, packages)))
 
 
 class Screen:
@@ -37,7 +36,7 @@ class Screen:
     """
 
     _recording: Recording | None = None
-    _picture: Picture | None = None
+    _picture: Any = None
     _window: Window | None = None
 
     def __init__(self, batch: GameBatch, mode: str | None) -> None:
@@ -55,10 +54,10 @@ class Screen:
             self._recording, self._picture = Recording(self._batch), None
         else:
             self._recording.add()
-        if self._mode == "human":
-            self._window = self._window or Window()
-            if self._window.is_open:
-                self._window.show(self._draw(self._recording))
+        if self._mode == "human" and (self._window is None or self._window.is_open):
+            picture = self._draw(self._recording)
+            self._window = self._window or Window(*picture.shape[1::-1])
+            self._window.show(picture)
 
     def picture(self) -> np.ndarray | None:
         """Return the current step, ``(640, 1120, 3)`` uint8, in mode ``rgb_array``; otherwise None."""
@@ -66,10 +65,9 @@ class Screen:
 
     def _draw(self, recording: Recording) -> np.ndarray:
         if self._picture is None:
-            from fpg_bench.rendering.picture import Picture
-
-            self._picture = Picture(recording)
-        return self._picture.draw()
+            self._picture = load("drawing", "picture")(recording)
+        picture: np.ndarray = self._picture.draw()
+        return picture
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -81,20 +79,21 @@ class Screen:
 class Window:
     """A window for pictures; the user or :meth:`close` closes it.
 
+    Args:
+        width, height: size of the pictures.
+
     Raises:
         UserError: there is no screen.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, width: int, height: int) -> None:
         import pygame
-
-        from fpg_bench.rendering.picture import HEIGHT, WIDTH
 
         self._pygame = pygame
         pygame.display.init()
         pygame.display.set_caption("Frequency point game")
         try:
-            self._surface = pygame.display.set_mode((WIDTH, HEIGHT))
+            self._surface = pygame.display.set_mode((width, height))
         except pygame.error as error:
             raise UserError(f"render_mode 'human' needs a screen: {error}") from error
         self._clock = pygame.time.Clock()

@@ -1,0 +1,211 @@
+"""The verbs of leagues: ``selfplay`` and ``best-response``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fpg_bench.cli.completion import complete_player
+from fpg_bench.cli.options import (
+    EVALUATION,
+    GAME,
+    TRAINING,
+    ActionsOption,
+    AllowOption,
+    HyperparamsOption,
+    JammingTypesOption,
+    KnowledgeOption,
+    PathOption,
+    ScenarioOption,
+    listed,
+    steps_option,
+    whole_number,
+)
+from fpg_bench.common.files import check_writable
+from fpg_bench.common.output import print_line
+from fpg_bench.common.rows import Row
+
+
+def selfplay(
+    algorithm: Annotated[str, typer.Argument(help="The algorithm, as for train.")],
+    out: Annotated[Path, typer.Option(help="Folder of all generations.")],
+    generations: Annotated[
+        int, typer.Option(min=1, help="Number of generations of each side.", rich_help_panel=TRAINING)
+    ] = 10,
+    steps: Annotated[int, steps_option("Training budget of one generation of one side.")] = 500_000,
+    pool: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            help="Maximum number of past generations of the other side to train against.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = 5,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Seed of the trainings and of the draws from past generations.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = 0,
+    hyperparams: HyperparamsOption = None,
+    n_evals: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Number of evaluations of a generation on its suite.", rich_help_panel=EVALUATION
+        ),
+    ] = 1,
+    scenario: ScenarioOption = None,
+    path: PathOption = None,
+    knowledge: KnowledgeOption = None,
+    jamming_types: JammingTypesOption = None,
+    allow: AllowOption = None,
+) -> None:
+    """Train both sides alternately against past generations of each other; run it again to resume.
+
+    Example: fpg-bench selfplay ppo --generations 10 --out runs/selfplay
+    """
+    check_writable(out)
+    from fpg_bench.training.league.selfplay import selfplay as play
+
+    agents = play(
+        algorithm,
+        out,
+        generations=generations,
+        steps=steps,
+        pool=pool,
+        seed=seed,
+        hyperparams=hyperparams,
+        evaluations=n_evals,
+        scenario=scenario,
+        path=listed(path),
+        knowledge=knowledge,
+        jamming_types=listed(jamming_types),
+        allow=allow or (),
+    )
+    print_line(f"agents: {agents['ally']}, {agents['opponent']}")
+
+
+def best_response(
+    agent: Annotated[
+        str,
+        typer.Argument(
+            help="A shipped agent, an agent's folder, a script, or package.module:object.",
+            autocompletion=complete_player,
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the best responses and best_responses.json.")],
+    side: Annotated[
+        str | None,
+        typer.Option(
+            help="The player's side: ally or opponent. Default: that of the agent.", rich_help_panel=GAME
+        ),
+    ] = None,
+    scenario: ScenarioOption = None,
+    path: PathOption = None,
+    steps: Annotated[
+        str,
+        typer.Option(
+            help="Training budget of each best response; several are separated by commas.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = "500000",
+    n_seeds: Annotated[
+        int,
+        typer.Option(
+            min=1, help="Number of training seeds of each algorithm and budget.", rich_help_panel=TRAINING
+        ),
+    ] = 3,
+    algorithm: Annotated[
+        str,
+        typer.Option(
+            help="The algorithm, as for train; several are separated by commas.", rich_help_panel=TRAINING
+        ),
+    ] = "ppo",
+    start: Annotated[
+        str,
+        typer.Option(
+            help="Start of each training: nothing, strongest (imitate the strongest known rival first), or "
+            "nothing,strongest for both.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = "nothing",
+    hyperparams: HyperparamsOption = None,
+    reward: Annotated[
+        str | None,
+        typer.Option(
+            help="zero_sum: lower the player's return; own: raise the response's return. Default: zero_sum "
+            "against an ally, own against an opponent.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None,
+    actions: ActionsOption = None,
+    search: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Number of scripts with random constants to evaluate in addition to the scripts.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = 0,
+    full: Annotated[
+        bool,
+        typer.Option(
+            help="Run the full search instead: SAC, PPO with stacked frames (continuous, discrete, and "
+            "discrete from the strongest), two seeds each, and 100 scripts with random constants; about "
+            "half an hour.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = False,
+    allow: AllowOption = None,
+) -> None:
+    """Train best responses to a fixed player and report its return against each.
+
+    Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
+    """
+    check_writable(out)
+    from fpg_bench.training.league.best_responses import FULL_SEARCH, response_label
+    from fpg_bench.training.league.best_responses import best_responses as respond
+
+    search_options: dict[str, Any] = {
+        "steps": [whole_number(word) for word in steps.split(",")],
+        "n_seeds": n_seeds,
+        "algorithm": algorithm.split(","),
+        "start": start.split(","),
+        "hyperparams": hyperparams,
+        "actions": actions,
+        "search": search,
+    }
+    for one in FULL_SEARCH if full else [search_options]:
+        row = respond(
+            agent,
+            out,
+            side=side,
+            scenario=scenario,
+            path=listed(path),
+            reward=reward,
+            allow=allow or (),
+            **one,
+        )
+    for response in row["responses"]:
+        print_line(
+            f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}; "
+            f"{response['seconds'] / 60:.1f} min"
+        )
+    scripts = row["scripts"]
+    strongest = min(scripts, key=lambda name: scripts[name]["return"])
+    met = scripts[strongest]
+    print_line(f"strongest script, {strongest}: {met['return']:.2f} per step, jammed {_percent(met)}")
+    print_line(f"{agent}: lowest {row['lowest']['return']:.2f} per step, against {row['lowest']['against']}")
+    paid_for_loss = all(response["reward"] == "zero_sum" for response in row["responses"])
+    if row["lowest"]["against"] == strongest and paid_for_loss:
+        print_line(
+            f"{strongest} is stronger than these responses: they are not best responses yet; raise --steps"
+        )
+
+
+def _percent(met: Row) -> str:
+    return f"{100 * met['measures']['jamming_success_rate']:.0f} %"

@@ -1,0 +1,158 @@
+"""The line between the core and its products: what may be deleted, and what the core asks for by name.
+
+The core imports no product. It asks :func:`load` for what a product offers, by a kind and a name, and only
+then is the product imported. A product whose folders and files were deleted offers nothing, and neither do
+the products that need it.
+"""
+
+from __future__ import annotations
+
+import functools
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.common.errors import UserError
+
+PACKAGE = Path(__file__).parents[1]
+
+
+@dataclass(frozen=True)
+class Product:
+    """A part of the package that the core does not need.
+
+    Attributes:
+        paths: its folders and files in the package; all that is deleted with it.
+        offers: what it offers the core, by kind and name, as ``module:object``.
+        needs: the products that it imports.
+    """
+
+    paths: tuple[str, ...]
+    offers: Mapping[str, Mapping[str, str]]
+    needs: tuple[str, ...] = ()
+
+    def is_there(self) -> bool:
+        """Return True if nothing was deleted of it or of what it needs."""
+        whole = all((PACKAGE / path).exists() for path in self.paths)
+        return whole and all(PRODUCTS[name].is_there() for name in self.needs)
+
+
+_LLM = "fpg_bench.evaluation.language_models"
+PRODUCTS = {
+    "leaderboard": Product(
+        ("leaderboard", "cli/leaderboard.py"),
+        {
+            "verb": {
+                "submit": "fpg_bench.cli.leaderboard:submit",
+                "leaderboard": "fpg_bench.cli.leaderboard:leaderboard",
+            },
+            "description": {"season": "fpg_bench.leaderboard.audit_season:describe_season"},
+        },
+        needs=("language models", "rendering", "sandbox"),
+    ),
+    "paper": Product(
+        ("paper", "cli/reproduce.py"),
+        {"verb": {"reproduce": "fpg_bench.cli.reproduce:reproduce"}},
+        needs=("language models", "maddpg"),
+    ),
+    "hub": Product(
+        ("hub", "cli/hub.py"),
+        {
+            "verb": {"hub": "fpg_bench.cli.hub:app"},
+            "agents": {"hf://": "fpg_bench.hub.download:resolve"},
+        },
+        needs=("leaderboard", "rendering", "sandbox"),
+    ),
+    "sandbox": Product(
+        ("players/sandbox",),
+        {"player": {"sandbox": "fpg_bench.players.sandbox.agent:SandboxedAgent"}},
+    ),
+    "language models": Product(
+        ("planning/llm", "evaluation/language_models.py", "training/language_model.py", "cli/llm.py"),
+        {
+            "verb": {"llm": "fpg_bench.cli.llm:app"},
+            "verb of plan": {"probe": "fpg_bench.cli.llm:probe"},
+            "planner": dict.fromkeys(
+                ("llm", "llm-shuffled-rewards", "llm-no-history"),
+                "fpg_bench.planning.llm.llm_planner:LLMPlanner",
+            ),
+            "language model": {
+                "of a match": f"{_LLM}:match_planner",
+                "of a match's file": f"{_LLM}:replayed_planner",
+                "of a comparison": f"{_LLM}:recorded_entry",
+                "of transcripts": f"{_LLM}:replayed_entries",
+                "of a training": "fpg_bench.training.language_model:training_planner",
+            },
+        },
+    ),
+    "rendering": Product(
+        ("rendering",),
+        {
+            "drawing": {
+                "picture": "fpg_bench.rendering.picture:Picture",
+                "match": "fpg_bench.rendering.match_picture:draw_match",
+                "match's page": "fpg_bench.rendering.match_picture:write_match_replay",
+            },
+            "film": {
+                ".html": "fpg_bench.rendering.replay:write_replay",
+                ".gif": "fpg_bench.rendering.film:write_gif",
+                ".mp4": "fpg_bench.rendering.film:write_mp4",
+                "check of .mp4": "fpg_bench.rendering.film:check_mp4",
+            },
+        },
+    ),
+    "offline": Product(
+        ("datasets", "training/offline.py", "cli/dataset.py"),
+        {
+            "verb": {
+                "offline": "fpg_bench.cli.dataset:offline",
+                "dataset": "fpg_bench.cli.dataset:app",
+            },
+            "algorithm": {
+                "bc": "fpg_bench.training.offline:BC",
+                "td3-bc": "fpg_bench.training.offline:TD3BC",
+                "cql": "fpg_bench.training.offline:CQL",
+                "iql": "fpg_bench.training.offline:IQL",
+                "discrete-cql": "fpg_bench.training.offline:DiscreteCQL",
+            },
+        },
+    ),
+    "maddpg": Product(
+        ("training/maddpg",),
+        {"algorithm": {"maddpg": "fpg_bench.training.maddpg:MADDPG"}},
+    ),
+    "league": Product(
+        ("training/league", "cli/league.py"),
+        {
+            "verb": {
+                "best-response": "fpg_bench.cli.league:best_response",
+                "selfplay": "fpg_bench.cli.league:selfplay",
+            }
+        },
+    ),
+    "tuning": Product(
+        ("training/tuning", "cli/tune.py"),
+        {"verb": {"tune": "fpg_bench.cli.tune:app"}},
+    ),
+}
+
+
+@functools.cache
+def offered(kind: str) -> Mapping[str, str]:
+    """Return what products offer of a kind, by name, as ``module:object``; deleted products offer nothing."""
+    there = [product for product in PRODUCTS.values() if product.is_there()]
+    return {name: place for product in there for name, place in product.offers.get(kind, {}).items()}
+
+
+def load(kind: str, name: str) -> Any:
+    """Return what a product offers, and import it.
+
+    Raises:
+        UserError: the product was deleted; its name is in the message.
+    """
+    if name in offered(kind):
+        return pkgutil.resolve_name(offered(kind)[name])
+    owner = next(title for title, product in PRODUCTS.items() if name in product.offers.get(kind, {}))
+    raise UserError(f"{kind} {name!r}: this copy of fpg-bench was made without {owner}")

@@ -1,0 +1,257 @@
+"""Language models that plan in matches and comparisons: recorded, described and replayed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Collection, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.common.errors import UserError, other_content
+from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
+from fpg_bench.evaluation.entry import EvaluatedPlayer
+from fpg_bench.evaluation.match import Match
+from fpg_bench.evaluation.seeds import SeasonKey, current_season
+from fpg_bench.evaluation.suite import Rival, Suite
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.planning.llm.answers import PARSER
+from fpg_bench.planning.llm.budget import Budget
+from fpg_bench.planning.llm.llm_planner import LLMPlanner
+from fpg_bench.planning.llm.prompts import Prompt, load_prompt, prompt_file
+from fpg_bench.planning.llm.servers import endpoint_from_environment
+from fpg_bench.planning.llm.transcript import Transcript, chain_start
+
+ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
+_DECIDING = ("model", "control", "prompt_hash")
+_SAMPLING = ("temperature", "sampling_seed")
+_CAPS = ("calls", "tokens", "seconds")
+
+
+def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> EvaluatedPlayer:
+    """Return a language model whose answers are recorded in a folder; recorded answers are not asked again.
+
+    Raises:
+        UserError: no endpoint, no such prompt, or a folder with transcripts of another model or prompt.
+    """
+    control, rest = LLM_CONTROLS[name], dict(options)
+    endpoint = endpoint_from_environment(rest.pop("server", None))
+    prompt = rest.pop("prompt", endpoint.server.prompt)
+    about: dict[str, Any] = {
+        "model": endpoint.model,
+        "server": endpoint.server.name,
+        "control": control,
+        "prompt": prompt,
+        "prompt_hash": load_prompt(prompt).hash,
+        "temperature": rest.get("temperature", endpoint.server.temperature),
+        "sampling_seed": rest.get("sampling_seed", 0),
+        "parser": PARSER,
+        "suite": suite.name,
+        "suite_hash": suite.hash,
+        "matches": suite.matches,
+    }
+    about |= begun(about)
+    budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
+
+    def make(ally: Rival) -> LLMPlanner:
+        header = _claim(folder, about, suite)
+        planner = LLMPlanner(
+            suite.scenario,
+            endpoint,
+            prompt=prompt,
+            control=control,
+            transcript=folder / transcript_name(ally.name),
+            mode="record",
+            chain=chain_start(header, transcript_name(ally.name)),
+            parser=header.get("parser", 1),
+            **rest,
+        )
+        planner.budget = budget
+        return planner
+
+    return EvaluatedPlayer(name, None, _fingerprint(about), make)
+
+
+def replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> list[EvaluatedPlayer]:
+    """Return the language models whose transcripts are in the subfolders of a folder; no server is asked.
+
+    Raises:
+        UserError: no transcripts there, those of another suite, or a planner by the name of another one,
+            which is in ``taken`` or in the package.
+    """
+    folders = sorted(path.parent for path in folder.glob(f"*/{ABOUT}"))
+    if not folders:
+        raise UserError(f"transcripts {folder}: hold no planner; name the folder transcripts of a comparison")
+    for path in folders:
+        if path.name in taken:
+            raise UserError(f"transcripts {path}: another planner here has this name; rename the folder")
+        if path.name in PLANNERS and path.name not in LLM_CONTROLS:
+            raise UserError(f"transcripts {path}: a planner of the package has this name; rename the folder")
+    return [_replayed_entry(path, suite) for path in folders]
+
+
+def _replayed_entry(folder: Path, suite: Suite) -> EvaluatedPlayer:
+    about, prompt = _about(folder), load_prompt(str(folder / PROMPT))
+    _check_suite(folder, about, suite)
+    if prompt.hash != about["prompt_hash"]:
+        raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
+
+    def make(ally: Rival) -> LLMPlanner:
+        chain = chain_start(about, transcript_name(ally.name))
+        return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name), chain)
+
+    return EvaluatedPlayer(folder.name, None, _fingerprint(about), make)
+
+
+def begun(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the time at which a run begins, and a nonce that could not be known before the present season.
+
+    Args:
+        about: the run's description.
+    """
+    season = current_season()
+    header = {"begun": datetime.now(UTC).isoformat(timespec="seconds")}
+    return {**header, "season": None, "nonce": None} if season is None else header | nonce_of(about, season)
+
+
+def nonce_of(about: Mapping[str, Any], season: SeasonKey) -> dict[str, Any]:
+    """Return the season's number, and a hash of its seed and of the run's description."""
+    words = [season.seed, *(about[key] for key in (*_DECIDING, "suite_hash"))]
+    return {"season": season.number, "nonce": hashlib.sha256("/".join(words).encode()).hexdigest()}
+
+
+def _claim(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any]:
+    """Write the description and the prompt beside transcripts; refuse those of another planner.
+
+    Returns:
+        The description in the folder, written when the run was begun.
+    """
+    if any(path.stat().st_size for path in folder.glob("*.jsonl")):
+        known = _about(folder)
+        _check_suite(folder, known, suite)
+        for key in (*_DECIDING, *_SAMPLING):
+            if known.get(key, about[key]) != about[key]:
+                raise other_content(
+                    f"transcripts {folder}", f"answers recorded with {key} {known[key]}, not {about[key]}"
+                )
+        return known
+    if (folder / ABOUT).exists():  # the run was begun with another ally, and nothing was answered yet
+        known = _about(folder)
+        if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "parser", "suite_hash")):
+            return known
+    write_whole(folder / PROMPT, prompt_file(about["prompt"]).read_bytes())
+    write_json(folder / ABOUT, about)
+    return about
+
+
+def _check_suite(folder: Path, about: Mapping[str, Any], suite: Suite) -> None:
+    """Raise UserError if transcripts are not of the suite's matches."""
+    if about.get("suite_hash") != suite.hash:
+        raise UserError(
+            f"transcripts {folder}: hold matches of another suite, {about.get('suite')!r} with "
+            f"{about.get('matches')} matches per ally; compare them with its --suite and --matches"
+        )
+
+
+def _about(folder: Path) -> dict[str, Any]:
+    about = read_json(folder / ABOUT, "transcripts")
+    if not all(isinstance(about.get(key), str) for key in _DECIDING):
+        raise UserError(f"transcripts {folder / ABOUT}: expected the keys {', '.join(_DECIDING)}")
+    return about
+
+
+def _fingerprint(about: Mapping[str, Any]) -> str:
+    values = [about[key] for key in (*_DECIDING, *_SAMPLING, "parser") if key in about]
+    return hashlib.sha256(json.dumps(values).encode()).hexdigest()
+
+
+def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:
+    """Return one budget for all allies, less what the recorded attempts have used."""
+    budget = Budget(**caps)
+    recorded = [Transcript(path, "replay") for path in sorted(folder.glob("*.jsonl"))]
+    attempts = (attempt for transcript in recorded for attempt in transcript.attempts())
+    budget.resume(attempts, f"transcripts {folder}")
+    return budget
+
+
+def transcript_name(ally: str) -> str:
+    """Return the name of the transcript of the matches against an ally, whose own name may be a path."""
+    return f"{ally.replace('/', '-').replace(':', '-')}.jsonl"
+
+
+def transcript_file(folder: Path, ally: str) -> Path:
+    """Return a folder's transcript of the matches against an ally; the packed one if there is no other."""
+    plain = folder / transcript_name(ally)
+    packed = plain.with_name(plain.name + PACKED)
+    return packed if packed.exists() and not plain.exists() else plain
+
+
+def replayed_planner(match: Match, path: Path) -> LLMPlanner:
+    """Return a language model's planner of a match that is replayed from its file; no server is asked.
+
+    Raises:
+        UserError: the file does not describe it completely.
+    """
+    description = match.llm or {}
+    try:
+        prompt, control = Prompt(**description["prompt"]), str(description["control"])
+        unchanged = prompt.hash == description["prompt_hash"]
+    except (TypeError, KeyError, ValueError) as error:
+        raise UserError(f"match {path}: lacks the prompt or the control of its planner") from error
+    if not unchanged:
+        raise UserError(f"match {path}: its prompt is not the one that was recorded")
+    return replaying(match.scenario, prompt, {**description, "control": control}, path)
+
+
+def replaying(
+    scenario: Scenario,
+    prompt: Prompt,
+    description: Mapping[str, Any],
+    transcript: Path,
+    chain: str | None = None,
+) -> LLMPlanner:
+    """Return a language model's planner that takes its answers from a transcript; no server is asked.
+
+    Args:
+        scenario: what is played.
+        prompt: the prompt that was recorded.
+        description: ``model``, ``prompt_hash``, ``control`` and ``parser`` (the first where it is not there),
+            with which every attempt must have been made.
+        transcript: the file.
+        chain: the first hash of its chain of hashes; None: no chain.
+
+    Raises:
+        UserError: an attempt was made with another model, prompt, control or parser.
+    """
+    recorded: dict[str, Any] = {"transcript": transcript, "mode": "replay", "chain": chain}
+    planner = LLMPlanner(scenario, prompt=prompt, control=description["control"], **recorded)
+    planner.transcript.check_header(description)
+    return planner
+
+
+def match_planner(
+    name: str, scenario: Scenario, path: Path | None, options: dict[str, Any]
+) -> tuple[LLMPlanner, dict[str, Any]]:
+    """Return a match's planner that asks a language model, and its description for the match's file.
+
+    Args:
+        name: one of :data:`fpg_bench.planning.LLM_CONTROLS`.
+        scenario: what is played.
+        path: the match's file, which is the transcript, too; None: it is not kept.
+        options: of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``.
+    """
+    options = {"control": LLM_CONTROLS[name], **options}
+    endpoint = endpoint_from_environment(options.pop("server", None))
+    planner = LLMPlanner(scenario, endpoint, transcript=path, **options)
+    prompt = planner.prompt
+    return planner, {
+        "model": endpoint.model,
+        "server": endpoint.server.name,
+        "control": planner.control,
+        **{key: options[key] for key in ("temperature", "sampling_seed") if key in options},
+        "prompt": {"name": prompt.name, **prompt.model_dump()},
+        "prompt_hash": prompt.hash,
+        "parser": planner.parser,
+    }
