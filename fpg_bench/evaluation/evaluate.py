@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import logging
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -17,7 +19,14 @@ from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import PositiveInt, Strict, parse
-from fpg_bench.evaluation.entry import MADE, EvaluatedPlayer, check_kept, check_seeds, entries_of
+from fpg_bench.evaluation.entry import (
+    MADE,
+    EvaluatedPlayer,
+    check_kept,
+    check_seeds,
+    entries_of,
+    is_nameless,
+)
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_records
 from fpg_bench.evaluation.rounds import Players
@@ -29,6 +38,9 @@ from fpg_bench.players.player import PlayerSpec
 RECORDS, ABOUT = "records.jsonl", "evaluation.json"  # the files of a results folder
 # Called with the number of rounds of each match that were played.
 Progress = Callable[[EvaluatedPlayer, Rival, int], None]
+_LOOP = 3  # evaluations of a live model by one name on one suite that look like a training loop
+_live: Counter[tuple[str, str]] = Counter()
+_logger = logging.getLogger(__name__)
 
 
 def evaluate(
@@ -44,6 +56,12 @@ def evaluate(
     address: str | None = None,
 ) -> Results:
     """Evaluate players on a suite; records that the folder has already are not played again.
+
+    The matches are held out: a training loop scores itself by :class:`fpg_bench.PolicyEvaluator`.
+
+    >>> results = evaluate({"mine": "expert", "still": "idle"}, "ally-v1", matches=1)
+    >>> [each.entry for each in results]
+    ['mine', 'still']
 
     Args:
         players: names by the one grammar of players, ``all-scripted``, or anything with ``predict``; agents
@@ -70,9 +88,21 @@ def evaluate(
     entries = entries_of(players, played, name)
     if out is not None:
         check_kept(entries)
+    _warn_of_loop(entries, played)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
         summaries = play_into(Path(folder), suite, played, entries, progress, n_jobs, backend, address)
         return Results(summaries)
+
+
+def _warn_of_loop(entries: Sequence[EvaluatedPlayer], suite: Suite) -> None:
+    """Warn once a process if a live model is evaluated again and again, as training loops do."""
+    already = max(_live.values(), default=0) >= _LOOP
+    _live.update((entry.name, suite.name) for entry in entries if is_nameless(entry))
+    if not already and max(_live.values(), default=0) >= _LOOP:
+        _logger.warning(
+            "evaluate plays held-out evaluation seeds, for results alone; in a training loop use "
+            "fpg_bench.PolicyEvaluator or fpg_bench.log_evaluation, which play tuning seeds"
+        )
 
 
 def play_into(
