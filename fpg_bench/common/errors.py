@@ -15,10 +15,10 @@ class UserError(ValueError):
     The command line prints the message and exits with 2; every other exception is a bug.
 
     >>> import fpg_bench
-    >>> fpg_bench.preset("standart")
+    >>> fpg_bench.preset("figure")
     Traceback (most recent call last):
     ...
-    fpg_bench.game.scenario.ScenarioError: unknown scenario 'standart'; did you mean 'standard'?
+    fpg_bench.game.scenario.ScenarioError: unknown scenario 'figure'; did you mean 'figures'?
     """
 
 

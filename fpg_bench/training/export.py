@@ -128,7 +128,8 @@ def export_agent(
     >>> import tempfile
     >>> import fpg_bench
     >>> from stable_baselines3 import PPO
-    >>> model = PPO("MlpPolicy", fpg_bench.make_sb3("FPG/AllyVsScripted-v0", n_envs=2), n_steps=8, batch_size=16)
+    >>> games = fpg_bench.make_sb3("FPG/AllyVsScripted-v0", n_envs=2)
+    >>> model = PPO("MlpPolicy", games, n_steps=8, batch_size=16)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     difference = export_agent(model, folder, training_seed=0)
     ...     fpg_bench.load_agent(folder).card.algorithm

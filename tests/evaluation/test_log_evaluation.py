@@ -1,4 +1,4 @@
-"""Training loops of one's own: scores on tuning seeds, their files, and a warning where seeds are held out."""
+"""Training loops of one's own: scores on tuning seeds, their files, and a warning at held-out seeds."""
 
 import logging
 
