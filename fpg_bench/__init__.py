@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from fpg_bench.envs.supersuit_bridge import supersuit_vec_env
     from fpg_bench.envs.two_player import make_duel
     from fpg_bench.evaluation.evaluate import evaluate
+    from fpg_bench.evaluation.log_evaluation import log_evaluation
+    from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
     from fpg_bench.game.scenario import Scenario, preset
     from fpg_bench.game.spec import GameSpec
     from fpg_bench.players.agent import load_agent, write_agent
@@ -35,6 +37,8 @@ _HOMES = {
     "make_sb3": "fpg_bench.envs.sb3_vec_env",
     "supersuit_vec_env": "fpg_bench.envs.supersuit_bridge",
     "evaluate": "fpg_bench.evaluation.evaluate",
+    "log_evaluation": "fpg_bench.evaluation.log_evaluation",
+    "PolicyEvaluator": "fpg_bench.evaluation.policy_evaluator",
     "load_agent": "fpg_bench.players.agent",
     "write_agent": "fpg_bench.players.agent",
     "export_agent": "fpg_bench.training.export",
@@ -42,12 +46,14 @@ _HOMES = {
 
 __all__ = [
     "GameSpec",
+    "PolicyEvaluator",
     "Scenario",
     "UserError",
     "__version__",
     "evaluate",
     "export_agent",
     "load_agent",
+    "log_evaluation",
     "make_duel",
     "make_sb3",
     "preset",

@@ -17,6 +17,12 @@ class UserError(ValueError):
     """Bad input. The message says in one line what is wrong, where, and what to write instead.
 
     The command line prints the message and exits with 2; every other exception is a bug.
+
+    >>> import fpg_bench
+    >>> fpg_bench.preset("figure")
+    Traceback (most recent call last):
+    ...
+    fpg_bench.game.scenario.ScenarioError: unknown scenario 'figure'; did you mean 'figures'?
     """
 
 

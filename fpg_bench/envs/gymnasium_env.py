@@ -21,6 +21,14 @@ class FPGEnv(gymnasium.Env):
     The ally keeps a radio link to its base station; the opponent finds the link's frequency and jams it.
     A step lasts one second.
 
+    >>> import gymnasium
+    >>> import fpg_bench
+    >>> env = gymnasium.make("FPG/AllyVsScripted-v0", opponent="sweep")
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    >>> observation.shape, terminated
+    ((15,), False)
+
     **Observation space**: ``Box(-1, 1, (15,), float32)``; see
     :func:`fpg_bench.envs.core.observation_space`. With ``observation="waterfall"`` the ally sees
     ``Box(-1, 1, (history, bins), float32)`` instead; see :class:`fpg_bench.game.waterfall.Waterfall`.

@@ -26,6 +26,12 @@ class FPGVectorEnv(VectorEnv):
     Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1] or ``(N,)`` choices, and
     rewards ``(N,)`` float64; their meanings are those of :class:`fpg_bench.envs.gymnasium_env.FPGEnv`.
 
+    >>> import gymnasium
+    >>> import fpg_bench
+    >>> envs = gymnasium.make_vec("FPG/AllyVsScripted-v0", num_envs=64)
+    >>> envs.reset(seed=0)[0].shape
+    (64, 15)
+
     A round's last step has ``truncations`` set, and its infos hold ``measures``. With ``autoreset_mode``
     NEXT_STEP the step after it begins the next round, ignores that game's action and gives reward 0. With
     SAME_STEP the last step does so itself: its observation is the next round's first, and its infos hold

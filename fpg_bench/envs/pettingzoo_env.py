@@ -31,6 +31,13 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
     ``Box(-1, 1, (9,), float32)`` and its own reward. Their meanings, seeds, rounds and matches are those of
     :class:`fpg_bench.envs.gymnasium_env.FPGEnv`. ``state()`` is the full state ``(54,)`` float32.
 
+    >>> env = FPGParallelEnv(path="circle")
+    >>> observations, infos = env.reset(seed=0)
+    >>> actions = {agent: env.action_space(agent).sample() for agent in env.agents}
+    >>> observations, rewards, terminations, truncations, infos = env.step(actions)
+    >>> sorted(rewards)
+    ['ally', 'opponent']
+
     With ``actions="discrete"`` or ``"multi-discrete"`` both agents choose from lists, with a mapping from
     agents to action modes those that it names. Their infos have ``action_mask`` as ``sample`` of their
     action space takes it: int8, in mode ``multi-discrete`` a tuple of one array per list.

@@ -104,6 +104,10 @@ def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Any) 
     mean reward over the slots mixes both sides' rewards. To train one side alone, or two policies, use
     :func:`fpg_bench.make_sb3` or :func:`fpg_bench.make_duel`.
 
+    >>> env = supersuit_vec_env(n_envs=2, seed=0)
+    >>> env.num_envs, env.reset().shape
+    (4, (4, 15))
+
     A round's end is a truncation: its info holds ``terminal_observation``, ``TimeLimit.truncated``,
     ``episode`` and ``measures``.
 

@@ -133,10 +133,15 @@ def _named_entry(name: str, specs: Players, suite: Suite) -> list[EvaluatedPlaye
     return [dataclasses.replace(entry, name=name) for entry in entries]
 
 
+def is_nameless(entry: EvaluatedPlayer) -> bool:
+    """Return True if a player is an object that no name tells, such as a model in training."""
+    return entry.fingerprint.startswith(_NAMELESS)
+
+
 def check_kept(entries: Sequence[EvaluatedPlayer]) -> None:
     """Refuse players that a results folder could not recognize again, as they were not named by text."""
     for entry in entries:
-        if entry.fingerprint.startswith(_NAMELESS):
+        if is_nameless(entry):
             raise UserError(
                 f"{entry.name}: a folder keeps records of players by their names; export it as an agent, "
                 "name it package.module:object, or leave out the folder"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import logging
 import tempfile
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
@@ -14,7 +16,14 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.schema import PositiveInt, Strict, parse
-from fpg_bench.evaluation.entry import MADE, EvaluatedPlayer, check_kept, check_seeds, entries_of
+from fpg_bench.evaluation.entry import (
+    MADE,
+    EvaluatedPlayer,
+    check_kept,
+    check_seeds,
+    entries_of,
+    is_nameless,
+)
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.store import RECORDS, Progress, Store, pairings
 from fpg_bench.evaluation.suite import Suite, load_suite, read_suite
@@ -23,6 +32,9 @@ from fpg_bench.evaluation.table import Results
 from fpg_bench.players.player import PlayerSpec
 
 ABOUT = "evaluation.json"  # beside a results folder's records
+_LOOP = 3  # evaluations of a live model by one name on one suite that look like a training loop
+_live: Counter[tuple[str, str]] = Counter()
+_logger = logging.getLogger(__name__)
 
 
 def evaluate(
@@ -39,6 +51,12 @@ def evaluate(
     allow: Collection[str] = (),
 ) -> Results:
     """Evaluate players on a suite; records that the folder has already are not played again.
+
+    The matches are held out: a training loop scores itself by :class:`fpg_bench.PolicyEvaluator`.
+
+    >>> results = evaluate({"mine": "expert", "still": "idle"}, "ally-v1", matches=1)
+    >>> [each.entry for each in results]
+    ['mine', 'still']
 
     Args:
         players: names by the one grammar of players, ``all-scripted``, or anything with ``predict``; agents
@@ -67,9 +85,21 @@ def evaluate(
     entries = entries_of(players, played, name)
     if out is not None:
         check_kept(entries)
+    _warn_of_loop(entries, played)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
         summaries = play_into(Path(folder), suite, played, entries, progress, n_jobs, backend, address)
         return Results(summaries)
+
+
+def _warn_of_loop(entries: Sequence[EvaluatedPlayer], suite: Suite) -> None:
+    """Warn once a process if a live model is evaluated again and again, as training loops do."""
+    already = max(_live.values(), default=0) >= _LOOP
+    _live.update((entry.name, suite.name) for entry in entries if is_nameless(entry))
+    if not already and max(_live.values(), default=0) >= _LOOP:
+        _logger.warning(
+            "evaluate plays held-out evaluation seeds, for results alone; in a training loop use "
+            "fpg_bench.PolicyEvaluator or fpg_bench.log_evaluation, which play tuning seeds"
+        )
 
 
 def play_into(

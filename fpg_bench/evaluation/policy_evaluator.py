@@ -16,7 +16,8 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import PLANNER, Scale, Suite, load_suite
 from fpg_bench.game.metrics import pool
 from fpg_bench.game.scenario import Scenario, as_scenario
-from fpg_bench.players.player import Abilities, Memory, Player
+from fpg_bench.players.player import Abilities, Memory, Player, PlayerSpec
+from fpg_bench.players.registry import as_player
 from fpg_bench.players.scripted import player_seeds
 
 MATCHES = 10
@@ -24,6 +25,13 @@ MATCHES = 10
 
 class PolicyEvaluator:
     """Evaluator of players of one side on a suite's rivals, over the same matches for all players.
+
+    The matches are of tuning seeds, which no result is reported on, so a training loop may choose by its
+    scores; :func:`fpg_bench.log_evaluation` also writes them down.
+
+    >>> evaluator = PolicyEvaluator("ally-v1", rounds=1)
+    >>> evaluator.score("expert")["score"] > evaluator.score("idle")["score"]
+    True
 
     Args:
         suite: a suite's name, file, or the suite itself.
@@ -54,8 +62,8 @@ class PolicyEvaluator:
         played = loaded if scenario is None else _in_scenario(loaded, scenario)
         self.suite = dataclasses.replace(played, matches=-(-rounds // played.rounds_per_match))
 
-    def score(self, player: Player) -> dict[str, Any]:
-        """Evaluate a player.
+    def score(self, player: PlayerSpec) -> dict[str, Any]:
+        """Evaluate a player: anything with ``predict``, or a name.
 
         Returns:
             ``score``, on the suite's scale; ``return``, per step; ``rivals``, the return per step against
@@ -71,12 +79,13 @@ class PolicyEvaluator:
             "measures": {name: None if x is None else round(x, 5) for name, x in measures.items()},
         }
 
-    def scores(self, player: Player) -> np.ndarray:
+    def scores(self, player: PlayerSpec) -> np.ndarray:
         """Return the scores ``(rivals, matches)`` of a player."""
         return self.suite.scale.score(self._play(player)[0])
 
-    def _play(self, player: Player) -> tuple[np.ndarray, dict[str, float | None]]:
+    def _play(self, spec: PlayerSpec) -> tuple[np.ndarray, dict[str, float | None]]:
         """Play new matches; return the rewards per step ``(rivals, matches)`` and the pooled measures."""
+        player = as_player(spec, self.suite.side, self.suite.scenario)
         batches = [match_of(player, self.suite, rival) for rival in self.suite.rivals]
         shared = _SharedPlayer(player, self.suite.side, batches)
         batches = [

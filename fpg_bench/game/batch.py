@@ -32,6 +32,13 @@ class GameBatch:
 
     The attributes are buffers that every call reuses; copy what you keep.
 
+    >>> from fpg_bench.game.scenario import preset
+    >>> batch = GameBatch(preset("standard"), games=64)
+    >>> started = batch.reset(seeds=0)
+    >>> batch.step(np.zeros((64, 9)), np.zeros((64, 9)))
+    >>> batch.ally_observations.shape
+    (64, 15)
+
     Attributes:
         games: ``(N,)`` records of dtype ``state.GAME``: the full state.
         tallies: ``(N,)`` records of dtype ``state.TALLY``: the sums of the present round.

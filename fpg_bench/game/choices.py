@@ -54,6 +54,11 @@ class Choices:
     In mode ``discrete`` an action is one whole number, the index of a choice. In mode ``multi-discrete`` it
     is one whole number for each of several lists, whose rows add up.
 
+    >>> from fpg_bench.game.scenario import preset
+    >>> choices = Choices("ally", "discrete", preset("standard"))
+    >>> choices.decode(np.array([0, 1]), np.zeros((2, 15), np.float32)).shape
+    (2, 9)
+
     Args:
         side: ``ally`` or ``opponent``.
         mode: ``discrete`` or ``multi-discrete``.

@@ -504,6 +504,9 @@ PRESETS = (*_BUILT, *sorted(_FILES))
 def preset(name: str) -> Scenario:
     """Return a preset by its name.
 
+    >>> preset("standard").steps_per_round
+    300
+
     Args:
         name: ``standard`` (the leaderboard's), ``paper`` (as printed), ``figures``, ``link``, or one of the
             variants of ``link`` in the folder ``presets``.

@@ -63,6 +63,11 @@ class Waterfall:
       observation: at most -0.5 where the sensed jamming does not cover the ally;
     - while the ally spreads, 0.25 is subtracted in every other bin that its signal occupies.
 
+    >>> from fpg_bench.game.scenario import preset
+    >>> waterfall = Waterfall(preset("standard"), history=32)
+    >>> waterfall.empty(2).shape == (2, *waterfall.shape)
+    True
+
     Args:
         scenario: what is played; gives band, bandwidths and footprints.
         history: number of rows.

@@ -45,6 +45,10 @@ PLANNERS = tuple(_MAKERS)
 def as_planner(spec: object, scenario: Scenario) -> Planner:
     """Return the planner that ``spec`` names, makes, or is.
 
+    >>> from fpg_bench.game.scenario import preset
+    >>> as_planner("interceptor", preset("standard")).name
+    'interceptor'
+
     Args:
         spec: one of ``PLANNERS``; ``package.module:object`` (a planner, or a class or function that makes
             one, given the scenario if it takes an argument); such a class or function; or an object with

@@ -131,6 +131,11 @@ def load_agent(
 ) -> AgentPlayer:
     """Load a trained agent as a player, without torch or Stable-Baselines3.
 
+    >>> agent = load_agent("ally-scripted/ppo/seed_0")
+    >>> actions, state = agent.predict(np.zeros((2, 15), np.float32))
+    >>> actions.shape
+    (2, 9)
+
     Args:
         name: a shipped agent (``ally-scripted/ppo/seed_0``), an agent folder, or ``hf://owner/name@revision``.
         side: the side that it is to play; None: whichever it was trained for.
@@ -265,6 +270,14 @@ def _read(model: bytes) -> tuple[bytes, bool]:
 
 def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike[str], **about: Any) -> None:
     """Write an agent folder: ``policy.onnx`` and ``agent.json``.
+
+    >>> import tempfile
+    >>> policy = agent_folder("ally-scripted/ppo/seed_0") / "policy.onnx"
+    >>> about = {"algorithm": "PPO", "id": "FPG/AllyVsScripted-v0", "training_seed": 0, "training_steps": 10}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_agent(folder, policy, **about)
+    ...     load_agent(folder).card.algorithm
+    'PPO'
 
     Args:
         folder: the folder to write.

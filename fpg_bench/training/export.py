@@ -134,6 +134,18 @@ def export_agent(
 
     Its ``VecNormalize`` and stacked frames are folded in; nothing is pickled.
 
+    >>> import tempfile
+    >>> import fpg_bench
+    >>> from stable_baselines3 import PPO
+    >>> games = fpg_bench.make_sb3("FPG/AllyVsScripted-v0", n_envs=2)
+    >>> model = PPO("MlpPolicy", games, n_steps=8, batch_size=16)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     difference = export_agent(model, folder, training_seed=0)
+    ...     fpg_bench.load_agent(folder).card.algorithm
+    'ppo'
+    >>> difference < 1e-4
+    True
+
     Args:
         model: a trained model with a policy like those of PPO, DQN, SAC or TD3, with or without an LSTM.
         folder: the agent's folder; for a submission ``<submission>/seed_<training seed>``.

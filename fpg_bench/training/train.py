@@ -82,6 +82,14 @@ def train(
 ) -> Path:
     """Train a run and export the agent.
 
+    >>> import tempfile
+    >>> from fpg_bench.players.agent import load_agent
+    >>> small = {"n_timesteps": 16, "policy": "MlpPolicy", "n_envs": 2, "n_steps": 8, "batch_size": 16}
+    >>> run = RunConfig("ppo", "FPG/AllyVsScripted-v0", hyperparams=small)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     load_agent(train(run, folder, evaluations=0, progress=False)).card.training_steps
+    16
+
     The folder then holds ``run.json``, ``evaluations.jsonl`` (the scores during training) with its picture
     ``curve.png``, ``model.zip``, the TensorBoard log and ``agent/`` (``agent.json``, ``policy.onnx``). A
     finished run is not repeated. A stopped or killed run leaves a checkpoint that is at most a minute old;

@@ -91,6 +91,12 @@ class BatchedNormalNoise(VectorizedActionNoise):
 class MADDPG(OffPolicyAlgorithm):
     """MADDPG with Stable-Baselines3's interface: ``learn``, ``predict``, ``save`` and ``load``.
 
+    >>> import fpg_bench
+    >>> games = fpg_bench.make_sb3("FPG/duel_v0", 2, seed=0)
+    >>> model = MADDPG("JointPolicy", games, buffer_size=100, seed=0).learn(20)
+    >>> model.predict(games.reset())[0].shape
+    (2, 18)
+
     Args:
         policy: ``JointPolicy``, the only one.
         env: games of several players as one ``VecEnv``: observations ``(n, all)``, actions ``(n, all)``,

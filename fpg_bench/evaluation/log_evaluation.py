@@ -1,0 +1,92 @@
+"""Scores of a training loop of one's own, in the files that ``fpg-bench train`` writes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.common.checks import integer
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import check_own_folder, read_json, write_json
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.curves import EVALUATIONS
+from fpg_bench.evaluation.policy_evaluator import MATCHES, PolicyEvaluator
+from fpg_bench.players.player import PlayerSpec
+from fpg_bench.players.registry import player_name
+
+_RUN = "run.json"
+_SEED = re.compile(r"seed_(\d+)")
+
+
+def log_evaluation(
+    folder: str | Path,
+    model: PlayerSpec,
+    steps: int,
+    seconds: float,
+    *,
+    suite: str = "ally-v1",
+    algorithm: str | None = None,
+    training_seed: int | None = None,
+    rounds: int = MATCHES,
+) -> dict[str, Any]:
+    """Score a model on tuning seeds during its training, and append the score to a folder.
+
+    ``fpg-bench curves FOLDER`` draws it, alone, or several seeds in ``FOLDER/seed_0``, ``FOLDER/seed_1``, ...
+    as one curve, beside runs of ``fpg-bench train``.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     row = log_evaluation(folder, "expert", steps=1000, seconds=2.5, rounds=1)
+    >>> row["steps"], row["side"]
+    (1000, 'ally')
+
+    Args:
+        folder: a folder for this training alone; it is made if need be.
+        model: anything with ``predict``, or a player's name.
+        steps: environment steps so far.
+        seconds: training time so far, without evaluations.
+        suite: a suite's name or YAML file.
+        algorithm: name of the algorithm; None: the model's class.
+        training_seed: None: that of a folder called ``seed_K``, otherwise 0.
+        rounds: per rival; see :class:`fpg_bench.PolicyEvaluator`.
+
+    Returns:
+        The row: ``steps``, ``seconds``, ``side`` and what :meth:`fpg_bench.PolicyEvaluator.score` returns.
+
+    Raises:
+        UserError: a folder that holds something else, another training, or a score of so many steps; an
+            unknown suite, or a model that cannot play its side.
+    """
+    steps = integer(steps, "steps", 0)
+    folder = Path(folder)
+    check_own_folder(folder, _RUN, "training run", EVALUATIONS)
+    evaluator = PolicyEvaluator(suite, rounds)
+    if training_seed is None:
+        training_seed = int(match[1]) if (match := _SEED.fullmatch(folder.resolve().name)) else 0
+    about = {
+        "command": "fpg_bench.log_evaluation",
+        "algorithm": algorithm or player_name(model),
+        "side": evaluator.suite.side,
+        "suite": suite,
+        "training_seed": integer(training_seed, "training_seed", 0),
+    }
+    file = RowFile(folder / EVALUATIONS, {"side": str, "score": float | int, "steps": int})
+    with file.locked():
+        if (folder / _RUN).exists():
+            known = read_json(folder / _RUN, "run")
+            if differing := [key for key in about if known.get(key) != about[key]]:
+                raise UserError(
+                    f"{folder}: holds a training of another {differing[0]}; choose another folder"
+                )
+        if (rows := file.read()) and rows[-1]["steps"] >= steps:
+            raise UserError(
+                f"{folder}: has a score of {rows[-1]['steps']:,} steps already, so none of {steps:,} can "
+                "follow; choose another folder for another training"
+            )
+        row = {"steps": steps, "seconds": round(float(seconds), 2), "side": evaluator.suite.side}
+        row |= evaluator.score(model)
+        if not (folder / _RUN).exists():
+            write_json(folder / _RUN, about)
+        file.append([row])
+    return row
