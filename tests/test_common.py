@@ -8,6 +8,7 @@ import pytest
 from fpg_bench.common.checks import check_keys, flag, integer, mapping
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import install_command, require_extra
+from fpg_bench.common.files import read_yaml
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.strict_json import read_plain
 from tests.programs import python
@@ -106,6 +107,12 @@ def test_a_missing_extra_is_installed_from_where_the_package_came(origin, comman
     assert install_command("train") == command
     with pytest.raises(UserError, match="no_such_package is not installed: pip install"):
         require_extra("train", "no_such_package")
+
+
+def test_an_empty_file_is_called_empty(tmp_path):
+    (tmp_path / "mine.yml").write_text("")
+    with pytest.raises(UserError, match=r"scenario .*mine\.yml: is empty"):
+        read_yaml(tmp_path / "mine.yml", "scenario")
 
 
 def test_a_hint_names_no_more_than_a_line_can_bear():

@@ -232,6 +232,8 @@ def _read(path: Path, what: str, most: int) -> str:
 
 
 def _mapping(content: object, path: Path, what: str) -> dict[str, Any]:
+    if content is None:
+        raise UserError(f"{what} {path}: is empty")
     if not isinstance(content, dict):
         raise UserError(f"{what} {path}: expected a mapping, got {type(content).__name__}")
     return content

@@ -123,6 +123,8 @@ def _evaluations(run: Path) -> list[Row]:
                 f"curves: {folder} holds no {EVALUATIONS}; name the folder of a run, or of its seeds"
             )
         about = read_json(folder / "run.json", "run")
+        if "algorithm" not in about:
+            raise UserError(f"curves: {folder / 'run.json'} lacks algorithm; it is no description of a run")
         head = {key: about.get(key) for key in ("algorithm", "training_seed", "suite")}
         needs = {"side": str, "score": float | int, "steps": int, "seconds": float | int}
         own = RowFile(folder / EVALUATIONS, needs).read()

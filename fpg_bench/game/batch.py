@@ -150,7 +150,8 @@ class GameBatch:
     def check_reset(self, mask: np.ndarray, horizons: np.ndarray | None) -> None:
         """Raise UserError for a mask of the wrong shape, or a horizon outside the round."""
         if mask.shape != (self.count,):
-            raise UserError(f"reset: expected a mask of shape ({self.count},), got {mask.shape}")
+            hint = "; seeds are named: reset(seeds=0)" if mask.ndim == 0 else ""
+            raise UserError(f"reset: expected a mask of shape ({self.count},), got {mask.shape}{hint}")
         longest = self.scenario.steps_per_round
         if horizons is not None and not (np.min(horizons) >= 1 and np.max(horizons) <= longest):
             raise UserError(f"reset: expected horizons of 1 to {longest} steps, got {horizons!r}")

@@ -198,6 +198,11 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
                 f"agent {os.fspath(name)!r}: holds {len(seeds)} training seeds; name one, {seeds[0].name} "
                 "for instance"
             )
+        if groups := [path.name for path in sorted(folder.glob("*")) if seed_folders(path)]:
+            home = os.fspath(name).rstrip("/")
+            raise UserError(
+                f"agent {home!r}: is a group of {', '.join(groups)}; name one, {home}/{groups[0]} for instance"
+            )
         if folder.is_dir():
             return folder
     raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder")

@@ -84,6 +84,10 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         return player
     if name in NAMED[other_side(side)]:
         raise _of_other_side(name, side)
+    from fpg_bench.players.agent import agent_folder, baselines_folder
+
+    if name and (baselines_folder() / "agents" / name).is_dir():
+        agent_folder(name)  # says which agents the group has
     raise UserError(f"unknown {side} {name!r}{nearest(name, [*NAMED[side], *ORACLES])}")
 
 

@@ -8,7 +8,9 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import OnnxPlayer, load_agent
+from fpg_bench.players.registry import as_player
 
 
 def model_bytes(state=0, noise=0, action=9, observation=15, names=("observation", "action")):
@@ -137,6 +139,13 @@ def test_agents_that_do_not_fit_are_refused(agent, change, message):
     (agent / "agent.json").write_text(json.dumps(about | change))
     with pytest.raises(UserError, match=message):
         load_agent(agent, "ally")
+
+
+@pytest.mark.parametrize("name", ["ally-scripted-discrete", "ally-scripted-discrete/"])
+def test_a_group_without_an_algorithm_lists_its_agents(name):
+    line = "is a group of dqn, .*recurrent-ppo; name one, ally-scripted-discrete/dqn for instance"
+    with pytest.raises(UserError, match=line):
+        as_player(name, "ally", STANDARD)
 
 
 def test_truncated_agent_folders(agent):

@@ -97,7 +97,7 @@ def _progress(study: optuna.Study, n_trials: int) -> str:
     complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
     best = max(complete, key=lambda trial: (trial.value or 0.0, -trial.number), default=None)
     suffix = "" if best is None else f", best {best.value:.1f} (trial {best.number})"
-    return f"{count_finished(study)} of {n_trials} finished{suffix}"
+    return f"{count_finished(study)} finished, {n_trials} asked for{suffix}"
 
 
 def _check_failures(study: optuna.Study, trial: FrozenTrial) -> None:

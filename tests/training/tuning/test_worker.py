@@ -24,7 +24,7 @@ def test_a_worker_runs_trials_until_enough_are_finished_and_no_more_on_the_next_
     assert states(study) == ["COMPLETE"] * 3
     assert study.trials[0].params == {"x": 5.0}  # the present values come first
     assert re.fullmatch(
-        r"trial 0: score 5\.0, \d+ s; 1 of 3 finished, best 5\.0 \(trial 0\)", caplog.messages[0]
+        r"trial 0: score 5\.0, \d+ s; 1 finished, 3 asked for, best 5\.0 \(trial 0\)", caplog.messages[0]
     )
     work(tmp_path, 3)
     assert len(work(tmp_path, 2).trials) == 3
