@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -22,7 +22,6 @@ from fpg_bench.common.ids import SCRIPTED, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES
@@ -47,13 +46,10 @@ def selfplay(
     pool: int = 5,
     seed: int = 0,
     hyperparams: Hyperparams = None,
-    scenario: Scenario | str | Path | None = None,
-    path: str | Sequence[str] | None = None,
-    knowledge: str | None = None,
-    jamming_types: str | Sequence[str] | None = None,
     evaluations: int = 1,
     progress: bool = True,
     allow: Collection[str] = (),
+    **game: Any,
 ) -> dict[str, Path]:
     """Train both sides alternately, each generation against past generations of the other side.
 
@@ -71,12 +67,13 @@ def selfplay(
         seed: decides the draws and the training seeds, ``1000 * seed + g`` for generation g; it is also the
             ``training_seed`` of the exported agents.
         hyperparams: a YAML file, or an entry for the ids of both sides; None takes the shipped file.
-        scenario, path, knowledge, jamming_types: the game, as in :class:`fpg_bench.game.spec.GameSpec`.
         evaluations: number of evaluations of each generation on its suite, besides the one at its start; 0
             for none.
         progress: show the progress of each training.
         allow: the ``package.module:object`` and agents of the Hub that the file of the hyper-parameters may
             name; neither is run on a file's word.
+        **game: attributes of :class:`fpg_bench.game.spec.GameSpec` that both sides share, such as ``scenario``
+            and ``path``.
 
     Returns:
         The folders of both agents.
@@ -88,7 +85,6 @@ def selfplay(
     """
     for name, value in (("generations", generations), ("pool", pool)):
         integer(value, name)
-    game = {"scenario": scenario, "path": path, "knowledge": knowledge, "jamming_types": jamming_types}
     games = {side: GameSpec.of(policy_env(side).id, **game) for side in SIDES}
     league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, games, allow)
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
