@@ -201,7 +201,8 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
         if groups := [path.name for path in sorted(folder.glob("*")) if seed_folders(path)]:
             home = os.fspath(name).rstrip("/")
             raise UserError(
-                f"agent {home!r}: is a group of {', '.join(groups)}; name one, {home}/{groups[0]} for instance"
+                f"agent {home!r}: is a group of {', '.join(groups)}; name one, "
+                f"{home}/{groups[0]} for instance"
             )
         if folder.is_dir():
             return folder

@@ -177,6 +177,7 @@ def train_seeds(
     """
     if config.spec.planner in LLM_CONTROLS:
         raise UserError("seeds: a language model plans for one run at a time; train the seeds one by one")
+    make_sb3(config.spec)  # refuses a game that cannot be made before any seed begins
     jobs = []
     for seed in seeds:
         run, folder = dataclasses.replace(config, seed=seed), Path(out) / f"seed_{seed}"

@@ -72,8 +72,8 @@ def selfplay(
         progress: show the progress of each training.
         allow: the ``package.module:object`` and agents of the Hub that the file of the hyper-parameters may
             name; neither is run on a file's word.
-        **game: attributes of :class:`fpg_bench.game.spec.GameSpec` that both sides share, such as ``scenario``
-            and ``path``.
+        **game: attributes of :class:`fpg_bench.game.spec.GameSpec` that both sides share, ``scenario`` and
+            ``path`` for instance.
 
     Returns:
         The folders of both agents.
