@@ -10,7 +10,7 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import names_object
-from fpg_bench.common.output import is_terminal, user_cache
+from fpg_bench.common.output import _own_temporary_folder, is_terminal, user_cache
 from fpg_bench.datasets.make import datasets_root
 from fpg_bench.planning.llm import local_server
 
@@ -97,9 +97,9 @@ def no_home(monkeypatch, tmp_path):
     monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
     for name in ("MINARI_DATASETS_PATH", local_server.FOLDER):
         monkeypatch.delenv(name, raising=False)
-    user_cache.cache_clear()
+    _own_temporary_folder.cache_clear()
     yield tmp_path
-    user_cache.cache_clear()
+    _own_temporary_folder.cache_clear()
 
 
 def test_without_a_home_folder_the_cache_is_a_private_temporary_one_and_said_once(no_home, messages):

@@ -7,7 +7,6 @@ The core plays the game: environments, scripts, shipped agents, ``play``. Everyt
 from __future__ import annotations
 
 import contextlib
-import json
 import sys
 import urllib.parse
 import urllib.request
@@ -15,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.strict_json import read_object
 
 
 def require_extra(extra: str, *packages: str) -> None:
@@ -38,7 +38,7 @@ def install_command(extra: str) -> str:
     That is the folder, archive or repository of PEP 610's ``direct_url.json``, else the package index.
     """
     with contextlib.suppress(PackageNotFoundError, KeyError, ValueError):
-        origin = json.loads(distribution("fpg-bench").read_text("direct_url.json") or "{}")
+        origin = read_object(distribution("fpg-bench").read_text("direct_url.json") or "{}")
         url = urllib.parse.urlsplit(origin["url"])
         if origin.get("dir_info", {}).get("editable"):
             return f'pip install -e "{urllib.request.url2pathname(url.path)}[{extra}]"'

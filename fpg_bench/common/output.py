@@ -53,7 +53,6 @@ def accept_all_letters() -> None:
             reconfigure(errors="replace")
 
 
-@functools.cache
 def user_cache() -> Path:
     """Return the user's cache folder; without a home folder, a private one among the temporary files."""
     try:
@@ -62,13 +61,18 @@ def user_cache() -> Path:
             return folder
     except RuntimeError:  # no HOME, and no entry in the password file
         pass
-    folder = _own_temporary_folder()
+    return _own_temporary_folder()
+
+
+@functools.cache
+def _own_temporary_folder() -> Path:
+    """Return a folder that no other user can write, and say so once: what lies in a cache is run."""
+    folder = _made_temporary_folder()
     logging.getLogger(__name__).warning(f"no home folder (set HOME); the cache is {folder}")
     return folder
 
 
-def _own_temporary_folder() -> Path:
-    """Return a folder that no other user can write: what lies in a cache is run."""
+def _made_temporary_folder() -> Path:
     user = os.getuid() if hasattr(os, "getuid") else ""
     folder = Path(tempfile.gettempdir()) / f"fpg_bench-{user}"
     try:

@@ -63,7 +63,19 @@ def _surrogate(rng: random.Random) -> str:
 
 
 def _words(rng: random.Random) -> str:
-    texts = ["", "null", "[]", "1", '"text"', "{'a': 1}", "{a: 1}", "\ufeff{}", "{}{}", "undefined", " "]
+    texts = [
+        "",
+        "null",
+        "[]",
+        "1",
+        '"text"',
+        "{'a': 1}",
+        "{a: 1}",
+        "\ufeff\ufeff{}",
+        "{}{}",
+        "undefined",
+        " ",
+    ]
     return rng.choice(texts)
 
 

@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.players import hub as names
+from fpg_bench.hub import download as names
 from tests.hub.conftest import point_at
 from tests.hub.hub_server import TOKEN
 

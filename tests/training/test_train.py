@@ -136,7 +136,7 @@ def test_a_finished_run_is_not_repeated_and_no_other_is_overwritten(run, hyperpa
         train("ppo", ALLY, tmp_path, **options)
     train("ppo", ALLY, tmp_path, restart=True, **options)
     assert json.loads((tmp_path / "run.json").read_text())["finished"]
-    with pytest.raises(UserError, match="holds no training run"):
+    with pytest.raises(UserError, match="holds other files, but no training run"):
         train("ppo", ALLY, run.parent, **options)
 
 
