@@ -291,3 +291,18 @@ def test_a_line_is_logged_for_each_tenth_and_every_thirty_seconds(algorithm, sec
     else:
         assert len(lines) >= 1200 // 4  # four games a step: a line for each
         assert lines[0].startswith("training: 4 of 1,200 steps, ")
+
+
+def test_a_run_of_version_0_2_0_is_read_as_the_same_run(tmp_path):
+    options = {"opponent": ["tone", "sweep"], "path": "circle", "actions": "discrete"}
+    train_tiny("ppo", tmp_path / "run", steps=400, **options)
+    file = tmp_path / "run" / "run.json"
+    about = json.loads(file.read_text())
+    game = about.pop("game")
+    assert game == {"id": ALLY} | options
+    file.write_text(json.dumps(about | {"id": ALLY, "options": options | {"opponent": "tone,sweep"}}))
+    before = file.read_bytes()
+    train_tiny("ppo", tmp_path / "run", steps=400, **options)
+    assert file.read_bytes() == before  # nothing was trained
+    with pytest.raises(UserError, match="holds another run"):
+        train_tiny("ppo", tmp_path / "run", steps=400, **(options | {"path": "triangle"}))

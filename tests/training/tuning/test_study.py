@@ -167,3 +167,15 @@ def test_a_trial_that_takes_its_worker_with_it_is_given_up(tmp_path):
         study.tell(trial, state=TrialState.FAIL)
         callback(study, study.get_trials()[trial.number])
     assert study.get_trials(states=(TrialState.WAITING,)) == []
+
+
+def test_a_study_of_version_0_2_0_is_the_same_task(tmp_path):
+    storage, study = open_fake(tmp_path)
+    before = fake_task().model_dump(mode="json")
+    game = before.pop("game")
+    before |= {"env_id": game["id"], "options": {}}
+    study.set_user_attr("task", before)
+    open_study(storage, "fake", fake_task())
+    assert load_study(storage, "fake")[1] == fake_task()
+    with pytest.raises(UserError, match="made with another game"):
+        open_study(storage, "fake", fake_task(game=GameSpec("FPG/AllyVsScripted-v0", path="circle")))
