@@ -256,8 +256,8 @@ def test_each_seed_is_trained_once_and_a_failure_does_not_hold_up_the_others(tmp
 def test_options_are_checked_before_any_seed_begins(tmp_path):
     with pytest.raises(UserError, match="unknown id 'FPG/AllyVsScripted-v9'"):
         train_several(tmp_path, [0, 1], env_id="FPG/AllyVsScripted-v9")
-    with pytest.raises(UserError, match="'tne' is not a script; did you mean 'tone'"):
-        train_several(tmp_path, [0, 1], opponent="tne")
+    with pytest.raises(UserError, match="'tonee' is not a script; did you mean 'tone'"):
+        train_several(tmp_path, [0, 1], opponent="tonee")
     with pytest.raises(UserError, match="a language model plans for one run at a time"):
         train_several(tmp_path, [0], planner="llm")
     assert not list(tmp_path.glob("seed_*"))
