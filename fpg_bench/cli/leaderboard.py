@@ -269,13 +269,14 @@ def close_season(
     Example: fpg-bench leaderboard close-season 3 --work runs/season-3
     """
     require_extra("train", "torch")
-    from fpg_bench.leaderboard import close_season as closing_season
-    from fpg_bench.leaderboard.close_season import CANDIDATES, SIZE, make_closing
+    from fpg_bench.leaderboard.season import closing as seasons
     from fpg_bench.players.agent import baselines_folder
     from fpg_bench.players.player import SIDES
 
-    closing = make_closing(name, folder, work, n_candidates or CANDIDATES, size or SIZE, scenario=scenario)
-    season = closing_season.close_season(
+    closing = seasons.make_closing(
+        name, folder, work, n_candidates or seasons.CANDIDATES, size or seasons.SIZE, scenario=scenario
+    )
+    season = seasons.close_season(
         closing,
         out or baselines_folder() / "suites" / closing.name,
         SIDES if side is None else [side],
@@ -303,11 +304,12 @@ def audit_season(
     Example: fpg-bench leaderboard audit-season season-2 --work runs/audit
     """
     require_extra("train", "torch")
-    from fpg_bench.leaderboard import audit_season as auditing
-    from fpg_bench.leaderboard.season import load_season, read_entries
+    from fpg_bench.leaderboard.season import audit
+    from fpg_bench.leaderboard.season.entries import read_entries
+    from fpg_bench.leaderboard.season.season import load_season
 
     season = load_season(name)
-    for audited in auditing.audit_season(
+    for audited in audit.audit_season(
         season, read_entries(folder, scenario=season.scenario), work, member, n_members, n_jobs=n_jobs
     ):
         policies = "the same policy" if audited.is_same else "another policy"

@@ -48,7 +48,7 @@ PRODUCTS = {
                 "submit": "fpg_bench.cli.leaderboard:submit",
                 "leaderboard": "fpg_bench.cli.leaderboard:leaderboard",
             },
-            "description": {"season": "fpg_bench.leaderboard.audit_season:describe_season"},
+            "description": {"season": "fpg_bench.leaderboard.season.audit:describe_season"},
         },
         needs=("language models", "rendering", "sandbox"),
     ),

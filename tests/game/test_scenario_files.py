@@ -109,7 +109,7 @@ def test_a_file_changes_a_preset(tmp_path):
         ("7: 3", ("unknown key 7",)),
         ("hop_cost: [1", ("not valid YAML",)),
         ("- hop_cost", ("expected a mapping, got list",)),
-        ("", ("expected a mapping",)),
+        ("", ("is empty",)),
         ("hop_cost: !!python/object/apply:os.getcwd []", ("not valid YAML",)),
     ],
 )

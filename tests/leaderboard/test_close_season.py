@@ -21,32 +21,30 @@ import yaml
 from fpg_bench import UserError
 from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.leaderboard.audit_season import audit_season, check_entries, late_entries
-from fpg_bench.leaderboard.close_season import (
+from fpg_bench.leaderboard.season.audit import audit_season, check_entries, late_entries
+from fpg_bench.leaderboard.season.candidates import PROFILE, against_candidate, earned, play_candidate
+from fpg_bench.leaderboard.season.closing import _lock, close_season, make_closing
+from fpg_bench.leaderboard.season.entries import SeasonEntry, read_entries, season_seed
+from fpg_bench.leaderboard.season.recipes import (
     ALGORITHMS,
-    PROBE,
-    PROFILE,
     REWARDS,
     STEPS,
-    _lock,
-    against_candidate,
     assign_balanced,
-    close_season,
     draw_number,
     draw_recipes,
-    earned,
+    hyperparameters,
+    shuffled,
+)
+from fpg_bench.leaderboard.season.season import FILE, load_season
+from fpg_bench.leaderboard.season.selection import (
+    PROBE,
     entry_returns,
     group_candidates,
-    hyperparameters,
     limit_influence,
-    make_closing,
-    play_candidate,
     select_by_group,
     select_diverse,
     select_representative,
-    shuffled,
 )
-from fpg_bench.leaderboard.season import FILE, SeasonEntry, load_season, read_entries, season_seed
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.trust import remember_exported
 from tests.leaderboard.making import (
@@ -217,7 +215,7 @@ def test_a_season_has_as_many_members_of_each_group():
 
 
 ROOT = Path(__file__).parents[2]
-MODULE = "fpg_bench.leaderboard.close_season"
+PACKAGE = "fpg_bench.leaderboard.season"
 ENTRIES = (
     "ally/ally-scripted-td3",
     "ally/expert",
@@ -237,10 +235,17 @@ def run_here(jobs, n_jobs=1, backend=None, address=None):
     return {}
 
 
+@contextlib.contextmanager
+def few_steps():
+    """Two rounds against each candidate, and short trainings."""
+    rounds = patch(f"{PACKAGE}.candidates.ROUNDS", 2)
+    with rounds, patch(f"{PACKAGE}.recipes.STEPS", TINY_STEPS):
+        yield
+
+
 def close_tiny(board, work, out, name="1", scenario="standard", **options):
     """Close a season of two candidates per side; returns it and the messages."""
-    changes = patch.multiple(MODULE, run_jobs=run_here, ROUNDS=2, STEPS=TINY_STEPS)
-    with changes, logged() as messages:
+    with few_steps(), patch(f"{PACKAGE}.closing.run_jobs", run_here), logged() as messages:
         closing = make_closing(name, board, work, candidates=2, size=2, scenario=scenario)
         season = close_season(closing, out, **options)
     return season, messages
@@ -404,14 +409,14 @@ def test_two_processes_with_a_side_each_publish_a_season_once(season, board, cop
     assert not out.exists()
 
     def finish_other_side(jobs, *_):
-        monkeypatch.setattr(f"{MODULE}.run_jobs", run_here)
+        monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", run_here)
         close_season(closing, out, sides=["opponent"])
         (out / "ally" / "kept").touch()
         return {}
 
-    monkeypatch.setattr(f"{MODULE}.run_jobs", finish_other_side)
+    monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", finish_other_side)
     closing = make_closing("1", board, work, candidates=2, size=2)
-    with patch.multiple(MODULE, ROUNDS=2, STEPS=TINY_STEPS):
+    with few_steps():
         assert close_season(closing, out, sides=["ally"]) == season.model_copy(update={"folder": out})
     assert (out / "ally" / "kept").exists()
 
@@ -496,8 +501,8 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
 
 @pytest.mark.slow
 def test_an_audit_trains_a_member_again(season, board, tmp_path, monkeypatch):
-    monkeypatch.setattr("fpg_bench.leaderboard.audit_season.run_jobs", run_here)
-    monkeypatch.setattr(f"{MODULE}.ROUNDS", 2)
+    monkeypatch.setattr("fpg_bench.leaderboard.season.audit.run_jobs", run_here)
+    monkeypatch.setattr(f"{PACKAGE}.candidates.ROUNDS", 2)
     (audited,) = audit_season(season, read_entries(board), tmp_path, ["o00"])
     assert (audited.side, audited.name, audited.is_same, audited.difference) == ("opponent", "o00", True, 0.0)
     with pytest.raises(UserError, match="has no member 'o99'"):

@@ -14,23 +14,16 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Store
-from fpg_bench.leaderboard.close_season import (
+from fpg_bench.leaderboard.season.candidates import (
     PROFILE,
     against_candidate,
     earned,
     play_candidate,
-    shuffled,
     train_candidate,
 )
-from fpg_bench.leaderboard.season import (
-    Recipe,
-    Season,
-    SeasonEntry,
-    SeasonMember,
-    load_season,
-    read_entries,
-    season_seed,
-)
+from fpg_bench.leaderboard.season.entries import SeasonEntry, read_entries, season_seed
+from fpg_bench.leaderboard.season.recipes import Recipe, shuffled
+from fpg_bench.leaderboard.season.season import Season, SeasonMember, load_season
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.run_folder import RunFolder

@@ -1,0 +1,1 @@
+"""Seasons: recipes of candidates, selection, closing and audit."""
