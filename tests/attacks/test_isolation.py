@@ -92,10 +92,12 @@ def test_each_layer_stands_where_the_others_cannot_be_had(open_doors, kept, laye
 
 
 def threads_and_files(pid):
-    """The status of each thread of a process, the files that it holds, and those that it can write by memory."""
+    """The status of each thread of a process, its open files, and those that its memory writes to."""
     folder = Path(f"/proc/{pid}")
     threads = [
-        dict(line.split(":\t", 1) for line in task.joinpath("status").read_text().splitlines() if ":\t" in line)
+        dict(
+            line.split(":\t", 1) for line in task.joinpath("status").read_text().splitlines() if ":\t" in line
+        )
         for task in folder.joinpath("task").iterdir()
     ]
     files = Counter(os.readlink(file).partition(":")[0] for file in folder.joinpath("fd").iterdir())
@@ -173,7 +175,9 @@ def test_policies_play_without_any_layer_where_the_user_allows_it(machine, monke
     machine(LAYERS.format(0))
     monkeypatch.setenv("FPG_BENCH_UNPROTECTED", "1")
     assert check_policy(policy(0)) == []
-    assert messages == ["this machine cannot keep policies of others from files, the network, other processes"]
+    assert messages == [
+        "this machine cannot keep policies of others from files, the network, other processes"
+    ]
 
 
 def test_what_a_policy_cannot_be_kept_from_is_said_once_wherever_it_plays(machine, messages, tmp_path):

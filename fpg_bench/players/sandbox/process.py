@@ -236,4 +236,9 @@ def _overwrite(name: str) -> None:
 
 def _environment() -> dict[str, str]:
     kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
-    return kept | OFF | dict.fromkeys(_ONES, "1") | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
+    return (
+        kept
+        | OFF
+        | dict.fromkeys(_ONES, "1")
+        | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
+    )
