@@ -29,7 +29,7 @@ def plain_model(data: bytes) -> ModelProto:
     another program could take for something else, as a file of onnxruntime's own format, are gone.
 
     Raises:
-        UserError: the bytes are not a model with a graph.
+        UserError: the bytes are not a model with a graph, or hold names that are not text.
     """
     from onnx import ModelProto
 
@@ -45,7 +45,20 @@ def plain_model(data: bytes) -> ModelProto:
     _clear([graph], _GRAPH)
     _clear(graph.node, (*_PART, "device_configurations"))
     _clear((*graph.input, *graph.output, *graph.initializer), _PART)
+    if not _is_text(model):
+        raise UserError("holds a name that is not text in UTF-8")
     return model
+
+
+def _is_text(message: Any) -> bool:
+    """Return True if all names in a message are text; protobuf gives others as bytes."""
+    for field, value in message.ListFields():
+        values = [value] if isinstance(value, str | bytes) or hasattr(value, "ListFields") else value
+        if field.type == field.TYPE_STRING and not all(isinstance(name, str) for name in values):
+            return False
+        if field.type == field.TYPE_MESSAGE and not all(map(_is_text, values)):
+            return False
+    return True
 
 
 def _clear(messages: Iterable[Any], fields: Iterable[str]) -> None:

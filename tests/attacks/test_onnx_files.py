@@ -109,7 +109,16 @@ def _of_width(rng: random.Random) -> bytes:
     return model([*FIRST, *nodes], [weights(), whole([1], "axis")], inputs, outputs)
 
 
-_NEARLY_SOUND = [_of_version, _of_length, _of_width]
+def _of_bytes(rng: random.Random) -> bytes:
+    """A policy of which an input, a size, weights, a result or an operator has a name that is no text."""
+    name = rng.choice([b"observation", b"n", b"w", b"raw", b"Tanh"])
+    place = rng.randrange(len(name))
+    wrong = name[:place] + b"\xff" + name[place + 1 :]
+    before = bytes([len(name)])
+    return policy(rng.randrange(1000)).replace(before + name, before + wrong)
+
+
+_NEARLY_SOUND = [_of_bytes, _of_version, _of_length, _of_width]
 _WAYS = [_flipped, _cut, _inserted, _disguised, _wired, _rubbish]
 
 

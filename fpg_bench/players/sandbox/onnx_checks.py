@@ -61,7 +61,7 @@ OPERATORS = frozenset(_NAMES.split())
 _RANDOM = ("Random", "Multinomial", "Bernoulli", "Dropout")
 _CONTROL = ("If", "Loop", "Scan", "SequenceMap")
 # Kinds of tensors: where their numbers stand unless they are raw, and the bytes of each.
-_KINDS = {
+_KINDS: dict[int, tuple[str, int]] = {
     TensorProto.FLOAT: ("float_data", 4),
     TensorProto.DOUBLE: ("double_data", 8),
     TensorProto.FLOAT16: ("int32_data", 2),
@@ -170,7 +170,7 @@ def _why_not(operator: str) -> str:
 def _tensor(tensor: TensorProto) -> Iterator[str]:
     name, is_external = quoted(tensor.name), tensor.data_location == TensorProto.EXTERNAL
     if tensor.data_type not in _KINDS:
-        kinds = ", ".join(map(TensorProto.DataType.Name, _KINDS))
+        kinds = ", ".join(TensorProto.DataType.Name(kind) for kind in _KINDS)
         yield f"tensor {name}: of a kind that is not allowed; allowed: {kinds}"
     elif len(tensor.dims) > LARGEST_RANK or any(size < 0 for size in tensor.dims):
         yield f"tensor {name}: its shape is none, or has more than {LARGEST_RANK} axes"
