@@ -19,7 +19,7 @@ from fpg_bench.common.products import load
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import FILE, AgentCard
-from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise
+from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise, unplayable
 from fpg_bench.players.player import SIDES, Memory, Player
 from fpg_bench.players.remote import fetch, is_remote
 from fpg_bench.players.seeded import SeededPolicy
@@ -271,6 +271,8 @@ def _read(model: bytes) -> tuple[bytes, bool]:
         plain = plain_model(model)
     except UserError as error:
         raise UserError(f"policy.onnx: {error}") from error
+    for line in unplayable(plain):
+        raise UserError(f"policy.onnx: {line}")
     return plain.SerializeToString(deterministic=True), row_wise(plain)
 
 
@@ -288,7 +290,8 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
     Args:
         folder: the folder to write.
         model: the policy as ONNX, its bytes or its file, with the inputs and outputs of
-            :class:`fpg_bench.players.agent.OnnxPlayer`. Notes of the exporter on this machine are removed.
+            :class:`fpg_bench.players.agent.OnnxPlayer`. Notes of the exporter on this machine are removed;
+            weights in files beside the given one are put into it.
         **about: attributes of :class:`fpg_bench.players.card.AgentCard`, with ``id`` in place of ``game`` if
             you like: ``algorithm``, ``id``, ``training_seed`` and ``training_steps`` at least; ``scenario``
             (its hash) where it was not ``standard``; of ``FPG/duel_v0`` also ``side``.
@@ -297,7 +300,11 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
         UserError: a field missing, a policy with other inputs or outputs, or a file that is not ONNX.
     """
     where = f"agent {os.fspath(folder)}"
-    data = stripped(model if isinstance(model, bytes) else Path(model).read_bytes())
+    data = (
+        stripped(model)
+        if isinstance(model, bytes)
+        else stripped(Path(model).read_bytes(), Path(model).parent)
+    )
     content: dict[str, Any] = {"scenario": STANDARD.hash, **about}
     content["policy_sha256"] = hashlib.sha256(data).hexdigest()
     if "id" in content:
@@ -313,11 +320,15 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
     card.write(Path(folder), data)
 
 
-def stripped(model: bytes) -> bytes:
+def stripped(model: bytes, folder: Path | None = None) -> bytes:
     """Return a policy without its exporter's notes on the machine: paths, stack traces, module names.
 
+    Args:
+        model: the policy.
+        folder: where files lie that it keeps weights in, which are then part of it; None: nowhere.
+
     Raises:
-        UserError: not an ONNX file, or the package ``onnx`` is not installed.
+        UserError: not an ONNX file, one whose weights cannot be read, or the package ``onnx`` is missing.
     """
     require_extra("evaluate", "onnx")
     import onnx
@@ -326,6 +337,11 @@ def stripped(model: bytes) -> bytes:
         proto = onnx.load_model_from_string(model)
     except Exception as error:  # protobuf's own kinds
         raise UserError("policy.onnx: is not an ONNX file, or is truncated") from error
+    try:
+        if folder is not None:
+            onnx.load_external_data_for_model(proto, os.fspath(folder))
+    except Exception as error:  # its checker's, and those of reading
+        raise UserError(f"policy.onnx: its weights in another file: {first_line(error)}") from error
     del proto.metadata_props[:]
     proto.doc_string = proto.graph.doc_string = ""
     del proto.graph.metadata_props[:]

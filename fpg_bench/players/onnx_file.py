@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ def plain_model(data: bytes) -> ModelProto:
     another program could take for something else, as a file of onnxruntime's own format, are gone.
 
     Raises:
-        UserError: the bytes are not a model with a graph.
+        UserError: the bytes are not a model with a graph, or hold names that are not text.
     """
     from onnx import ModelProto
 
@@ -45,7 +45,20 @@ def plain_model(data: bytes) -> ModelProto:
     _clear([graph], _GRAPH)
     _clear(graph.node, (*_PART, "device_configurations"))
     _clear((*graph.input, *graph.output, *graph.initializer), _PART)
+    if not _is_text(model):
+        raise UserError("holds a name that is not text in UTF-8")
     return model
+
+
+def _is_text(message: Any) -> bool:
+    """Return True if all names in a message are text; protobuf gives others as bytes."""
+    for field, value in message.ListFields():
+        values = [value] if isinstance(value, str | bytes) or hasattr(value, "ListFields") else value
+        if field.type == field.TYPE_STRING and not all(isinstance(name, str) for name in values):
+            return False
+        if field.type == field.TYPE_MESSAGE and not all(map(_is_text, values)):
+            return False
+    return True
 
 
 def _clear(messages: Iterable[Any], fields: Iterable[str]) -> None:
@@ -53,6 +66,29 @@ def _clear(messages: Iterable[Any], fields: Iterable[str]) -> None:
         for name in fields:
             if name in message.DESCRIPTOR.fields_by_name:  # some came with later versions of ONNX
                 message.ClearField(name)
+
+
+def unplayable(model: ModelProto) -> Iterator[str]:
+    """Yield why a policy could not be played from its file alone, or not on float32, one line each."""
+    from onnx import TensorProto
+
+    held = [
+        attribute.t for node in model.graph.node for attribute in node.attribute if attribute.HasField("t")
+    ]
+    for tensor in (*model.graph.initializer, *held):
+        if tensor.data_location == TensorProto.EXTERNAL or tensor.external_data:
+            yield f"tensor {quoted(tensor.name)}: its data lie in another file; keep them in policy.onnx"
+    weights = {tensor.name for tensor in model.graph.initializer}
+    for value in (*model.graph.input, *model.graph.output):
+        kind = value.type.tensor_type.elem_type
+        if kind != TensorProto.FLOAT and value.name not in weights:
+            known = TensorProto.DataType.Name(kind) if kind in TensorProto.DataType.values() else str(kind)
+            yield f"{quoted(value.name)}: expected float32, got {known.lower()}; cast it inside the policy"
+
+
+def quoted(text: str) -> str:
+    """Quote untrusted text, shortened, for a message."""
+    return repr(text if len(text) <= 40 else f"{text[:37]}...")
 
 
 def check_signature(inputs: dict[str, list[Any]], outputs: dict[str, list[Any]]) -> None:
@@ -72,9 +108,10 @@ def check_signature(inputs: dict[str, list[Any]], outputs: dict[str, list[Any]])
                 raise UserError(f"policy.onnx: unknown {what} {name!r}; known: {', '.join(wanted)}")
             size = wanted[name]
             fixed = len(shape) == 2 and isinstance(shape[1], int) and not isinstance(shape[0], int)
-            if not fixed or (size is not None and shape[1] != size):
+            if not fixed or shape[1] < 1 or (size is not None and shape[1] != size):
                 raise UserError(
-                    f"policy.onnx: {what} {name!r} has shape {shape}, expected [n, {size or 'fixed'}]"
+                    f"policy.onnx: {what} {name!r} has shape {shape}, "
+                    f"expected [n, {size or 'a fixed size of at least 1'}]"
                 )
     if "observation" not in inputs or "action" not in outputs:
         raise UserError("policy.onnx: needs the input 'observation' and the output 'action'")

@@ -92,7 +92,7 @@ def test_each_layer_stands_where_the_others_cannot_be_had(open_doors, kept, laye
 
 
 def threads_and_files(pid):
-    """The status of each thread of a process, the files it holds, and those it can write by memory."""
+    """The status of each thread of a process, its open files, and those that its memory writes to."""
     folder = Path(f"/proc/{pid}")
     threads = [
         dict(

@@ -89,6 +89,25 @@ def by_content():
     return model(nodes, [whole(0, "zero"), whole(1, "step"), weights()])
 
 
+def many_ends():
+    """A row that is split into single numbers and joined again, which takes seconds to load."""
+    nodes = [node("MatMul", ["observation", "w"], ["x0"])]
+    for i in range(600):
+        names = [f"y{i}_{k}" for k in range(9)]
+        nodes += [
+            node("Split", [f"x{i}"], names, axis=1, num_outputs=9),
+            node("Concat", names, [f"x{i + 1}"], axis=1),
+        ]
+    return model([*nodes, node("Tanh", ["x600"], ["action"])], [weights()])
+
+
+def without_width(name):
+    """A policy with a state or noise of nothing."""
+    after = {"state": [node("Identity", ["state"], ["next_state"])]}.get(name, [])
+    outputs = [value("action", 9), *([value("next_state", 0)] if after else [])]
+    return model([PRODUCT, *after], [weights()], [value("observation"), value(name, 0)], outputs)
+
+
 HOSTILE = {
     "nonsense": (b"nonsense", "not an ONNX file"),
     "empty": (b"", "not an ONNX file"),
@@ -116,9 +135,28 @@ HOSTILE = {
     "two alphas": (changed(lambda proto: proto.graph.node[0].attribute.extend(ALPHA)), "stands there twice"),
     "two values": (changed(lambda proto: proto.graph.initializer[0].float_data.extend(W)), "in two ways"),
     "too many": (through(*["Neg"] * 2001), "holds 2002 operators, at most 2000"),
+    "many ends": (many_ends(), "12005 inputs and outputs in all"),
+    "a later opset": (model([PRODUCT], [weights()], opsets=[("", 99)]), "opset 99, expected 7 to 26"),
+    "an old opset": (model([PRODUCT], [weights()], opsets=[("", 6)]), "opset 6, expected 7 to 26"),
+    "a later format": (
+        changed(lambda proto: setattr(proto, "ir_version", 14)),
+        "version 14 of the ONNX format",
+    ),
+    "no noise": (without_width("noise"), r"input 'noise' has shape \['n', 0\]"),
+    "no state": (without_width("state"), r"input 'state' has shape \['n', 0\]"),
+    "many bytes": (
+        changed(lambda proto: setattr(proto.graph.initializer[0], "raw_data", bytes(544))),
+        "136 numbers",
+    ),
     "overload": (changed(lambda proto: setattr(proto.graph.node[0], "overload", "x")), "overload"),
-    "huge size": (changed(lambda proto: proto.graph.initializer[0].dims.insert(0, 2**40)), "not valid"),
-    "few bytes": (changed(lambda proto: setattr(proto.graph.initializer[0], "raw_data", b"x")), "not valid"),
+    "huge size": (
+        changed(lambda proto: proto.graph.initializer[0].dims.insert(0, 2**40)),
+        "holds 135 numbers",
+    ),
+    "few bytes": (
+        changed(lambda proto: setattr(proto.graph.initializer[0], "raw_data", b"x")),
+        "0.25 numbers, its shape has 135",
+    ),
     "costly": (DEEP, r"3,0\d\d,\d+ multiply-adds a row, at most 2,000,000"),
     "huge": (huge(), r"needs 2,000,000,\d+ multiply-adds"),
     "many axes": (many_axes(), "cannot be read|not valid ONNX|more than 8 axes|memory|worked out"),

@@ -4,12 +4,13 @@ import subprocess
 import sys
 
 import numpy as np
+import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.players.agent import OnnxPlayer, load_agent
+from fpg_bench.players.agent import OnnxPlayer, load_agent, write_agent
 from fpg_bench.players.registry import as_player
 
 
@@ -46,6 +47,43 @@ def model_bytes(state=0, noise=0, action=9, observation=15, names=("observation"
     graph = helper.make_graph(nodes, "policy", inputs, outputs, constants)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
     return model.SerializeToString()
+
+
+FIELDS = {"algorithm": "mine", "id": "FPG/AllyVsScripted-v0", "training_seed": 0, "training_steps": 1}
+
+
+def typed(kind):
+    """A policy that takes and gives another kind of floats."""
+    name = np.dtype(helper.tensor_dtype_to_np_dtype(kind)).name
+    ports = [
+        helper.make_tensor_value_info(n, kind, ["n", k]) for n, k in (("observation", 15), ("action", 9))
+    ]
+    constant = helper.make_tensor("w", kind, [15, 9], [0.0] * 135)
+    nodes = [helper.make_node("MatMul", ["observation", "w"], ["action"])]
+    graph = helper.make_graph(nodes, name, ports[:1], ports[1:], [constant])
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+
+
+@pytest.mark.parametrize("kind", ["FLOAT16", "DOUBLE", "BFLOAT16"])
+def test_a_policy_of_other_floats_is_refused_when_it_is_written(kind, tmp_path):
+    with pytest.raises(UserError, match=rf"'observation': expected float32, got {kind.lower()}; cast it"):
+        write_agent(tmp_path / "agent", typed(getattr(TensorProto, kind)).SerializeToString(), **FIELDS)
+    assert not (tmp_path / "agent").exists()
+
+
+def test_weights_beside_a_policy_become_part_of_it(tmp_path):
+    file = tmp_path / "mine.onnx"
+    model = onnx.load_from_string(model_bytes())
+    onnx.save(model, file, save_as_external_data=True, location="mine.data", size_threshold=0)
+    write_agent(tmp_path / "agent", file, **FIELDS)
+    seen = np.random.default_rng(0).uniform(-1, 1, (4, 15)).astype(np.float32)
+    expected = OnnxPlayer(model_bytes()).predict(seen)[0]
+    assert (load_agent(tmp_path / "agent").predict(seen)[0] == expected).all()
+    with pytest.raises(UserError, match="tensor 'w': its data lie in another file"):
+        write_agent(tmp_path / "other", file.read_bytes(), **FIELDS)
+    (tmp_path / "mine.data").unlink()
+    with pytest.raises(UserError, match=r"its weights in another file: .*mine.data"):
+        write_agent(tmp_path / "other", file, **FIELDS)
 
 
 def test_memory_counts_and_starts_empty():

@@ -62,8 +62,8 @@ def refusal(layers: Layer, threads: int) -> str | None:
     """
     if threads != 1:
         return (
-            f"a sandboxed process has {threads} threads before it is locked down, which its isolation would "
-            "not reach; does a sitecustomize module or LD_PRELOAD start one?"
+            f"a sandboxed process has {threads} threads before it is locked down, which isolates only one of "
+            "them; does a sitecustomize module or LD_PRELOAD start the others?"
         )
     if not layers and not os.environ.get(UNPROTECTED):
         return (

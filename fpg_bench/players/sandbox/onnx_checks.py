@@ -29,13 +29,15 @@ from onnx import (
 from onnx.helper import get_attribute_value, make_tensor_type_proto
 
 from fpg_bench.common.errors import UserError, first_line, one_line
-from fpg_bench.players.onnx_file import check_signature, plain_model
+from fpg_bench.players.onnx_file import check_signature, plain_model, quoted, unplayable
 from fpg_bench.players.sandbox.child import SandboxChild
 from fpg_bench.players.sandbox.client import SIZE
 from fpg_bench.players.sandbox.process import Reader
 
 MOST_MULTIPLY_ADDS = 2_000_000
 MOST_NODES = 2000
+MOST_ENDS = 6000  # inputs and outputs of all operators; each takes time, however little it holds
+OPSETS, FORMATS = range(7, 27), range(4, 14)  # what onnxruntime reads
 LARGEST_RANK = 8
 LARGEST_SIZE = 2**31 - 1
 # Batch sizes in which costs are counted: those of one round and few, of a suite's rounds, and of their shares
@@ -58,8 +60,14 @@ Tanh ThresholdedRelu Tile TopK Transpose Trilu Unsqueeze Where Xor
 OPERATORS = frozenset(_NAMES.split())
 _RANDOM = ("Random", "Multinomial", "Bernoulli", "Dropout")
 _CONTROL = ("If", "Loop", "Scan", "SequenceMap")
-_KINDS = {
-    getattr(TensorProto, name): name for name in ("FLOAT", "DOUBLE", "FLOAT16", "INT64", "INT32", "BOOL")
+# Kinds of tensors: where their numbers stand unless they are raw, and the bytes of each.
+_KINDS: dict[int, tuple[str, int]] = {
+    TensorProto.FLOAT: ("float_data", 4),
+    TensorProto.DOUBLE: ("double_data", 8),
+    TensorProto.FLOAT16: ("int32_data", 2),
+    TensorProto.INT64: ("int64_data", 8),
+    TensorProto.INT32: ("int32_data", 4),
+    TensorProto.BOOL: ("int32_data", 1),
 }
 _DATA = ("raw_data", "float_data", "double_data", "int32_data", "int64_data", "uint64_data", "string_data")
 _VALUES = [AttributeProto.FLOAT, AttributeProto.INT, AttributeProto.STRING, AttributeProto.TENSOR]
@@ -98,14 +106,21 @@ def _structure(model: ModelProto) -> Iterator[str]:
         yield f"imports {own} sets of ONNX's own operators, expected one"
     for opset in model.opset_import:
         if opset.domain not in DOMAINS:
-            yield f"imports operators of the domain {_word(opset.domain)}; only ONNX's own are allowed"
+            yield f"imports operators of the domain {quoted(opset.domain)}; only ONNX's own are allowed"
+        elif opset.version not in OPSETS:
+            yield f"is of opset {opset.version}, expected {OPSETS[0]} to {OPSETS[-1]}"
+    if model.ir_version not in FORMATS:
+        yield f"is of version {model.ir_version} of the ONNX format, expected {FORMATS[0]} to {FORMATS[-1]}"
     if model.functions:
-        yield f"holds functions of its own ({_word(model.functions[0].name)}); export without them"
+        yield f"holds functions of its own ({quoted(model.functions[0].name)}); export without them"
     if model.training_info:
         yield "holds training information; export for inference"
     graph = model.graph
     if len(graph.node) > MOST_NODES:
         yield f"holds {len(graph.node)} operators, at most {MOST_NODES} are allowed"
+    ends = sum(len(node.input) + len(node.output) for node in graph.node)
+    if ends > MOST_ENDS:
+        yield f"its operators have {ends} inputs and outputs in all, at most {MOST_ENDS} are allowed"
     if graph.sparse_initializer:
         yield "holds sparse tensors; write them as plain ones"
     for node in graph.node[:MOST_NODES]:
@@ -113,8 +128,9 @@ def _structure(model: ModelProto) -> Iterator[str]:
     for tensor in graph.initializer:
         yield from _tensor(tensor)
     if twice := _twice(tensor.name for tensor in graph.initializer):
-        yield f"holds two tensors {_word(twice)}; readers differ in which of them counts"
+        yield f"holds two tensors {quoted(twice)}; readers differ in which of them counts"
     yield from _signature(graph)
+    yield from unplayable(model)
 
 
 def _twice(names: Iterable[str]) -> str | None:
@@ -124,23 +140,23 @@ def _twice(names: Iterable[str]) -> str | None:
 
 def _node(node: NodeProto) -> Iterator[str]:
     if node.domain not in DOMAINS:
-        name, domain = _word(node.op_type), _word(node.domain)
+        name, domain = quoted(node.op_type), quoted(node.domain)
         yield f"operator {name} of the domain {domain}; only ONNX's own are allowed"
         return
     if node.op_type not in OPERATORS:
-        yield f"operator {_word(node.op_type)}: {_why_not(node.op_type)}"
+        yield f"operator {quoted(node.op_type)}: {_why_not(node.op_type)}"
         return
     if node.overload:
-        yield f"operator {_word(node.op_type)}: names an overload; ONNX's own operators have none"
+        yield f"operator {quoted(node.op_type)}: names an overload; ONNX's own operators have none"
     if twice := _twice(attribute.name for attribute in node.attribute):
-        yield f"operator {_word(node.op_type)}: its attribute {_word(twice)} stands there twice"
+        yield f"operator {quoted(node.op_type)}: its attribute {quoted(twice)} stands there twice"
     for attribute in node.attribute:
         if attribute.HasField("t"):
             yield from _tensor(attribute.t)
         if attribute.HasField("g") or attribute.graphs:
-            yield f"operator {_word(node.op_type)}: holds a graph of its own, which is not allowed"
+            yield f"operator {quoted(node.op_type)}: holds a graph of its own, which is not allowed"
         elif attribute.type not in _VALUES or attribute.ref_attr_name or attribute.tensors:
-            yield f"operator {_word(node.op_type)}: attribute {_word(attribute.name)} is not a plain value"
+            yield f"operator {quoted(node.op_type)}: attribute {quoted(attribute.name)} is not a plain value"
 
 
 def _why_not(operator: str) -> str:
@@ -152,15 +168,19 @@ def _why_not(operator: str) -> str:
 
 
 def _tensor(tensor: TensorProto) -> Iterator[str]:
-    name = _word(tensor.name)
-    if tensor.data_location == TensorProto.EXTERNAL or tensor.external_data:
-        yield f"tensor {name}: its data lie in another file; keep them in policy.onnx"
+    name, is_external = quoted(tensor.name), tensor.data_location == TensorProto.EXTERNAL
     if tensor.data_type not in _KINDS:
-        yield f"tensor {name}: of a kind that is not allowed; allowed: {', '.join(_KINDS.values())}"
-    if sum(1 for field in _DATA if len(getattr(tensor, field))) > 1 or tensor.HasField("segment"):
-        yield f"tensor {name}: holds its numbers in two ways, or in parts; write them once"
-    if len(tensor.dims) > LARGEST_RANK or any(size < 0 for size in tensor.dims):
+        kinds = ", ".join(TensorProto.DataType.Name(kind) for kind in _KINDS)
+        yield f"tensor {name}: of a kind that is not allowed; allowed: {kinds}"
+    elif len(tensor.dims) > LARGEST_RANK or any(size < 0 for size in tensor.dims):
         yield f"tensor {name}: its shape is none, or has more than {LARGEST_RANK} axes"
+    elif sum(1 for field in _DATA if len(getattr(tensor, field))) > 1 or tensor.HasField("segment"):
+        yield f"tensor {name}: holds its numbers in two ways, or in parts; write them once"
+    elif not is_external:
+        (field, size), count = _KINDS[tensor.data_type], math.prod(tensor.dims)
+        held = len(tensor.raw_data) / size if tensor.raw_data else len(getattr(tensor, field))
+        if held != count:
+            yield f"tensor {name}: holds {held:g} numbers, its shape has {count}"
 
 
 def _signature(graph: GraphProto) -> Iterator[str]:
@@ -171,10 +191,6 @@ def _signature(graph: GraphProto) -> Iterator[str]:
         check_signature(*declared)
     except UserError as error:
         yield str(error).removeprefix("policy.onnx: ")
-        return
-    for value in (*inputs, *graph.output):
-        if value.type.tensor_type.elem_type != TensorProto.FLOAT:
-            yield f"{_word(value.name)}: expected float32"
 
 
 def _declared_shape(value: ValueInfoProto) -> list[int | str]:
@@ -199,11 +215,6 @@ def _meaning(model: ModelProto) -> list[str]:
     return []
 
 
-def _word(text: str) -> str:
-    """Quote untrusted text, shortened, for a message."""
-    return repr(text if len(text) <= 40 else f"{text[:37]}...")
-
-
 # Cost
 
 
@@ -211,7 +222,8 @@ def multiply_adds(model: ModelProto) -> int:
     """Return the multiply-adds per row, in the batch size in which a row costs most.
 
     An operator costs its products, or all numbers that it reads and writes, whichever are more. An operator
-    over windows or over several tensors reads each of their numbers.
+    over windows or over several tensors reads each of their numbers. Operators that some numbers slow down
+    cost as much as with these.
 
     Raises:
         UserError: a size that does not follow from the file, or not in every batch size.
@@ -400,6 +412,11 @@ def _several(node: NodeProto, inputs: list[Shape], outputs: list[Shape]) -> int:
     return math.prod(outputs[0]) * len(inputs)
 
 
+def _slow(times: int) -> Callable[[NodeProto, list[Shape], list[Shape]], int]:
+    """Count each number of the output so many times: what the slowest inputs take."""
+    return lambda node, inputs, outputs: times * math.prod(outputs[0])
+
+
 def _recurrent(node: NodeProto, inputs: list[Shape], outputs: list[Shape]) -> int:
     """Count each step's products with W (directions, gates x hidden, input) and R (..., hidden)."""
     steps, batch = inputs[0][:2]
@@ -413,4 +430,6 @@ _PRODUCTS: dict[str, Callable[[NodeProto, list[Shape], list[Shape]], int]] = {
     **dict.fromkeys(("AveragePool", "MaxPool"), _pool),
     **dict.fromkeys(("Max", "Mean", "Min", "Sum"), _several),
     **dict.fromkeys(("LSTM", "GRU", "RNN"), _recurrent),
+    **dict.fromkeys(("Cos", "Sin", "Tan"), _slow(50)),  # of huge angles
+    "Mod": _slow(500),  # of a huge number by a tiny one
 }

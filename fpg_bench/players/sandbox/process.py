@@ -27,16 +27,7 @@ from fpg_bench.common.telemetry import OFF
 from fpg_bench.players.sandbox.isolation import UNPROTECTED, Layer, missing, refusal
 
 # Environment variables that the process gets: nothing that could be a secret.
-_KEPT = (
-    "PATH",
-    "HOME",
-    "XDG_CACHE_HOME",
-    "NUMBA_CACHE_DIR",
-    "LD_LIBRARY_PATH",
-    "DYLD_LIBRARY_PATH",
-    "LANG",
-    UNPROTECTED,
-)
+_KEPT = ("PATH", "HOME", "LANG", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH")
 _SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
 _NEEDED = "RAY_"  # a cluster's
 _ONES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX")
@@ -245,7 +236,7 @@ def _overwrite(name: str) -> None:
 
 
 def _environment() -> dict[str, str]:
-    kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
+    kept = {name: os.environ[name] for name in (*_KEPT, UNPROTECTED) if name in os.environ}
     return (
         kept
         | OFF
