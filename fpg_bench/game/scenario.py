@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import hashlib
 import json
+import logging
 import numbers
 import os
 from collections.abc import Mapping
@@ -23,6 +24,7 @@ from fpg_bench.game.knowledge import KnowledgeEntry, load_knowledge
 from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, MOST_PATHS, PATHS, SNR_MODELS
 
 RULES_VERSION = 1
+_logger = logging.getLogger(__name__)
 # The fields of `standard` as version 1 of the rules was released. The file never changes, except that a new
 # field is added with the value under which the game stays as it was.
 RELEASED: dict[str, Any] = json.loads(Path(__file__).with_name("released.json").read_bytes())
@@ -431,7 +433,13 @@ class Scenario:
             and not Path(knowledge).is_absolute()
         ):
             changes["knowledge"] = str(path.parent / knowledge)
-        return cls.from_dict(changes, f"scenario {path}")
+        scenario = cls.from_dict(changes, f"scenario {path}")
+        if scenario.bandwidth_mhz > scenario.point_spacing_mhz:
+            _logger.warning(
+                f"scenario {path}: channels of {scenario.bandwidth_mhz:g} MHz overlap, as the frequency "
+                f"points lie {scenario.point_spacing_mhz:.3g} MHz apart"
+            )
+        return scenario
 
     @classmethod
     def from_dict(cls, changes: Mapping[str, Any], where: str = "scenario") -> Scenario:

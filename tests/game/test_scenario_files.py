@@ -11,6 +11,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.game import scenario as module
 from fpg_bench.game.knowledge import EXPERT_FILE
 from fpg_bench.game.scenario import PAPER, RELEASED, STANDARD, Scenario, preset
+from tests.logged import logged
 
 from .test_options import OF_SCRIPTS, OTHERWISE
 
@@ -97,6 +98,15 @@ def test_a_file_changes_a_preset(tmp_path):
     expected = dataclasses.replace(PAPER, hop_cost=60, opponent_path=("circle", "triangle"))
     assert Scenario.from_yaml(path) == expected
     assert Scenario.from_yaml(written(tmp_path, "hop_cost: 60")) == Scenario(hop_cost=60)
+
+
+def test_channels_that_overlap_are_said(tmp_path):
+    with logged() as lines:
+        Scenario.from_yaml(written(tmp_path, "bandwidth_mhz: 7"))
+    assert lines == []
+    with logged() as lines:
+        Scenario.from_yaml(written(tmp_path, "bandwidth_mhz: 20"))
+    assert "channels of 20 MHz overlap, as the frequency points lie 7.14 MHz apart" in lines[0]
 
 
 @pytest.mark.parametrize(
