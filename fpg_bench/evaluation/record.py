@@ -107,7 +107,7 @@ class Record:
 
     @property
     def key(self) -> MatchupKey:
-        """What tells it from the records of other matchups."""
+        """Key that tells it from the records of other matchups."""
         return self.suite_hash, self.entry, self.training_seed, self.fingerprint, self.rival
 
     def row(self) -> Row:

@@ -34,7 +34,7 @@ class Pairing(NamedTuple):
 
     @property
     def key(self) -> MatchupKey:
-        """What its record is found by."""
+        """Key of its record."""
         entry, rival = self.entry, self.rival
         return (
             self.suite.hash[:16],
@@ -46,7 +46,7 @@ class Pairing(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its name in messages."""
+        """Name in messages."""
         seed = "" if self.entry.training_seed is None else f"/seed_{self.entry.training_seed}"
         return f"{self.entry.name}{seed} - {self.rival.name}"
 

@@ -12,8 +12,9 @@ from fpg_bench.common.files import check_own_folder, check_writable, read_json, 
 from fpg_bench.hub.download import Snapshot
 from fpg_bench.leaderboard.playing import smoke_test
 from fpg_bench.leaderboard.submission import read_policy
-from fpg_bench.players.remote import PULLED
 from fpg_bench.players.sandbox.client import AGENT_FILES, check_policy
+
+PULLED = "hub.json"  # in the folder of a pulled agent: where it comes from
 
 
 def keep(snapshot: Snapshot, out: Path) -> bool:

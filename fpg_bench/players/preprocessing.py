@@ -1,4 +1,4 @@
-"""What stands between a game and the policy of a Stable-Baselines3 model: statistics, frames and wrappers.
+"""Preprocessing between a game and the policy of a Stable-Baselines3 model: statistics, frames, wrappers.
 
 Live players and the export both take it from here, so that a model plays as it did in training.
 """

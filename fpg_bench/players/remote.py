@@ -7,7 +7,6 @@ from typing import Protocol, TypeVar
 
 from fpg_bench.common.products import PRODUCTS, load
 
-PULLED = "hub.json"  # in the folder of a pulled agent: where it comes from
 _SCHEMES = tuple(scheme for product in PRODUCTS.values() for scheme in product.offers.get("agents", ()))
 Spec = TypeVar("Spec")
 
