@@ -72,7 +72,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     named, and how many more there are.
     """
     known = sorted(set(known))
-    kin = [name for name in known if "_" in word and _parts(word) & _parts(name)]
+    kin = _kin(word, known)
     if (hint := meant(word, known)) or not kin:
         more = f" and {len(known) - _MOST} more" if len(known) > _MOST else ""
         return hint or f"; known: {', '.join(known[:_MOST])}{more}"
@@ -87,16 +87,22 @@ def meant(word: str, known: Iterable[str]) -> str:
     word's parts must be near one of the name's.
     """
     known = sorted(set(known))
-    kin = [name for name in known if "_" in word and _parts(word) & _parts(name)]
-    near = {name.lower(): name for name in kin or known if _ends_near(word.lower(), name.lower())}
+    near = {
+        name.lower(): name for name in _kin(word, known) or known if _ends_near(word.lower(), name.lower())
+    }
     for close in difflib.get_close_matches(word.lower(), near, n=3, cutoff=_NEAR):
         if _differs_little(word.lower(), close):
             return f"; did you mean {near[close]!r}?"
     return ""
 
 
+def _kin(word: str, known: Iterable[str]) -> list[str]:
+    """Return the known names that share a part with a name that has underscores."""
+    return [name for name in known if "_" in word and _parts(word) & _parts(name)]
+
+
 def _parts(name: str) -> set[str]:
-    """Return the parts of a name with underscores, without short ones such as units."""
+    """Return the parts of a name, without short ones such as units."""
     return {part for part in _PART.split(name.lower()) if len(part) > _UNIT}
 
 

@@ -227,8 +227,8 @@ def _label(specs: Sequence[PlayerSpec]) -> str:
 def _entry(spec: PlayerSpec, player: Player, name: str, suite: Suite) -> EvaluatedPlayer:
     card = card_of(player)
     if card is None:
-        is_nameless = not isinstance(spec, str | os.PathLike)
-        fingerprint = f"{_NAMELESS}{id(spec)}" if is_nameless else code_fingerprint(player_name(spec))
+        is_named = isinstance(spec, str | os.PathLike)
+        fingerprint = code_fingerprint(player_name(spec)) if is_named else f"{_NAMELESS}{id(spec)}"
         return EvaluatedPlayer(name, None, fingerprint, FixedPlayer(spec))
     # An agent itself is sent to workers, as other machines may lack its files; other players by their names.
     made = MADE + hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]

@@ -67,7 +67,8 @@ class AgentCard(Strict):
 
     Attributes:
         algorithm: name of the algorithm.
-        game: the game of the training.
+        game: the game of the training. Opening it imports the code that it names: read somebody else's card
+            before you open its game.
         side: the side that the agent plays.
         scenario: hash of the scenario of the training.
         scenario_fields: the fields of that scenario that differ from ``standard``.

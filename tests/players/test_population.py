@@ -17,7 +17,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import expand_suites
-from fpg_bench.players.registry import as_player
+from fpg_bench.players.registry import as_player, policy_hash
 
 from .test_agent import model_bytes
 
@@ -102,6 +102,8 @@ def test_a_suites_name_stands_for_its_members_of_the_side_wherever_it_is_in_a_li
     core.reset(seeds=0)
     assert set(core._runner.choice) == {0, 1, 2}
     assert set(policies_of(game)) == set(found[1:3])
+    loaded = map(policy_hash, core._runner.players)
+    assert [policies_of(game).get(spec) for spec in core.other_specs] == list(loaded)
     assert SingleAgentGame(GameSpec("FPG/OpponentVsPolicy-v0", ally=suite)).other_specs == [f"{suite}/ppo"]
 
 
