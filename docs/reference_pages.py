@@ -7,6 +7,7 @@ already stays, as drawing takes seconds.
 from __future__ import annotations
 
 import inspect
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -116,9 +117,10 @@ What the sides see and do stands on the pages of their own ids, {{doc}}`AllyVsPo
 
 
 def connect(app: Any) -> None:
-    """Have Sphinx write the pages before it looks for any, and lead links to outside pages inside."""
+    """Have Sphinx write the pages before it looks for any, and read each page as the site shows it."""
     app.connect("builder-inited", lambda app: write_pages(GENERATED))
     app.connect("source-read", lead_inside)
+    app.connect("source-read", show_on_site)
 
 
 def write_pages(folder: Path, pictures: bool = True) -> None:
@@ -228,3 +230,8 @@ def lead_inside(app: Any, page: str, source: list[str]) -> None:
     up = "../" * page.count("/")
     for outside, inside in ELSEWHERE.items():
         source[0] = source[0].replace(f"]({up}{outside}", f"]({up}{inside}")
+
+
+def show_on_site(app: Any, page: str, source: list[str]) -> None:
+    """Uncover what a page keeps for the site in comments, ``<!-- site ... -->``, which GitHub leaves out."""
+    source[0] = re.sub(r"(?s)<!-- site\s(.*?)-->", r"\1", source[0])

@@ -26,7 +26,11 @@ PAGE, CURVES = "README.md", "curves.jsonl"
 PICTURES = ("curves", "profiles", "improvement")
 COMMAND = "python scripts/train_zoo.py --tables"
 _BLUE = "#0072b2"
-_MEASURES = (("jammed %", "jamming_success_rate"), ("hops %", "hop_rate"))
+_MEASURES = (
+    ("overlap ratio %", "overlap_ratio"),
+    ("jamming success rate %", "jamming_success_rate"),
+    ("hops %", "hop_rate"),
+)
 _HEAD = f"""\
 # The zoo
 

@@ -94,6 +94,19 @@ def test_every_page_has_its_place_in_the_site():
     assert names - listed == {"index"}
 
 
+def test_the_front_page_reads_on_github_as_on_the_site():
+    """GitHub shows a directive of Sphinx as a grey block, and has no built board to lead to."""
+    text = (DOCS / "index.md").read_text()
+    source = [text]
+    reference_pages.show_on_site(None, "index", source)
+    on_github = re.sub(r"(?s)<!--.*?-->", "", text)
+    assert "```{" not in on_github
+    assert "board/index.html" not in on_github
+    assert source[0].count("```{toctree}") == 7
+    assert "board/index.html" in source[0]
+    assert "<!-- site" not in source[0]
+
+
 @pytest.mark.parametrize("side", ["ally", "opponent"])
 def test_the_page_of_discrete_actions_has_all_choices_and_sizes(side):
     text = (DOCS / "environments/discrete-actions.md").read_text()

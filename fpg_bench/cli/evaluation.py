@@ -120,7 +120,7 @@ def table(
     out: Annotated[Path | None, typer.Option(help="Write only the figure, as .png, .svg or .pdf.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Print the table of a results folder, and write it as Markdown, CSV and PNG.
+    """Print the table of a results folder, and write it as Markdown, CSV, LaTeX and PNG.
 
     Example: fpg-bench table results/mine --wide
     """
@@ -142,7 +142,7 @@ def table(
     width = None if wide else terminal_width()
     head, *lines = tables.lines_of_table(summaries, suite, width)
     print_table(head, lines, tables.caption(summaries, suite))
-    typer.echo(f"written: {folder}/table.md, table.csv, table.png")
+    typer.echo(f"written: {folder}/table.md, table.csv, table.tex, table.png")
 
 
 def curves(
@@ -197,7 +197,10 @@ def print_table(names: list[str], lines: list[list[str]], below: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    drawn = Table(*names, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    from fpg_bench.evaluation.table import wrapped
+
+    headings = map(wrapped, names, zip(*lines, strict=True) if lines else [()] * len(names))
+    drawn = Table(*headings, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for line in lines:
         drawn.add_row(*line)
     width = terminal_width()

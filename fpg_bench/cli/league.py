@@ -192,13 +192,13 @@ def best_response(
         )
     for response in row["responses"]:
         print_line(
-            f"{response_label(response)}: {response['return']:.2f} per step, jammed {_percent(response)}; "
+            f"{response_label(response)}: {response['return']:.2f} per step, {_jamming(response)}; "
             f"{response['seconds'] / 60:.1f} min"
         )
     scripts = row["scripts"]
     strongest = min(scripts, key=lambda name: scripts[name]["return"])
     met = scripts[strongest]
-    print_line(f"strongest script, {strongest}: {met['return']:.2f} per step, jammed {_percent(met)}")
+    print_line(f"strongest script, {strongest}: {met['return']:.2f} per step, {_jamming(met)}")
     print_line(f"{agent}: lowest {row['lowest']['return']:.2f} per step, against {row['lowest']['against']}")
     paid_for_loss = all(response["reward"] == "zero_sum" for response in row["responses"])
     if row["lowest"]["against"] == strongest and paid_for_loss:
@@ -207,5 +207,5 @@ def best_response(
         )
 
 
-def _percent(met: Row) -> str:
-    return f"{100 * met['measures']['jamming_success_rate']:.0f} %"
+def _jamming(met: Row) -> str:
+    return f"jamming success rate {100 * met['measures']['jamming_success_rate']:.0f} %"

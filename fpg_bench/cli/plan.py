@@ -277,9 +277,12 @@ def _print_table(rounds: list[Round], title: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from fpg_bench.evaluation.table import wrapped
+
     radius = rounds[0].recording.scenario.distance_reward_m
-    headings = ["round", "reward/step", f"within {radius:g} m %", "jammed %", "status", "source"]
-    table = Table(*headings, "tokens", "planning s", box=box.SIMPLE_HEAD, title=title)
+    headings = ["round", "reward/step", f"within {radius:g} m %", "jamming success rate %"]
+    headings += ["status", "source", "tokens", "planning s"]
+    table = Table(*(wrapped(each, ()) for each in headings), box=box.SIMPLE_HEAD, title=title)
     for column in table.columns:
         column.justify = "left" if column.header in ("status", "source") else "right"
     rows = [played.row for played in rounds]

@@ -34,8 +34,14 @@ def check_figure(path: Path) -> None:
 
 
 def write_figure(figure: Figure, path: Path) -> None:
-    """Write a matplotlib figure as PNG, SVG or PDF, by the path's suffix."""
+    """Write a matplotlib figure as PNG, SVG or PDF, by the path's suffix.
+
+    Text stays text: TrueType fonts in PDF, as journals ask for, and ``<text>`` in SVG.
+    """
+    from matplotlib import rc_context
+
     check_figure(path)
     image = io.BytesIO()
-    figure.savefig(image, format=path.suffix.lower().removeprefix("."))
+    with rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):
+        figure.savefig(image, format=path.suffix.lower().removeprefix("."))
     write_whole(path, image.getvalue())

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
+import re
+import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +25,15 @@ if TYPE_CHECKING:
 
 MOST_DRAWN, MOST_RANKED = 100, 1000  # entries of the picture, and of a table whose pairs are compared
 _INTERVAL = "95 % interval"
+_PAGE_WIDTH = 92  # of a LaTeX table, in characters
+_LATEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "†": r"$\dagger$",
+    "\N{MINUS SIGN}": "$-$",
+    "\N{EN DASH}": "--",
+}
 _COSTS = "Steps and minutes: of training, per seed. "
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
 # Okabe and Ito's colours, distinguishable for the colour-blind; each cycle through them has its own marker.
@@ -52,8 +63,14 @@ def lines_of_table(summaries: Sequence[Summary], suite: Suite, width: int | None
 
 
 def _width(columns: Iterable[list[str]]) -> int:
-    """Return the width of the columns: a blank before the first, and two after each."""
-    return 1 + sum(2 + max(map(len, cells)) for cells in columns)
+    """Return the width of the columns with wrapped headings: a blank before the first, and two after each."""
+    widths = (max(map(len, [*wrapped(heading, cells).split("\n"), *cells])) for heading, *cells in columns)
+    return 1 + sum(2 + width for width in widths)
+
+
+def wrapped(heading: str, cells: Iterable[str]) -> str:
+    """Return a heading on as many lines as its column's cells, and its longest word, allow."""
+    return "\n".join(textwrap.wrap(heading, max(map(len, [*heading.split(), *cells]))))
 
 
 def caption(summaries: Sequence[Summary], suite: Suite) -> str:
@@ -85,6 +102,30 @@ def markdown_table(lines: Sequence[Sequence[str]]) -> str:
     head, *rest = lines
     rows = [head, ["---"] * len(head), *rest]
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def latex(summaries: Sequence[Summary], suite: Suite) -> str:
+    """Return the table as LaTeX for the package booktabs: the columns that a page's width takes.
+
+    It is a ``tabular`` alone, to be put into a ``table`` by ``\\input``; its caption stands in a comment.
+    """
+    head, *lines = lines_of_table(summaries, suite, _PAGE_WIDTH)
+    cells = [head, *([name, *map(_dashed, numbers)] for name, *numbers in lines)]
+    rows = [" & ".join(map(_escaped, line)) + r" \\" for line in cells]
+    body = [r"\toprule", rows[0], r"\midrule", *rows[1:], r"\bottomrule"]
+    columns = "l" + "r" * (len(head) - 1)
+    comment = textwrap.wrap(caption(summaries, suite), 100, initial_indent="% ", subsequent_indent="% ")
+    return "\n".join([*comment, rf"\begin{{tabular}}{{{columns}}}", *body, r"\end{tabular}"]) + "\n"
+
+
+def _escaped(text: str) -> str:
+    """Return text whose characters LaTeX prints as they are."""
+    return "".join(_LATEX.get(character, character) for character in text)
+
+
+def _dashed(number: str) -> str:
+    """Return a number with a minus sign, or a range of ranks with an en dash, instead of a hyphen."""
+    return re.sub(r"(?<![\w.-])-(?=\d)", "\N{MINUS SIGN}", re.sub(r"(?<=\d)-(?=\d)", "\N{EN DASH}", number))
 
 
 def as_csv(summaries: Sequence[Summary]) -> str:
@@ -208,9 +249,10 @@ def _draw_curves(axes: Axes, summaries: Sequence[Summary], suite: Suite) -> None
 
 
 def write_table(summaries: Sequence[Summary], suite: Suite, folder: Path) -> None:
-    """Write ``table.md``, ``table.csv`` and ``table.png`` into a folder."""
+    """Write ``table.md``, ``table.csv``, ``table.tex`` and ``table.png`` into a folder."""
     write_whole(folder / "table.md", markdown(summaries, suite))
     write_whole(folder / "table.csv", as_csv(summaries))
+    write_whole(folder / "table.tex", latex(summaries, suite))
     picture(summaries, suite, folder / "table.png")
 
 
@@ -234,11 +276,10 @@ class Results(list[Summary]):
         return pandas.DataFrame(flat_lines(self))
 
 
+_JAMMING = (("overlap ratio %", "overlap_ratio"), ("jamming success rate %", "jamming_success_rate"))
 _MEASURES = (
-    ("jammed %", "jamming_success_rate", 100),
     ("hops %", "hop_rate", 100),
     ("spread %", "spread_ratio", 100),
-    ("overlap %", "overlap_ratio", 100),
     ("within 30 m %", "near_ratio", 100),
     ("SNR dB", "snr_db", 1),
     ("Mbit/s", "capacity_mbit_s", 1),
@@ -269,7 +310,8 @@ def columns(suite: Suite, placed: Mapping[str, Standing]) -> list[Column]:
     ]
     own = _of_planners(suite) if suite.side == PLANNER else _OF_PLAYERS
     after = 1 + next(k for k, column in enumerate(own) if column.heading == _INTERVAL)
-    return [*own[:after], *_of_standings(placed), *own[after:], *measures]
+    jamming = [Column(heading, _measure(name, 100)) for heading, name in _JAMMING]
+    return [*own[:after], *_of_standings(placed), *jamming, *own[after:], *measures]
 
 
 def _of_standings(placed: Mapping[str, Standing]) -> list[Column]:
@@ -328,7 +370,7 @@ def _worst(s: Summary) -> str:
     return number(s.by_rival[s.worst].value, digits=2)
 
 
-_FIRST_MEASURE = 3  # what they can be spared for: all but jamming, before the columns of returns
+_FIRST_MEASURE = 4  # what they can be spared for: before the columns of returns
 _OF_PLAYERS = (
     Column("player", lambda s: s.entry),
     Column("seeds", lambda s: str(s.training_seeds or "-"), spare=2),

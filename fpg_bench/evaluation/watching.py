@@ -32,9 +32,9 @@ _HEADING = (
 )
 _FLAGS = "flags: C covered, O outage, H hop, S spreading, check + heard or - not heard"
 _CLOSING = (  # measure, its name in the closing line, its format
-    ("jamming_success_rate", "jammed", ".1%"),
+    ("jamming_success_rate", "jamming success rate", ".1%"),
     ("outage", "outage", ".1%"),
-    ("overlap_ratio", "overlap", ".1%"),
+    ("overlap_ratio", "overlap ratio", ".1%"),
     ("detection_rate", "heard", ".1%"),
     ("hop_rate", "hops", ".1%"),
     ("spread_ratio", "spreading", ".1%"),

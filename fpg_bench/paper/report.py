@@ -171,12 +171,13 @@ _Level = tuple[str, str, int, int]  # heading, column, factor, decimals
 _LEVELS: tuple[_Level, ...] = (
     ("ally's reward", "ally_reward", 1, 1),
     ("opponent's reward", "opponent_reward", 1, 1),
-    ("overlap %", "overlap_ratio", 100, 1),
-    ("jammed %", "jamming_success_rate", 100, 2),
+    ("overlap ratio %", "overlap_ratio", 100, 1),
+    ("jamming success rate %", "jamming_success_rate", 100, 2),
     ("hops %", "hop_rate", 100, 1),
     ("spreading %", "spread_ratio", 100, 1),
     ("within 30 m %", "near_ratio", 100, 1),
 )
+_SHARES = ("overlap_ratio", "jamming_success_rate", "hop_rate", "spread_ratio")
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
 table { border-collapse: collapse; display: block; overflow-x: auto; margin: 1rem 0; font-size: 0.9rem; }
@@ -294,7 +295,7 @@ def _spread(results: Results) -> str:
 
 def fifths_table(results: Results) -> Lines:
     """Tabulate the base condition and the long run by fifths of their training."""
-    shown = [each for each in _LEVELS if each[0] in ("overlap %", "jammed %", "hops %", "spreading %")]
+    shown = [each for each in _LEVELS if each[1] in _SHARES]
     lines = [["condition", "of training", *(heading for heading, *_ in shown)]]
     for name in (BASE, LONG):
         seeds = results.seeds(name)

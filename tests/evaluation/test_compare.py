@@ -76,7 +76,7 @@ def test_planners_side_by_side_and_their_table(folder):
     write_table(found, suite, folder / "out")
     text = (folder / "out" / "table.md").read_text()
     assert text.splitlines()[0].startswith(
-        "| planner | score last 2 | 95 % interval | rank | from the first | score all |"
+        "| planner | score last 2 | 95 % interval | rank | from the first | overlap ratio % | jamming "
     )
     assert text.splitlines()[2].startswith("| chasing:Chaser | ")
     best, *others = csv.DictReader((folder / "out" / "table.csv").open())

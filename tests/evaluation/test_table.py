@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from fpg_bench.evaluation.table import (
     as_csv,
     caption,
     flat_lines,
+    latex,
     lines_of_table,
     markdown,
     picture,
@@ -49,11 +51,32 @@ def summaries(suite):
 def test_tables_fit_the_terminal(summaries, suite, width, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(width))
     head, *lines = lines_of_table(summaries, suite, width)
-    assert {"player", "score", "95 % interval", "return", "worst"} <= set(head)
+    assert {"player", "score", "95 % interval", "worst"} <= set(head)
+    assert {"overlap ratio %", "jamming success rate %"} <= set(head)
     print_table(head, lines, caption([], suite))
     drawn = capsys.readouterr().out.splitlines()
     assert max(map(len, drawn)) <= width
     assert sum(line.startswith(" expert-spread") for line in drawn) == 1  # no cell is broken over two lines
+
+
+def test_a_latex_table_prints_each_character_of_a_name(summaries, suite):
+    names = {
+        "a_b": r"a\_b",
+        "50 %": r"50 \%",
+        "#1 & {x}^~\\": r"\#1 \& \{x\}\textasciicircum{}\textasciitilde{}",
+    }
+    renamed = [dataclasses.replace(s, entry=name) for s, name in zip(summaries, names, strict=True)]
+    text = latex(renamed, suite)
+    rows = [line.removesuffix(r" \\") for line in text.splitlines() if line.endswith(r" \\")]
+    cells = [re.split(r" (?<!\\)& ", row) for row in rows]
+    assert [row[0] for row in cells[1:3]] == list(names.values())[:2]
+    assert cells[3][0].startswith(names["#1 & {x}^~\\"])
+    assert cells[3][0].endswith(r"\textbackslash{}")
+    assert {len(row) for row in cells} == {len(re.search(r"tabular}{(.*?)}", text)[1])}
+    assert r"95 \% interval" in cells[0]
+    assert r"$\dagger$" in text  # two training seeds are few
+    assert re.search(r"& \[\d|& \[\$-\$\d", text)
+    assert re.search(r"& 1--\d &", text)
 
 
 def test_wider_terminals_see_more_and_nobody_loses_a_column(summaries, suite):
@@ -75,7 +98,8 @@ def test_the_files_hold_everything(summaries, suite, tmp_path):
     write_table(summaries, suite, tmp_path)
     text = (tmp_path / "table.md").read_text()
     assert text.startswith(
-        "| player | seeds | steps | minutes | score | 95 % interval | rank | from the first | return | worst "
+        "| player | seeds | steps | minutes | score | 95 % interval | rank | from the first | "
+        "overlap ratio % | jamming success rate % | return | worst "
     )
     by_name = {line.split(" | ")[0].strip("| "): line for line in text.splitlines()}
     assert "†" in by_name["ppo"]

@@ -71,7 +71,7 @@ def test_watching_prints_every_step_and_the_measures(capsys):
     assert [int(line.split()[0]) for line in steps] == list(range(1, 25))
     assert len({len(line) for line in steps}) == 1
     assert "expert-spread against adaptive" in lines[0]
-    assert f"jammed {measures['jamming_success_rate']:.1%}" in lines[-1]
+    assert f"jamming success rate {measures['jamming_success_rate']:.1%}" in lines[-1]
     returns = sum(float(line.split()[-2]) for line in steps)
     assert returns == pytest.approx(measures["ally_return"], abs=0.2)
 
