@@ -47,8 +47,8 @@ agents may be trained against its rivals. The rivals of a season suite were trai
 that season had been closed. Intervals are 95 %, by Student's t: over training seeds, and for scripts
 over matches. † marks fewer than three training seeds. Time is that of training, on one core, without
 evaluations, at the speed of the fastest training seed, because other work slowed down the others on a
-shared machine. The last column is the median time, evaluations left out as well, after which a training first
-had the score of the best script.
+shared machine. The last column says after how many minutes of such time a training
+reached the score of the best script; it is the median over training seeds.
 """
 _CAPTIONS = (
     "Learning curves: the score on tuning seeds, mean and range over training seeds, while all of them "
