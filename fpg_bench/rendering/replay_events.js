@@ -1,5 +1,5 @@
 /** What happens in a round, in words: a list of { step, kind, text }, in the order of the steps.
- *  round, scenario: as replay_data gives them. Kinds: found, hopped, spread, jammed, back, near, herded. */
+ *  round, scenario: as replay_data gives them. Kinds: found, hopped, spread, covered, jammed, back, near, herded. */
 function fpgEvents(round, scenario) {
   "use strict";
   const HERD = { times: 3, within: 5 }; // covered so often in so many seconds
@@ -39,8 +39,14 @@ function fpgEvents(round, scenario) {
     }
   }
 
+  const coveredAnew = (k) => steps.covered[k] && (!steps.covered[k - 1] || steps.frequency[k] !== steps.frequency[k - 1]);
+
+  function held(k) {
+    if (coveredAnew(k) && !jammed(k)) add(k, "covered", `Covered: ${jamming(k)} at ${mhz(steps.centre[k])}; the link holds at ${steps.snr[k].toFixed(0)} dB`);
+  }
+
   function herded(k) {
-    const anew = steps.covered[k] && (!steps.covered[k - 1] || steps.frequency[k] !== steps.frequency[k - 1]);
+    const anew = coveredAnew(k);
     covered = covered.filter((step) => step > k - HERD.within);
     if (anew) covered.push(k);
     if (covered.length < HERD.times) return;
@@ -51,6 +57,7 @@ function fpgEvents(round, scenario) {
   for (let k = 1; k < steps.snr.length; k++) {
     changed(k);
     hit(k);
+    held(k);
     herded(k);
     if (near(k) && !near(k - 1)) add(k, "near", `The opponent is within ${scenario.distance_reward_m} m`);
     listened(k); // a check comes at a step's end

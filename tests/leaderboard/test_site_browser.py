@@ -197,7 +197,14 @@ def test_events_are_those_of_the_data(watched):
     jammed = [steps["covered"][k] and steps["snr"][k] < scenario["threshold_db"] for k in range(count)]
     near = [metres < scenario["distance_reward_m"] for metres in steps["distance"]]
     hopped = [k for k in range(1, count) if steps["hopped"][k]]
+    covered = steps["covered"]
+    anew = [
+        k
+        for k in range(1, count)
+        if covered[k] and (not covered[k - 1] or steps["frequency"][k] != steps["frequency"][k - 1])
+    ]
     expected = {"jammed": starts(jammed), "near": starts(near), "spread": starts(steps["spreading"])}
+    expected["covered"] = [k for k in anew if not jammed[k]]
     for kind, begun in (expected | {"hopped": hopped}).items():
         assert [one["step"] for one in events if one["kind"] == kind] == begun, kind
     assert [one["step"] for one in events] == sorted(one["step"] for one in events)
@@ -605,15 +612,53 @@ def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_se
     expect(page.locator("#hop")).to_be_in_viewport(ratio=1)
     expect(page.locator("#score")).to_be_in_viewport(ratio=1)
     assert page.locator("#hop").bounding_box()["height"] >= 44
+    expect(page.locator("#hop")).to_be_focused()
     page.evaluate(PRESSED)
     result = page.locator("#result")
     expect(result).to_have_text(re.compile(r"You −?\d+, the champion \d+, random −?\d+"))
     first, address = result.inner_text(), page.locator("#link").inner_text()
     page.goto("about:blank")
-    page.goto(address)
-    expect(page.locator("#one")).to_be_visible()
-    page.evaluate(PRESSED)  # the link begins the same round
+    page.goto(address)  # a friend gets the same minute, and a score to beat
+    expect(page.locator("#goal")).to_contain_text(
+        "The score to beat is " + re.search(r"You (−?\d+)", first)[1].replace("−", "-")
+    )
+    expect(page.locator("#setup")).to_be_hidden()
+    expect(page.locator("#run")).to_have_text("❚❚ pause")
+    page.evaluate(PRESSED)
     expect(result).to_have_text(re.compile(re.escape(first.partition(", ")[2])))
     page.locator("#watch").click()
     expect(page.locator("#replay-step")).to_have_attribute("max", "60")
-    expect(page.locator("#replay-title")).to_have_text("you against adaptive")
+    expect(page.locator("#replay-title")).to_have_text("you against watchful")
+
+
+OFFERED = range(9, 18)  # the seed of the front page, and those that "Next seed" leads to
+ADVISED = """seeds => { const { rules } = window.fpgData, play = (name, seed) => {
+  const game = fpgRules.begin({ ...rules, steps: 60 }, seed, "pursuit");
+  const ally = fpgScripts.make("ally", name, rules, game.key);
+  const opponent = fpgScripts.make("opponent", "watchful", rules, game.key);
+  let earned = 0;
+  while (!game.over) {
+    fpgRules.step(game, ally(game.allySees), opponent(game.opponentSees));
+    earned += game.allyReward;
+  }
+  return earned; };
+  return seeds.map((seed) => [play("expert-spread", seed), play("idle", seed)]); }"""
+
+
+def test_obeying_the_advice_beats_doing_nothing_on_the_offered_seeds(visit):
+    page = visit("index.html")
+    page.get_by_role("link", name="Play a minute").click()
+    assert f"seed={OFFERED[0]}&" in page.url
+    page.locator("#run").click()  # pause
+    page.evaluate("""() => {
+        const advised = (id) => document.getElementById(id).classList.contains("advised");
+        const on = (id) => document.getElementById(id).getAttribute("aria-pressed") === "true";
+        while (document.getElementById("end").hidden) {
+          for (const id of ["hop", "spread"]) if (advised(id) !== on(id)) document.getElementById(id).click();
+          document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "n", bubbles: true }));
+        } }""")
+    obeyed = page.locator("#event").inner_text()
+    page = visit("play.html")
+    returns = page.evaluate(ADVISED, list(OFFERED))
+    assert f": {returns[0][0] / 60:.2f} per second" in obeyed  # the advice is what the script does
+    assert all(advised > idle for advised, idle in returns)

@@ -48,11 +48,5 @@ const fpgKnowledge = (() => {
     return [...free].sort((a, b) => away(b) - away(a) || a - b);
   }
 
-  /** The point that it would hop to now; null: it would stay. */
-  function advice(game, rules) {
-    const covered = game.allySees[14] > 0;
-    return rules.knowledge && covered ? expertPoint(game, new Array(9).fill(0), rules) : null;
-  }
-
-  return { choose, advice };
+  return { choose };
 })();

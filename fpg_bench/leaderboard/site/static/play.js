@@ -104,6 +104,7 @@
     shown = Object.fromEntries(fpgSight.FIELDS.map((field) => [field, []]));
     for (const id of ["end", "back"]) byId(id).hidden = true;
     byId("hands").hidden = false;
+    byId("goal").textContent = GOALS[human](scoreToBeat());
     byId("snr").parentElement.hidden = human === "opponent";
     press("hop", false);
     press("spread", false);
@@ -169,24 +170,46 @@
     opponent: () => `heard ${game.age} s ago at ${game.known.toFixed(1)} MHz; next check in ${game.nextCheck - game.step} s`,
   };
 
+  const GOALS = {
+    ally: (beaten) => `Keep your link: get away from the jamming, but each hop and each second of spreading costs points. ${beaten === null ? "A link that is never jammed has 100 points, random play 0." : `The score to beat is ${beaten}.`}`,
+    opponent: (beaten) => `Break the ally's link: jam the frequency that it uses, and stay near. ${beaten === null ? "You see your score at the end." : `The score to beat is ${beaten}.`}`,
+    nobody: () => "",
+  };
+
+  /** What an amount of reward is worth in this round's score; null where the board has no such table. */
+  const worth = (reward) => (scales.ally ? (100 * reward) / round.seconds / (scales.ally.top - scales.ally.zero) : null);
+
   function showCosts() {
     const cost = fpgRules.spreadCost(game.spreadingS + 1, rules);
     byId("costs").textContent = `a hop ${rules.hop_cost}; spreading now ${written(cost, 1)} a second`;
-    const point = fpgKnowledge.advice(game, rules);
-    byId("hint").textContent = point === null ? "The knowledge base would stay." : `The knowledge base would hop to ${pointMhz(point).toFixed(1)} MHz.`;
+    const [hop, spread] = [rules.hop_cost, cost].map(worth).map((lost) => (lost === null ? "" : `, −${lost.toFixed(lost < 0.095 ? 2 : 1)} points`));
+    const [h, s] = matchMedia("(hover: hover)").matches && byId("keys").checked ? [" (h)", " (s)"] : ["", ""];
+    byId("hop").textContent = `Hop${h}${hop}`;
+    byId("spread").textContent = `Spread${s}${spread}`;
+    if (!game.over) showAdvice();
+  }
+
+  /** What the best script, expert-spread, would do in the next second, and why. */
+  function showAdvice() {
+    const [hop, spread] = fpgScripts.make("ally", "expert-spread", rules, game.key)(game.allySees).map((value) => value > 0);
+    const covered = game.allySees[14] > 0, snr = `${written(game.snr, 0)} dB`;
+    byId("hop").classList.toggle("advised", hop);
+    byId("spread").classList.toggle("advised", spread);
+    if (hop) byId("hint").textContent = `Advice: hop and spread. Jamming covers you, at ${snr}.`;
+    else if (spread) byId("hint").textContent = "Advice: keep spreading, so that you are not heard.";
+    else byId("hint").textContent = `Advice: stay${pressed("spread") ? ", and stop spreading" : ""}. ${covered ? `Jamming covers you, but the link holds at ${snr}` : `Your link has ${snr}`}.`;
   }
 
   /* ---- the end ---- */
 
   async function finish() {
     run(false);
-    document.documentElement.classList.remove("quick");
     shown = truth;
     byId("snr").parentElement.hidden = false;
     const earned = round.total / round.seconds, points = score(earned);
     byId("event").textContent = `The round is over: ${human === "nobody" ? "the ally earned " : ""}${written(earned, 2)} per second${points === null ? "" : `, a score of ${written(points, 1)}; 0 is random play`}.`;
     byId("hands").hidden = true;
-    byId("link").textContent = location.href;
+    byId("link").textContent = `${location.href.replace(/&beat=[^&]*/, "")}${points === null || human === "nobody" ? "" : `&beat=${written(points, 0)}`}`;
     byId("end").hidden = false;
     document.querySelector(".play").scrollIntoView();
     const name = human === "nobody" ? "The ally" : "You";
@@ -244,7 +267,13 @@
 
   function again(seed) {
     byId("seed").value = seed;
-    begin().then(() => run(true));
+    begin().then(goOn);
+  }
+
+  /** Let the round run, with the focus on what a visitor uses. */
+  function goOn() {
+    run(true);
+    byId(human === "ally" ? "hop" : "run").focus({ preventScroll: true });
   }
 
   const KEYS = { h: () => human === "ally" && flip("hop"), s: () => human === "ally" && flip("spread"), n: next };
@@ -253,7 +282,6 @@
     if (KEYS[event.key] && byId("keys").checked && game && !busy) KEYS[event.key]();
   });
 
-  byId("hop").textContent = `Hop, for ${rules.hop_cost}`;
   byId("point").add(new Option("where the knowledge base says", "expert"));
   for (let point = 0; point < rules.points; point++) byId("point").add(new Option(`${pointMhz(point).toFixed(1)} MHz`, point));
   byId("side").addEventListener("change", listRivals);
@@ -285,7 +313,16 @@
 
   function keepAddress(path) {
     const content = { side: human, ...round.choices, seed: round.seed, seconds: round.seconds, pace: byId("pace").value, ...(path && { path }) };
+    if (document.documentElement.classList.contains("quick")) content.quick = "";
+    const beaten = address().get("seed") === String(round.seed) ? scoreToBeat() : null;
+    if (beaten !== null) content.beat = beaten;
     history.replaceState(null, "", `#${new URLSearchParams(content)}`);
+  }
+
+  /** The score in the address of somebody who shared the round; null if there is none. */
+  function scoreToBeat() {
+    const beaten = address().get("beat")?.replace("−", "-") ?? "";
+    return /^-?\d{1,5}$/.test(beaten) ? Number(beaten) : null;
   }
 
   /** Begin the round that the address asks for; `run`, and two players, start at once. */
@@ -302,7 +339,7 @@
     for (const id of ["seconds", "pace"]) choose(id, wanted.get(id));
     if (/^\d{1,6}$/.test(wanted.get("seed"))) byId("seed").value = wanted.get("seed");
     document.documentElement.classList.toggle("quick", wanted.has("quick"));
-    begin().then(() => run(side === "nobody" || wanted.has("quick")));
+    begin().then(() => (side === "nobody" || wanted.has("quick") ? goOn() : run(false)));
   }
 
   addEventListener("hashchange", asked);
