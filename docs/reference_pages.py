@@ -21,6 +21,14 @@ from fpg_bench.planning import LLM_CONTROLS
 
 GENERATED = Path(__file__).parent / "reference/generated"
 ELSEWHERE = {"../baselines/README.md": "results/zoo.md"}  # pages that lie outside of this folder
+_REGIONS = {  # of the theme's pages, and what they become
+    r'role="heading">': 'role="heading" aria-level="2">',
+    r'<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="All pages">',
+    r'<aside class="toc-drawer': '<aside aria-label="This page" class="toc-drawer',
+    r"<pre>": '<pre tabindex="0">',
+    r'<div class="table-wrapper': '<div tabindex="0" class="table-wrapper',
+    r'(?<!</h1>)<div id="search-results">': '<h1>Search</h1><div id="search-results">',
+}
 _VIEW = """\
 # {id}
 
@@ -30,7 +38,7 @@ _VIEW = """\
 
 *A round, seed 12: {pairing}.*
 
-| | |
+| property | of this id |
 | --- | --- |
 | you play | the {side} |
 | {other_side} | {other}, where `{other_side}=` names nobody else |
@@ -121,6 +129,7 @@ def connect(app: Any) -> None:
     app.connect("builder-inited", lambda app: write_pages(GENERATED))
     app.connect("source-read", lead_inside)
     app.connect("source-read", show_on_site)
+    app.connect("build-finished", lambda app, failure: failure or name_regions(Path(app.outdir)))
 
 
 def write_pages(folder: Path, pictures: bool = True) -> None:
@@ -232,6 +241,16 @@ def lead_inside(app: Any, page: str, source: list[str]) -> None:
         source[0] = source[0].replace(f"]({up}{outside}", f"]({up}{inside}")
 
 
+def name_regions(site: Path) -> None:
+    """Give the theme's pages what screen readers and keyboards need: levels, names, focus."""
+    for file in site.rglob("*.html"):
+        text = old = file.read_text()
+        for pattern, named in _REGIONS.items():
+            text = re.sub(pattern, named, text)
+        if text != old:
+            file.write_text(text)
+
+
 def show_on_site(app: Any, page: str, source: list[str]) -> None:
-    """Uncover what a page keeps for the site in comments, ``<!-- site ... -->``, which GitHub leaves out."""
+    """Uncover what a page has for the site in comments that GitHub leaves out, ``<!-- site ... -->``."""
     source[0] = re.sub(r"(?s)<!-- site\s(.*?)-->", r"\1", source[0])

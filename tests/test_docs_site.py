@@ -1,0 +1,65 @@
+"""The built site of the documentation, in a browser."""
+
+import subprocess
+import sys
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from tests.leaderboard.browsing import chromium
+from tests.programs import ROOT
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+PAGES = (
+    "index",
+    "start/first-game",
+    "reference/rules",
+    "reference/glossary",
+    "reference/generated/AllyVsScripted-v0",
+    "search",
+    "genindex",
+)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The folder of the site, built as ``make docs`` does: warnings are errors."""
+    site = tmp_path_factory.mktemp("docs") / "site"
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", ROOT / "docs", site]
+    made = subprocess.run(command, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    return site
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture
+def visit(browser, built):
+    page = browser.new_page()
+    yield lambda place: page.goto(f"{built.as_uri()}/{place}") and page
+    page.close()
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_axe_finds_nothing_on_the_pages(visit, name):
+    found = Axe().run(visit(f"{name}.html"), options={"resultTypes": ["violations"]}).response["violations"]
+    assert [(rule["id"], [node["html"][:200] for node in rule["nodes"][:3]]) for rule in found] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "page"),
+    [
+        ("overlap ratio", "The measures"),
+        ("jamming success rate", "The measures"),
+        ("hop", "The rules of the game"),
+        ("reward", "The rules of the game"),
+    ],
+)
+def test_the_search_shows_the_specification_first(visit, words, page):
+    first = visit(f"search.html?q={words.replace(' ', '+')}").locator("#search-results li > a").first
+    assert first.inner_text(timeout=60_000) == page
