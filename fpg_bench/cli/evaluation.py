@@ -30,7 +30,7 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
-from fpg_bench.common.output import is_terminal
+from fpg_bench.common.output import is_terminal, wrapped
 
 
 def play(
@@ -196,8 +196,6 @@ def print_table(names: list[str], lines: list[list[str]], below: str) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
-
-    from fpg_bench.evaluation.table import wrapped
 
     headings = map(wrapped, names, zip(*lines, strict=True) if lines else [()] * len(names))
     drawn = Table(*headings, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))

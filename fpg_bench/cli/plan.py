@@ -30,6 +30,7 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.output import wrapped
 from fpg_bench.common.products import load, offered
 
 if TYPE_CHECKING:
@@ -276,8 +277,6 @@ def _print_table(rounds: list[Round], title: str) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
-
-    from fpg_bench.evaluation.table import wrapped
 
     radius = rounds[0].recording.scenario.distance_reward_m
     headings = ["round", "reward/step", f"within {radius:g} m %", "jamming success rate %"]

@@ -7,6 +7,8 @@ import logging
 import os
 import sys
 import tempfile
+import textwrap
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TextIO
 
@@ -39,6 +41,11 @@ class _PrintHandler(logging.Handler):
         if stream is None:  # a service, or closed by the shell; print() would take standard output
             return
         print(printable(self.format(record)), file=stream, flush=True)
+
+
+def wrapped(heading: str, cells: Iterable[str]) -> str:
+    """Return a heading on as many lines as its column's cells, and its longest word, allow."""
+    return "\n".join(textwrap.wrap(heading, max(map(len, [*heading.split(), *cells]))))
 
 
 def is_terminal(stream: TextIO | None) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from fpg_bench.common.canvas import blank_figure, write_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import wrapped
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, difference, mean_interval, rank_ranges
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary
@@ -66,11 +67,6 @@ def _width(columns: Iterable[list[str]]) -> int:
     """Return the width of the columns with wrapped headings: a blank before the first, and two after each."""
     widths = (max(map(len, [*wrapped(heading, cells).split("\n"), *cells])) for heading, *cells in columns)
     return 1 + sum(2 + width for width in widths)
-
-
-def wrapped(heading: str, cells: Iterable[str]) -> str:
-    """Return a heading on as many lines as its column's cells, and its longest word, allow."""
-    return "\n".join(textwrap.wrap(heading, max(map(len, [*heading.split(), *cells]))))
 
 
 def caption(summaries: Sequence[Summary], suite: Suite) -> str:
