@@ -414,6 +414,11 @@ def test_axe_finds_nothing_serious(visit, small_site, name):
         assert not violations(visit(name), runOnly=focus)
 
 
+def test_an_entry_is_printed_on_two_pages(visit):
+    printed = visit(WATCHED).pdf(format="A4")
+    assert len(re.findall(rb"/Type\s*/Page\b", printed)) <= 2
+
+
 # The relative luminance of two colours by their names in the style, as WCAG 2.2 has it.
 CONTRAST = """([line, ground]) => {
   const style = getComputedStyle(document.documentElement);
