@@ -1,5 +1,5 @@
 /** The panels over time of a replay: the band, the SNR and the distance, up to the present step and not beyond.
- *  scene: what the player shows (see replay_player.js); canvases: by name, spectrum, snr and distance. */
+ *  scene: what the player shows (see replay_player.js); canvases: by name, spectrum, and snr and distance if they are drawn. */
 function fpgTimes(scene, canvases) {
   "use strict";
   const { prepare, stroke } = fpgPen;
@@ -178,8 +178,8 @@ function fpgTimes(scene, canvases) {
 
   function draw() {
     drawSpectrum();
-    drawSnr();
-    drawDistance();
+    if (canvases.snr) drawSnr();
+    if (canvases.distance) drawDistance();
   }
 
   return { draw, stepAt };

@@ -511,10 +511,10 @@ SCREENS = {"phone": PHONE, "desktop": {"width": 1440, "height": 900}}
 
 
 @pytest.mark.parametrize("screen", SCREENS)
-def test_the_first_screen_holds_the_moving_game_two_buttons_and_the_leaders(visit, screen):
+def test_the_first_screen_holds_the_moving_game_its_buttons_and_the_leaders(visit, screen):
     page = visit("index.html", viewport=SCREENS[screen])
     places = [page.locator("#film canvas"), *page.locator("a.button").all(), page.locator(".leaders thead")]
-    assert len(places) == 4
+    assert len(places) == 5
     for place in places:
         box = place.bounding_box()
         assert box["y"] >= 0
@@ -621,9 +621,10 @@ def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_se
     page.evaluate(PRESSED)
     result = page.locator("#result")
     expect(result).to_have_text(re.compile(r"You −?\d+, the champion \d+, random −?\d+"))
+    expect(page.locator("#link")).to_contain_text("Beat me: ")
     first, address = result.inner_text(), page.locator("#link").inner_text()
     page.goto("about:blank")
-    page.goto(address)  # a friend gets the same minute, and a score to beat
+    page.goto(address.partition("Beat me: ")[2])  # a friend gets the same minute, and a score to beat
     expect(page.locator("#goal")).to_contain_text(
         "The score to beat is " + re.search(r"You (−?\d+)", first)[1].replace("−", "-")
     )
@@ -634,6 +635,21 @@ def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_se
     page.locator("#watch").click()
     expect(page.locator("#replay-step")).to_have_attribute("max", "60")
     expect(page.locator("#replay-title")).to_have_text("you against watchful")
+
+
+def test_a_race_has_the_champion_beside_the_visitor_and_a_line_to_share(visit):
+    page = visit("index.html")
+    page.get_by_role("link", name="Race the champion").click()
+    expect(page.locator("#race-spectrum")).to_be_visible()
+    expect(page.locator("#race-score")).to_have_text(re.compile(r"−?\d+"))
+    assert int(re.search(r"seed=(\d+)", page.url)[1]) == page.evaluate("Math.floor(Date.now() / 86400000)")
+    page.evaluate(PRESSED)
+    shared = page.locator("#link")
+    expect(shared).to_have_text(
+        re.compile(r"^I −?\d+, the champion −?\d+, random −?\d+\. Beat me: file.*race=&beat=−?\d+$")
+    )
+    raced = page.locator("#race-score").inner_text()
+    assert f"the champion {raced}," in shared.inner_text()  # both played the champion's round
 
 
 OFFERED = range(9, 18)  # the seed of the front page, and those that "Next seed" leads to

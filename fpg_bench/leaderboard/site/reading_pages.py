@@ -26,8 +26,8 @@ PAGES = {  # file of the documentation and title, by the name in the site
 
 
 def render_page(name: str) -> str:
-    """Render one of ``PAGES`` as HTML; links lead only to others of them."""
-    text = re.sub(r"<!--.*?-->\n?", "", (_folder() / PAGES[name][0]).read_text("utf-8"))
+    """Render one of ``PAGES`` as HTML, without pictures; links lead only to others of them."""
+    text = re.sub(r"<!--.*?-->\n?|(?m:^!\[.*\n)", "", (_folder() / PAGES[name][0]).read_text("utf-8"))
     parts = re.split(r"^:::(?:\{glossary\})?\n", text, flags=re.MULTILINE)  # outside, inside, outside
     return "".join(_render_terms(part) if k % 2 else _render(part) for k, part in enumerate(parts))
 

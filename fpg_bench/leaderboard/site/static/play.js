@@ -18,6 +18,12 @@
   };
   const arena = fpgArena(scene, byId("arena"));
   const times = fpgTimes(scene, { spectrum: byId("spectrum"), snr: byId("snr"), distance: byId("distance") });
+  // The champion's own round on the same seed, step by step beside the visitor's; null without a race.
+  let race = null;
+  const raceTimes = fpgTimes({
+    view, scenario, now: scene.now, timeSpan: scene.timeSpan, outage: (k) => race.shown.snr[k] < scenario.threshold_db,
+    get steps() { return race.shown; }, get colours() { return colours; },
+  }, { spectrum: byId("race-spectrum") });
   const written = (value, digits) => value.toFixed(digits).replace(/^-(0(\.0+)?)$/, "$1").replace("-", "−");
   const pointMhz = (point) => fpgRules.pointMhz(point, rules);
 
@@ -42,6 +48,7 @@
     list(byId("rival"), side === "opponent" ? "ally" : "opponent");
     list(byId("first"), "ally");
     byId("second").hidden = side !== "nobody";
+    byId("racing").hidden = side === "nobody" || !championOf(side);
     for (const element of document.querySelectorAll("[data-side]")) element.hidden = side === "nobody" ? element.tagName !== "SPAN" : element.dataset.side !== side;
   }
 
@@ -68,6 +75,7 @@
     return () => fpgPolicy.make(policy);
   }
 
+  const championOf = (side) => agents.find((one) => one.side === side && one.name.includes("champion"));
   const seat = (makers, key) => Object.fromEntries(Object.entries(makers).map(([side, make]) => [side, make(side, key)]));
   const start = () => fpgRules.begin({ ...rules, steps: round.seconds }, round.seed, round.path);
   const earnedBy = (one, side) => (side === "opponent" ? one.opponentReward : one.allyReward);
@@ -98,12 +106,15 @@
       makers, choices, seed: Math.max(0, Math.trunc(Number(byId("seed").value)) || 0), seconds: Number(byId("seconds").value),
       path: asked ?? (human === "opponent" || flies ? "learned" : "pursuit"), total: 0,
     };
+    const raced = await entered();
     game = start();
     players = seat(makers, game.key);
-    truth = Object.fromEntries(fpgSight.FIELDS.map((field) => [field, []]));
-    shown = Object.fromEntries(fpgSight.FIELDS.map((field) => [field, []]));
+    [truth, shown, race] = [empty(), empty(), raced];
+    if (race) noteRace();
     for (const id of ["end", "back"]) byId(id).hidden = true;
     byId("hands").hidden = false;
+    byId("champion").hidden = document.querySelector(".rival").hidden = race === null;
+    byId("arena").parentElement.hidden = race !== null;
     byId("goal").textContent = GOALS[human](scoreToBeat());
     byId("snr").parentElement.hidden = human === "opponent";
     press("hop", false);
@@ -115,8 +126,31 @@
     document.querySelector(".play").scrollIntoView();
   }
 
+  const empty = () => Object.fromEntries(fpgSight.FIELDS.map((field) => [field, []]));
+
+  /** A second round with the champion in the visitor's place; null if no race is wanted, or can be. */
+  async function entered() {
+    const champion = byId("race").checked && human !== "nobody" ? championOf(human) : undefined;
+    if (!champion) return null;
+    const make = await load(`agent:${champion.file}`), one = start();
+    return { game: one, players: seat({ ...round.makers, [human]: make }, one.key), shown: empty(), total: 0 };
+  }
+
+  function noteRace() {
+    const part = fpgSight.seen(race.game, human);
+    for (const field of fpgSight.FIELDS) race.shown[field].push(part[field]);
+  }
+
+  function goRace() {
+    const { game: one, players: both } = race;
+    fpgRules.step(one, both.ally(one.allySees), both.opponent(one.opponentSees));
+    race.total += earnedBy(one, human);
+    noteRace();
+  }
+
   function next() {
     if (!game || game.over) return;
+    if (race) goRace();
     fpgRules.step(game, human === "ally" ? allyAction() : players.ally(game.allySees), human === "opponent" ? opponentAction() : players.opponent(game.opponentSees));
     press("hop", false); // it is for one second
     round.total += earnedBy(game, human);
@@ -156,8 +190,10 @@
     byId("score").textContent = begun && points !== null ? written(points, 1) : hidden ? "at the end" : "–";
     byId("knowledge").textContent = KNOWN[human]();
     if (human === "ally") showCosts();
-    arena.draw();
     times.draw();
+    if (!race) return arena.draw();
+    raceTimes.draw();
+    byId("race-score").textContent = begun ? mean(race.total / game.step) : hidden ? "at the end" : "–";
   }
 
   const KNOWN = {
@@ -222,10 +258,13 @@
 
   /** The visitor beside the champion of the side and random play, all on this seed. */
   async function compared(name, earned) {
-    const now = round, champion = agents.find((one) => one.side === human && one.name.includes("champion"));
+    const now = round, champion = championOf(human);
     const rows = [[name, earned], ["random", inPlace(await load("script:random"))]];
     if (champion) rows.splice(1, 0, ["the champion", inPlace(await load(`agent:${champion.file}`))]);
-    return now === round ? rows.map(([who, value]) => `${who} ${mean(value)}`).join(", ") : byId("result").textContent;
+    if (now !== round) return byId("result").textContent;
+    const said = rows.map(([who, value]) => `${who} ${mean(value)}`).join(", ");
+    byId("link").textContent = `${said.replace(/^You/, "I")}. Beat me: ${byId("link").textContent}`;
+    return said;
   }
 
   /** The round as a replay, with everything that happened. */
@@ -314,6 +353,7 @@
   function keepAddress(path) {
     const content = { side: human, ...round.choices, seed: round.seed, seconds: round.seconds, pace: byId("pace").value, ...(path && { path }) };
     if (document.documentElement.classList.contains("quick")) content.quick = "";
+    if (byId("race").checked && human !== "nobody") content.race = "";
     const beaten = address().get("seed") === String(round.seed) ? scoreToBeat() : null;
     if (beaten !== null) content.beat = beaten;
     history.replaceState(null, "", `#${new URLSearchParams(content)}`);
@@ -324,6 +364,9 @@
     const beaten = address().get("beat")?.replace("−", "-") ?? "";
     return /^-?\d{1,5}$/.test(beaten) ? Number(beaten) : null;
   }
+
+  /** The day's seed, the same for everybody: days since 1970 in UTC. */
+  const today = () => Math.floor(Date.now() / 86_400_000);
 
   /** Begin the round that the address asks for; `run`, and two players, start at once. */
   function asked() {
@@ -338,6 +381,8 @@
     choose("rival", wanted.get(other[side] ?? "opponent"));
     for (const id of ["seconds", "pace"]) choose(id, wanted.get(id));
     if (/^\d{1,6}$/.test(wanted.get("seed"))) byId("seed").value = wanted.get("seed");
+    if (wanted.get("seed") === "today") byId("seed").value = today();
+    byId("race").checked = wanted.has("race");
     document.documentElement.classList.toggle("quick", wanted.has("quick"));
     begin().then(() => (side === "nobody" || wanted.has("quick") ? goOn() : run(false)));
   }
