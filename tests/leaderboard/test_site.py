@@ -145,7 +145,7 @@ def test_the_best_and_its_gap_are_named(plain_site):
     gap = '<td class="num extra" data-v="40.25">+40.2</td>'  # public minus unseen
     assert gap in (plain_site / "ranking.html").read_text()
     assert "+40.2" in (plain_site / entry_file(1)).read_text()
-    assert "shown once: Player 1 as Player 0" in Page(plain_site / "crossplay.html").text
+    assert "shown once here: Player 1 as Player 0" in Page(plain_site / "crossplay.html").text
 
 
 @pytest.mark.parametrize("page", ["ranking.html", entry_file(3)])
