@@ -33,7 +33,6 @@ HEAVY = (
     "matplotlib.pyplot",
     "onnxruntime",
     "openai",
-    "plotly.graph_objects",
     "scipy.stats",
 )
 

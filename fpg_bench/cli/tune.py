@@ -80,7 +80,7 @@ def run(
 
     Example: fpg-bench tune run ppo FPG/AllyVsScripted-v0 --out runs/tune
     """
-    require_extra("tune", "optuna", "plotly")
+    require_extra("tune", "optuna")
     from fpg_bench.game.spec import GameSpec
     from fpg_bench.training.tuning.tune import tune
 
@@ -120,7 +120,7 @@ def report(out: Folder, storage: StorageOption = None, study_name: StudyNameOpti
 
     Example: fpg-bench tune report runs/tune
     """
-    require_extra("tune", "optuna", "plotly")
+    require_extra("tune", "optuna")
     from fpg_bench.training.tuning.report import write_report
 
     typer.echo(f"written: {write_report(out, storage=storage, study_name=study_name)}")
@@ -149,7 +149,7 @@ def export(
 
     Example: fpg-bench tune export runs/tune my_ppo.yml
     """
-    require_extra("tune", "optuna", "plotly")
+    require_extra("tune", "optuna")
     from fpg_bench.training.tuning.export import export_values
 
     export_values(

@@ -2,4 +2,4 @@
 
 from fpg_bench.common.extras import require_extra
 
-require_extra("tune", "optuna", "plotly")
+require_extra("tune", "optuna")

@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import html
+import io
 import warnings
 from collections.abc import Callable
+from itertools import zip_longest
 from pathlib import Path
 
+import numpy as np
 import optuna
-import plotly.graph_objects as go
-from optuna import visualization
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from optuna.distributions import CategoricalDistribution
 from optuna.trial import FrozenTrial, TrialState
 
+from fpg_bench.common.canvas import blank_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.training.tuning.space import format_values, from_params
 from fpg_bench.training.tuning.study import Task, load_study, open_storage
 
 PAGE = "report.html"
-_PLOTS: tuple[tuple[str, Callable[[optuna.Study], go.Figure]], ...] = (
-    ("Optimization history", visualization.plot_optimization_history),
-    ("Intermediate scores", visualization.plot_intermediate_values),
-    ("Importance of hyper-parameters", visualization.plot_param_importances),
-    ("Scores by hyper-parameter", visualization.plot_slice),
-)
 _STYLE = (
-    "body{font-family:sans-serif;margin:1em auto;padding:0 1em;max-width:75em}"
-    "td,th{padding:.2em .8em;text-align:left}.table{overflow-x:auto}"
+    ":root{color-scheme:light dark}body{font-family:sans-serif;margin:1em auto;padding:0 1em;max-width:62em}"
+    "td,th{padding:.2em .8em;text-align:left}.table{overflow-x:auto}svg{max-width:100%;height:auto}"
+    "@media (prefers-color-scheme:dark){svg{filter:invert(1) hue-rotate(180deg)}}"
 )
+_DOT = {"color": "#0072b2", "alpha": 0.7, "s": 22}
+_PER_LINE = 3  # hyper-parameters of a line of panels
 
 
 def write_report(out: str | Path, *, study_name: str | None = None, storage: str | None = None) -> Path:
@@ -69,22 +71,92 @@ def _page(study: optuna.Study, task: Task) -> str:
 
 
 def _plots(study: optuna.Study) -> str:
-    """Return the plots; the first one carries Plotly's library for all."""
-    parts, include_library = [], True
-    for heading, plot in _PLOTS:
+    parts = []
+    for heading, draw in _PLOTS:
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                figure = plot(study)
-            figure.update_layout(title=None, margin={"t": 20, "l": 60, "r": 20})
-            drawn = figure.to_html(
-                full_html=False, include_plotlyjs=include_library, config={"responsive": True}
-            )
-            include_library = False
+            drawn = _svg(draw(study))
         except (ValueError, RuntimeError) as error:  # too few trials for importances
             drawn = f"<p>{html.escape(str(error))}</p>"
         parts.append(f"<h2>{heading}</h2>{drawn}")
     return "".join(parts)
+
+
+def _svg(figure: Figure) -> str:
+    """Return a figure as an element of the page."""
+    image = io.StringIO()
+    with rc_context({"svg.fonttype": "none"}):
+        figure.savefig(image, format="svg", metadata={"Date": None})
+    return "<svg" + image.getvalue().partition("<svg")[2]
+
+
+def _complete(study: optuna.Study) -> list[FrozenTrial]:
+    return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+
+
+def _history(study: optuna.Study) -> Figure:
+    """Draw the score of each trial, and the best so far."""
+    figure = blank_figure(9, 3)
+    axes = figure.subplots()
+    numbers, scores = zip(*((trial.number, trial.value) for trial in _complete(study)), strict=True)
+    axes.scatter(numbers, scores, **_DOT)
+    axes.step(numbers, np.maximum.accumulate(scores), where="post", color="#d55e00", label="best so far")
+    axes.set(xlabel="trial", ylabel="score")
+    axes.legend(frameon=False)
+    return figure
+
+
+def _intermediate(study: optuna.Study) -> Figure:
+    """Draw the scores of each trial during its training."""
+    figure = blank_figure(9, 3)
+    axes = figure.subplots()
+    for trial in study.get_trials(deepcopy=False):
+        if trial.intermediate_values:
+            steps, scores = zip(*sorted(trial.intermediate_values.items()), strict=True)
+            axes.plot(steps, scores, lw=1, marker=".", color="#0072b2", alpha=0.4)
+    axes.set(xlabel="evaluation", ylabel="score")
+    return figure
+
+
+def _importances(study: optuna.Study) -> Figure:
+    """Draw how much of the scores' variation each hyper-parameter explains."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = optuna.importance.get_param_importances(study)
+    figure = blank_figure(9, 0.8 + 0.28 * len(found))
+    axes = figure.subplots()
+    axes.barh(list(found)[::-1], list(found.values())[::-1], color="#0072b2")
+    axes.set_xlabel("share of the variation that it explains")
+    return figure
+
+
+def _slices(study: optuna.Study) -> Figure:
+    """Draw the score over each hyper-parameter."""
+    trials = _complete(study)
+    names = sorted({name for trial in trials for name in trial.params})
+    lines = -(-len(names) // _PER_LINE)
+    figure = blank_figure(9, 2.6 * lines)
+    for name, axes in zip_longest(names, figure.subplots(lines, _PER_LINE, squeeze=False, sharey=True).flat):
+        if name is None:
+            axes.set_visible(False)
+            continue
+        with_it = [trial for trial in trials if name in trial.params]
+        values, kind = [trial.params[name] for trial in with_it], with_it[0].distributions[name]
+        is_choice = isinstance(kind, CategoricalDistribution)
+        scores = [trial.value for trial in with_it]
+        axes.scatter(list(map(str, values)) if is_choice else values, scores, **_DOT)
+        if getattr(kind, "log", False):
+            axes.set_xscale("log")
+        axes.set_xlabel(name)
+        axes.tick_params(labelsize=8)
+    return figure
+
+
+_PLOTS: tuple[tuple[str, Callable[[optuna.Study], Figure]], ...] = (
+    ("History", _history),
+    ("Scores during training", _intermediate),
+    ("Importance of hyper-parameters", _importances),
+    ("Scores by hyper-parameter", _slices),
+)
 
 
 def _table(study: optuna.Study, task: Task) -> str:
