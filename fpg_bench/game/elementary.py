@@ -1,11 +1,12 @@
 """Elementary functions of IEEE basic operations alone, so that a game has the same bits on every machine.
 
 C libraries choose among versions of ``log``, ``exp`` and ``sin`` by processor, and these differ in the last
-bit. Addition, multiplication, division, square root and moving bits do not. Series are Taylor's, cut where the
-rest is below a tenth of an ulp, but that of ``acos``: (arcsin s - s) / s^3 over z = s^2 from 0 to 1/4, by
-``mpmath.chebyfit`` with 13 terms. Ranges are reduced as by Cody and Waite, *Software Manual for the Elementary
-Functions*, 1980: a constant in parts, the first of which have so few bits that products with the multiple
-are exact. Errors are bounds of those found against mpmath (``tests/game/test_elementary.py``).
+bit. Addition, multiplication, division, square root and moving bits do not, as long as no product and sum
+are fused; Numba fuses none. Series are Taylor's, cut where the rest is below half an ulp, but that of
+``acos``: (arcsin s - s) / s^3 over z = s^2 from 0 to 1/4, by ``mpmath.chebyfit`` with 13 terms. Ranges are
+reduced as by Cody and Waite, *Software Manual for the Elementary Functions*, 1980: a constant in parts, the
+first of which have so few bits that products with the multiple are exact. The errors stated are bounds of
+those found against mpmath (``tests/game/test_elementary.py``).
 """
 
 from __future__ import annotations

@@ -46,9 +46,9 @@ class Interceptor(BatchPlanner):
             [*scenario.base_station_m, scenario.distance_reward, max(scenario.distance_reward_m, 1.0)]
         )
         share = np.linspace(0, 1, CHORDS + 1)[:, None]
-        rest = 1 - share  # products: powers differ between machines in the last bit
-        powers = (rest * rest * rest, 3 * share * rest * rest, 3 * share * share * rest, share * share * share)
-        self._bernstein = np.hstack(powers)
+        rest = 1 - share  # products: a power's last bit depends on the machine
+        each = rest * rest * rest, 3 * share * rest * rest, 3 * share * share * rest, share * share * share
+        self._bernstein = np.hstack(each)
         self._bounds, self._prior = _prior(scenario)
         # A library of curves as the rules draw them, three in four at full speed
         low, high = self._bounds

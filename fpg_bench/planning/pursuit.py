@@ -6,7 +6,6 @@ These planners are shown the ally's path, which no opponent knows in the game.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
