@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import cos, sin
 from fpg_bench.game.names import PATHS
 from fpg_bench.game.state import Record
 
@@ -89,16 +90,16 @@ def place_on_patrol(position: np.ndarray, path: int, flown_m: float, rules: Reco
     """
     radius, centre = rules.patrol_radius, rules.patrol_centre
     if path == CIRCLE:
-        x, y = math.cos(flown_m / radius), math.sin(flown_m / radius)
+        x, y = cos(flown_m / radius), sin(flown_m / radius)
     else:
         corners = 3 if path == TRIANGLE else 4
         angle = 2.0 * math.pi / corners
-        sides = flown_m / (2.0 * radius * math.sin(angle / 2.0))
+        sides = flown_m / (2.0 * radius * sin(angle / 2.0))
         corner = math.floor(sides)
         share = sides - corner
         a, b = angle * corner, angle * (corner + 1)
-        x = (1.0 - share) * math.cos(a) + share * math.cos(b)
-        y = (1.0 - share) * math.sin(a) + share * math.sin(b)
+        x = (1.0 - share) * cos(a) + share * cos(b)
+        y = (1.0 - share) * sin(a) + share * sin(b)
     position[0], position[1], position[2] = centre[0] + radius * x, centre[1] + radius * y, centre[2]
 
 

@@ -23,16 +23,16 @@ import math
 import numpy as np
 
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import DB, acos, exp, log, log1p, log2, sin
 from fpg_bench.game.state import Record
 
-_DB = 10.0 / math.log(10.0)  # 10 log10 x = _DB ln x
 Notch = tuple[float, float, float]
 NO_NOTCH = (0.0, 0.0, 0.0)
 
 
 def ratio(level_db: float) -> float:
     """Return 10^(level / 10): a ratio of powers, or mW from dBm."""
-    return math.exp(level_db / _DB)
+    return exp(level_db / DB)
 
 
 def snr_wall(uncertainty_db: float) -> float:
@@ -67,7 +67,7 @@ def passed_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
     passed = 0.5 * width
     if away < flat + skirt:
         x = away - flat
-        passed = flat + 0.5 * x + skirt / (2.0 * math.pi) * math.sin(math.pi * x / skirt)
+        passed = flat + 0.5 * x + skirt / (2.0 * math.pi) * sin(math.pi * x / skirt)
     return math.copysign(passed, offset_mhz)
 
 
@@ -80,7 +80,7 @@ def passed_twice_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
     skirt = rolloff * width
     x = min(away - flat, skirt)
     angle = math.pi * x / skirt
-    waves = skirt / math.pi * (0.5 * math.sin(angle) + 0.0625 * math.sin(2.0 * angle))
+    waves = skirt / math.pi * (0.5 * sin(angle) + 0.0625 * sin(2.0 * angle))
     return math.copysign(flat + 0.375 * x + waves, offset_mhz)
 
 
@@ -182,9 +182,9 @@ def sinr(
 def transmit(game: Record, distance_to_base_m: float, rules: Record, radio: Record) -> None:
     """Compute the SNR of the last step, with and without jamming."""
     kind, f, spreading = game.jamming_type, game.frequency_mhz, game.spreading
-    fading = math.exp(rules.fading_sd * game.fading / _DB)
+    fading = exp(rules.fading_sd * game.fading / DB)
     signal = received_mw(radio.base_mw, distance_to_base_m, f, rules, radio) * fading
-    game.clean_snr_db = _DB * math.log(signal / radio.noise_mw[int(spreading)])
+    game.clean_snr_db = DB * log(signal / radio.noise_mw[int(spreading)])
     game.snr_db = game.clean_snr_db
     if kind < 0:  # before the first step
         return
@@ -193,7 +193,7 @@ def transmit(game: Record, distance_to_base_m: float, rules: Record, radio: Reco
     notch = NO_NOTCH
     if spreading and radio.notch_width > 0.0:
         notch = notched(kind, density, centre, radio)
-    game.snr_db = _DB * math.log(sinr(signal, jamming, share, notch, spreading, radio))
+    game.snr_db = DB * log(sinr(signal, jamming, share, notch, spreading, radio))
 
 
 @compiled
@@ -203,7 +203,7 @@ def rate_mbit_s(snr: float, spreading: bool, rules: Record, radio: Record) -> fl
         return 0.0
     if snr > radio.top_snr:
         return radio.top_rate[int(spreading)]
-    efficiency = radio.rate_efficiency * math.log2(1.0 + math.exp((snr - radio.rate_loss) / _DB))
+    efficiency = radio.rate_efficiency * log2(1.0 + exp((snr - radio.rate_loss) / DB))
     return radio.rate_bandwidth[int(spreading)] * min(efficiency, radio.rate_top)
 
 
@@ -213,7 +213,7 @@ def utility(rate_mbit_s: float, radio: Record) -> float:
     for i in range(2):  # most steps have one of the two highest rates
         if rate_mbit_s == radio.top_rate[i]:
             return radio.top_utility[i]
-    return radio.reward_scale * math.log1p(rate_mbit_s * radio.per_rate_reference)
+    return radio.reward_scale * log1p(rate_mbit_s * radio.per_rate_reference)
 
 
 @compiled
@@ -228,8 +228,8 @@ def beam(base: np.ndarray, towards: np.ndarray, place: np.ndarray, radio: Record
         x, y = towards[axis] - base[axis], place[axis] - base[axis]
         product, a, b = product + x * y, a + x * x, b + y * y
     cosine = product / math.sqrt(max(a * b, 1e-12))
-    angle = math.acos(min(max(cosine, -1.0), 1.0)) * radio.per_beam
-    return max(math.exp(-12.0 * angle * angle / _DB), radio.side_lobe)
+    angle = acos(min(max(cosine, -1.0), 1.0)) * radio.per_beam
+    return max(exp(-12.0 * angle * angle / DB), radio.side_lobe)
 
 
 @compiled
@@ -246,5 +246,5 @@ def radiometer_detects(
     ally = received_mw(radio.ally_emission_mw, game.distance_m, f, rules, radio)
     towards = beam(rules.base_station, game.ally_position, game.opponent_position, radio)
     base = received_mw(radio.base_mw * towards, distance_to_base_m, f, rules, radio)
-    level = max(ally, base) * math.exp(rules.fading_sd * fading / _DB)
+    level = max(ally, base) * exp(rules.fading_sd * fading / DB)
     return level >= radio.radiometer_threshold * noise

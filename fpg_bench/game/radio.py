@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import math
-
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import DB, exp, log, log2
 from fpg_bench.game.state import Record
-
-_DB = 10.0 / math.log(10.0)  # 10 log10 x = _DB ln x
 
 
 @compiled
 def path_loss_db(distance_m: float, frequency_mhz: float, rules: Record) -> float:
     """Return the path loss in dB (Eq. 1): 32.44 + 20 log10 d(km) + 20 log10 f(MHz), d at least 1 m."""
     d_km = max(distance_m, rules.minimum_distance) / 1000.0
-    return rules.path_loss_constant + 2.0 * _DB * math.log(d_km * frequency_mhz)
+    return rules.path_loss_constant + 2.0 * DB * log(d_km * frequency_mhz)
 
 
 @compiled
 def power_sum_dbm(a_dbm: float, b_dbm: float) -> float:
     """Return the level of two powers together in dBm: 10 log10(10^(a/10) + 10^(b/10))."""
     high = max(a_dbm, b_dbm)
-    return high + _DB * math.log(1.0 + math.exp((min(a_dbm, b_dbm) - high) / _DB))
+    return high + DB * log(1.0 + exp((min(a_dbm, b_dbm) - high) / DB))
 
 
 @compiled
@@ -50,4 +47,4 @@ def snr_db(
 def capacity_mbit_s(snr: float, spreading: bool, rules: Record) -> float:
     """Return the capacity in Mbit/s (Eq. 3): C = B log2(1 + 10^(SNR/10)), B in MHz."""
     bandwidth = rules.spread_bandwidth if spreading and rules.spread_capacity else rules.bandwidth
-    return bandwidth * math.log2(1.0 + math.exp(snr / _DB))
+    return bandwidth * log2(1.0 + exp(snr / DB))

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import log, sin_cos
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -88,8 +89,9 @@ def gaussians(key: np.uint64, step: int, purpose: int) -> tuple[float, float]:
     word = bits(key, step, purpose)
     u = 1.0 - float(word >> _S11) * _TWO_TO_MINUS_53
     angle = 2.0 * math.pi * float(mix(word + _GOLDEN) >> _S11) * _TWO_TO_MINUS_53
-    radius = math.sqrt(-2.0 * math.log(u))
-    return radius * math.cos(angle), radius * math.sin(angle)
+    radius = math.sqrt(-2.0 * log(u))
+    sine, cosine = sin_cos(angle)
+    return radius * cosine, radius * sine
 
 
 @compiled

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from fpg_bench.game.elementary import DB, LN2, exp, log, log1p
 from fpg_bench.game.link import ratio, snr_wall
 from fpg_bench.game.names import DETECTIONS, JAMMING_TYPES, PATHS
 from fpg_bench.game.scenario import Scenario
@@ -31,7 +32,8 @@ def rules_record(scenario: Scenario) -> np.ndarray:
     row["noise"] = noise_dbm(s.noise_density_dbm_hz, s.bandwidth_mhz)
     row["spread_noise"] = noise_dbm(s.noise_density_dbm_hz, s.spread_bandwidth_mhz)
     row["fading_sd"], row["threshold"] = s.fading_sd_db, s.snr_threshold_db
-    row["fading_kept"], row["fading_new"] = s.fading_correlation, math.sqrt(1 - s.fading_correlation**2)
+    kept = s.fading_correlation
+    row["fading_kept"], row["fading_new"] = kept, math.sqrt(1 - kept * kept)
     row["bandwidth"], row["spread_bandwidth"] = s.bandwidth_mhz, s.spread_bandwidth_mhz
     row["paper_snr"], row["spread_capacity"] = s.snr_model == "paper", s.spread_capacity
     row["allowed"] = [name in s.jamming_types for name in JAMMING_TYPES]
@@ -63,7 +65,7 @@ def rules_record(scenario: Scenario) -> np.ndarray:
 
 def noise_dbm(density_dbm_hz: float, bandwidth_mhz: float) -> float:
     """Return the noise power in dBm over a bandwidth: N = density + 10 log10 B, B in Hz."""
-    return density_dbm_hz + 10 * math.log10(bandwidth_mhz * 1e6)
+    return density_dbm_hz + DB * log(bandwidth_mhz * 1e6)
 
 
 def radio_record(scenario: Scenario) -> np.ndarray | None:
@@ -90,14 +92,14 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
     row["notch_width"] = s.notch_width_mhz
     row["rate_efficiency"], row["rate_loss"] = s.rate_efficiency, s.rate_loss_db
     row["rate_top"], row["hop_airtime"] = s.rate_top_bit_s_hz, s.hop_airtime_s
-    row["flight_cost"] = s.flight_cost / s.ally_speed_m_s[1] ** 3 if s.flight_cost else 0.0
+    row["flight_cost"] = s.flight_cost / math.prod([s.ally_speed_m_s[1]] * 3) if s.flight_cost else 0.0
     row["per_rate_reference"] = 1 / s.rate_reference_mbit_s
     top = s.bandwidth_mhz * s.rate_top_bit_s_hz
-    row["reward_scale"] = s.reward_scale / math.log1p(top / s.rate_reference_mbit_s)
-    row["top_snr"] = s.rate_loss_db + 10 * math.log10(2 ** (s.rate_top_bit_s_hz / s.rate_efficiency) - 1)
+    row["reward_scale"] = s.reward_scale / log1p(top / s.rate_reference_mbit_s)
+    row["top_snr"] = s.rate_loss_db + DB * log(exp(LN2 * s.rate_top_bit_s_hz / s.rate_efficiency) - 1)
     row["top_rate"] = row["rate_bandwidth"] * s.rate_top_bit_s_hz
     row["top_utility"] = [
-        row["reward_scale"] * math.log1p(rate * row["per_rate_reference"]) for rate in row["top_rate"]
+        row["reward_scale"] * log1p(rate * row["per_rate_reference"]) for rate in row["top_rate"]
     ]
     row["ally_emission_mw"] = ratio(s.ally_emission_dbm)
     row["own_jamming_mw"] = ratio(s.opponent_power_dbm - s.jammer_isolation_db)

@@ -13,6 +13,7 @@ import numpy as np
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
+from fpg_bench.game.elementary import DB, log
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import (
     OWN_FREQUENCY,
@@ -97,7 +98,8 @@ class Waterfall:
         reach = 1 + (_TOLERANCE if s.snr_model == "link" else half)  # in link no tooth lies outside the band
         width = np.minimum(2 * half, 2 / bins)  # that can be covered in a bin
         teeth = np.maximum(2 / spacing, 1)
-        level = np.clip(1 + 10 * np.log10(width / (2 * half * teeth)) / RANGE_DB, 0, 1) / width
+        level_db = DB * np.array([log(share) for share in width / (2 * half * teeth)])
+        level = np.clip(1 + level_db / RANGE_DB, 0, 1) / width
         columns = (np.broadcast_to(each, TYPES)[:, None] for each in (half, spacing, reach, level))
         constants = (
             edges,

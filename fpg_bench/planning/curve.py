@@ -23,6 +23,7 @@ import math
 import numpy as np
 
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import log
 
 _compiled = functools.partial(compiled, allocates=True)
 
@@ -139,7 +140,7 @@ def regress(places, measured, rules):
             b += (place[axis] - rules[axis]) ** 2
             d += (place[axis] - own[axis]) ** 2
         near = d / rules[4] ** 2
-        ratios[j] = 0.5 * math.log(b / (d + _BLUR_M**2))
+        ratios[j] = 0.5 * log(b / (d + _BLUR_M**2))
         rewards[j] = own[3] - rules[3] / (1.0 + near * near)
         ratio += ratios[j] / m
         reward += rewards[j] / m
@@ -157,7 +158,7 @@ def regress(places, measured, rules):
 @_compiled
 def misfit(squares, count, parameters, prior):
     """Return minus twice the log posterior, with the variance of the noise fitted as well."""
-    value = count * math.log(squares / count + _LEAST_VARIANCE)
+    value = count * log(squares / count + _LEAST_VARIANCE)
     for p in range(PARAMETERS):
         value += ((parameters[p] - prior[0, p]) / prior[1, p]) ** 2
     return value

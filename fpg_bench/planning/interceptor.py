@@ -46,7 +46,9 @@ class Interceptor(BatchPlanner):
             [*scenario.base_station_m, scenario.distance_reward, max(scenario.distance_reward_m, 1.0)]
         )
         share = np.linspace(0, 1, CHORDS + 1)[:, None]
-        self._bernstein = np.array([1, 3, 3, 1]) * share ** np.arange(4) * (1 - share) ** np.arange(3, -1, -1)
+        rest = 1 - share  # products: a power's last bit depends on the machine
+        each = rest * rest * rest, 3 * share * rest * rest, 3 * share * share * rest, share * share * share
+        self._bernstein = np.hstack(each)
         self._bounds, self._prior = _prior(scenario)
         # A library of curves as the rules draw them, three in four at full speed
         low, high = self._bounds

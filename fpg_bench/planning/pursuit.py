@@ -6,13 +6,13 @@ These planners are shown the ally's path, which no opponent knows in the game.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import DB, log
 from fpg_bench.game.flight import distance_m, fly_waypoints
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.planner import Array, BatchPlanner, Limits, Plan, Request
@@ -52,7 +52,7 @@ class Optimised(BatchPlanner):
         self._flown = flown
         if flown:
             self.name = "optimised-flown"
-        drop = _COVERED * scenario.snr_drop_weight * 20 / math.log(10)
+        drop = _COVERED * scenario.snr_drop_weight * 2 * DB
         near_m = max(scenario.distance_reward_m, 1.0)
         self._rules = np.array([scenario.distance_reward, near_m, drop, scenario.minimum_distance_m])
 
@@ -133,7 +133,7 @@ def expected_return(waypoints, path, start, speed, rules, position):
         fly_waypoints(position, waypoints, k, path.shape[0] - 1, speed)
         distance = distance_m(position, path[k + 1])
         near = distance / rules[1]
-        value += rules[0] / (1.0 + near**8) - rules[2] * math.log(max(distance, rules[3]))
+        value += rules[0] / (1.0 + near**8) - rules[2] * log(max(distance, rules[3]))
     return value
 
 

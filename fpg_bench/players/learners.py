@@ -14,6 +14,7 @@ import numpy as np
 from fpg_bench.common.ids import LEARNERS
 from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import log
 from fpg_bench.game.rewards import spread_cost
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
@@ -124,7 +125,7 @@ def _arm(kind: int, means: np.ndarray, counts: np.ndarray, key: np.uint64, step:
             normal, _ = rng.gaussians(key, step * points + arm, rng.PLAYER_DRAW + 2)
             index += normal / math.sqrt(counts[arm] + 1.0)
         elif kind == UCB:
-            index += math.sqrt(2.0 * math.log(step + 1.0) / counts[arm]) if counts[arm] > 0.0 else math.inf
+            index += math.sqrt(2.0 * log(step + 1.0) / counts[arm]) if counts[arm] > 0.0 else math.inf
         elif counts[arm] == 0.0:
             index = 1.0
         if index > highest:

@@ -1,7 +1,7 @@
 """Whole matches of three presets, kept as a few sums: what is played must not move unnoticed.
 
 A change here is a change of the rules (then every id that it touches needs a new version) or of the chance
-behind them. Only the last bits may differ, between machines and compilers.
+behind them. The tolerance is for actions made of sines; ``test_bits.py`` compares bits.
 """
 
 from __future__ import annotations

@@ -1,0 +1,48 @@
+"""One hash of 1,000 rounds of each preset, all scripts against all; prints them as JSON.
+
+python -m tests.game.bits > tests/golden/bits.json     writes the file that ``test_bits.py`` compares
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+
+from fpg_bench.common.ids import NAMED
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.game.scenario import PRESETS, Scenario, preset
+from fpg_bench.planning import as_planner
+
+PATHS = ("circle", "triangle", "rectangle", "pursuit", "learned")
+PLANNERS = ("circle", "interceptor", "optimised", "random")
+
+
+def digest(scenario: Scenario) -> str:
+    """Play 960 rounds that draw from all paths, and two of five matches each with planners."""
+    sha = hashlib.sha256()
+    plain = dataclasses.replace(scenario, opponent_path=PATHS)
+    planned = dataclasses.replace(scenario, opponent_path="waypoints", rounds_per_match=2)
+    duels = [TwoPlayerBatch(plain, 960)]
+    duels += [TwoPlayerBatch(planned, 5, as_planner(name, planned)) for name in PLANNERS]
+    for duel in duels:
+        match = make_match(duel, list(NAMED["ally"]), list(NAMED["opponent"]))
+        batch = duel.batch
+
+        def add_step(batch=batch):
+            for part in (batch.games["snr_db"], batch.ally_observations, batch.opponent_observations):
+                sha.update(part.tobytes())
+
+        for number in range(duel.scenario.rounds_per_match if duel.planner else 1):
+            play_round(match, seeds=None if number else 2**41, on_step=add_step)
+            for records in (batch.games, batch.tallies):  # field by field: padding is nobody's
+                for name in records.dtype.names:
+                    sha.update(records[name].tobytes())
+            for part in (batch.histograms, batch.segments, batch.waypoints):
+                sha.update(part.tobytes())
+    return sha.hexdigest()
+
+
+if __name__ == "__main__":
+    print(json.dumps({name: digest(preset(name)) for name in PRESETS}, indent=1))
