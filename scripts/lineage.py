@@ -219,8 +219,10 @@ def record(names: list[str], root: Path = ROOT) -> None:
 def main(root: Path = ROOT) -> int:
     """Check or record stages; returns 1 if one is stale and does not wait."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--made", nargs="+", metavar="STAGE", default=[], help="record these stages")
-    if names := parser.parse_args().made:
+    parser.add_argument(
+        "--made", nargs="*", metavar="STAGE", help="record these, and drop those that are gone"
+    )
+    if (names := parser.parse_args().made) is not None:
         record(names, root)
     stale, waiting = check(root)
     for name, text in (waiting | stale).items():
