@@ -4,6 +4,7 @@
 # make test-examples: the examples whose frameworks make test lacks, in an environment of their own.
 # make test-examples-older: those whose frameworks need older libraries, in another one.
 # make docs: the site of the documentation, with the board, in build/docs.
+# make stale: which committed results are stale, and the commands that make them again.
 PYTHON ?= python3
 STEPS ?= 2000000
 RESULTS ?= results/benchmark$(if $(filter 2000000,$(STEPS)),,-$(STEPS))
@@ -13,7 +14,7 @@ LOWEST = tests/envs/test_single.py tests/envs/test_vector.py tests/envs/test_mul
 
 PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: benchmark test test-fast test-lowest test-examples test-examples-older coverage docs clean
+.PHONY: benchmark test test-fast test-lowest test-examples test-examples-older coverage docs stale clean
 
 benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
@@ -34,6 +35,9 @@ docs: .venv/.docs
 	$(BIN)/python -m fpg_bench leaderboard build --out build/extra/board --docs ..
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
 	@echo "open build/docs/index.html"
+
+stale: .venv/.train
+	$(BIN)/python scripts/lineage.py
 
 # One environment: what the benchmark needs (extra train), or all that the tests or the site need (dev, docs; both hold train).
 .venv/.train .venv/.dev .venv/.docs: .venv/.%: pyproject.toml constraints.txt

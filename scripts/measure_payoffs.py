@@ -3,10 +3,10 @@
 python scripts/measure_payoffs.py [--scenario link] [--matches 100] [--page docs/results/link.md]
 
 Pay-offs: scripts and the zoo's agents of the scenario meet in pursuit. The equilibrium is that of the
-zero-sum game whose pay-off is the ally's reward per step. Levers: the zoo's agents play their public suite
-with one of their choices replaced by a constant. Transfer: agents of ``standard`` play these suites as they
-are. All on evaluation seeds. The equilibrium and the agents' levers are put into the page between their
-marks; pay-offs, scripts' levers and transfer are CSV files beside it.
+zero-sum game whose pay-off is the ally's reward per step. Levers: the zoo's best agents among the unseen play
+their public suite with one of their choices replaced by a constant. Transfer: agents of ``standard`` play
+these suites as they are. All on evaluation seeds. The equilibrium and the agents' levers are put into the
+page between their marks; pay-offs, scripts' levers and transfer are CSV files beside it.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import csv
 import io
 import re
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,6 +31,7 @@ from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.store import Store, pairings
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
+from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.names import JAMMING_TYPES
@@ -116,15 +118,27 @@ def measure(
     return Payoffs.of(store, wanted)
 
 
+def answers_note(payoffs: Payoffs) -> str:
+    """Return a sentence on who is the best answer to how many single rivals, and what they earn there."""
+    best = payoffs.values.argmax(axis=0)
+    counts = Counter(payoffs.players[row] for row in best).most_common()
+    worst, least = payoffs.worst(counts[0][0])
+    return (
+        f"Best answers to the {len(best)} opponents: "
+        f"{', '.join(f'{name} to {count}' for name, count in counts)}. "
+        f"The first earns least from {worst}: {least.value:.2f}."
+    )
+
+
 def equilibrium_note(payoffs: Payoffs) -> str:
-    """Return a sentence on the equilibrium of pay-offs."""
+    """Return sentences on the equilibrium of pay-offs."""
     equilibrium = payoffs.equilibrium()
     shares = [
         ", ".join(f"{name} {share:.2f}" for name, share in mixture.items() if share > LEAST_SHARE)
         for mixture in (equilibrium.players, equilibrium.rivals)
     ]
     worth = f"worth {equilibrium.value:z.2f} to the ally"
-    return f"Equilibrium, {worth}. Allies: {shares[0]}. Opponents: {shares[1]}."
+    return f"equilibrium {worth}. Allies: {shares[0]}. Opponents: {shares[1]}."
 
 
 def lever_table(
@@ -181,6 +195,21 @@ def agents_of(side: str, groups: str) -> list[str]:
     ]
 
 
+def best_agents(side: str, groups: str) -> list[str]:
+    """Return the zoo's best agents of a side, all training seeds of one algorithm, among groups of a name.
+
+    The best have the highest mean score on the last suite of their group, whose rivals nobody trained with.
+    """
+    zoo, scores = load_zoo(), {}
+    for group in zoo.groups:
+        if group.side == side and re.fullmatch(groups, group.name):
+            suite = load_suite(group.suites[-1])
+            for summary in summarise(zoo.read_records(group, suite), suite):
+                if summary.trained:
+                    scores[f"{group.name}/{summary.entry}"] = summary.score.value
+    return [agent.name for agent in zoo.members(max(scores, key=scores.__getitem__)) if agent.shipped]
+
+
 def main() -> int:
     """Print the tables, and put them into a page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -197,27 +226,31 @@ def main() -> int:
     suites = {
         side: replace(load_suite(f"{side}-{options.scenario}-v1"), matches=options.matches) for side in SIDES
     }
-    own = {side: agents_of(side, f"{side}-{options.scenario}(-.*)?") for side in SIDES}
+    groups = {side: f"{side}-{options.scenario}(-.*)?" for side in SIDES}
+    own = {side: agents_of(side, groups[side]) for side in SIDES}
     first = {side: [name for name in own[side] if name.endswith("seed_0")] for side in SIDES}
-    strongest = {side: [name for name in own[side] if "/ppo-stack8/" in name] for side in SIDES}
-    players = [
-        {name: name for name in (*SCRIPTED[side], *first[side])}
-        | dict(word.split("=", 1) for word in getattr(options, side))
-        for side in SIDES
-    ]
+    best = {side: best_agents(side, groups[side]) for side in SIDES}
+    names = " and ".join(f"`{agents[0].rpartition('/')[0]}`" for agents in best.values())
+    shipped = [{name: name for name in (*SCRIPTED[side], *first[side])} for side in SIDES]
+    added = [dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
-    allies, opponents = players
-    payoffs = measure(scenario, allies, opponents, options.matches, Store(options.store))
+    games = {"Shipped players": shipped}
+    if any(added):
+        games["With those that learned to beat them"] = [a | b for a, b in zip(shipped, added, strict=True)]
+    notes, store = [], Store(options.store)
+    for title, players in games.items():
+        payoffs = measure(scenario, *players, options.matches, store)
+        notes.append(f"{title}: {equilibrium_note(payoffs)} {answers_note(payoffs)}")
     earned = [
         [ally, *(f"{value:.2f}" for value in row)]
         for ally, row in zip(payoffs.players, payoffs.values, strict=True)
     ]
     tables = {
-        "equilibrium": equilibrium_note(payoffs),
-        "levers": markdown_table(lever_table(scenario, suites, strongest)),
+        "equilibrium": "\n\n".join(notes),
+        "levers": f"The agents are {names}.\n\n{markdown_table(lever_table(scenario, suites, best))}",
     }
     files = {
-        "payoffs": as_csv([["ally \\ opponent", *opponents], *earned]),
+        "payoffs": as_csv([["ally \\ opponent", *payoffs.rivals], *earned]),
         "script-levers": as_csv(lever_table(scenario, suites, BEST_SCRIPTS)),
         "transfer": as_csv(transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES})),
     }

@@ -1,18 +1,31 @@
-"""The measured pay-offs of a scenario: their equilibrium, frozen levers, and the page."""
+"""The measured pay-offs of a scenario: their equilibrium, frozen levers, and the committed page."""
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 
 import measure_payoffs
 import numpy as np
-from measure_payoffs import Frozen, Lever, equilibrium_note, lever_table, levers, measure
+from measure_payoffs import (
+    Frozen,
+    Lever,
+    agents_of,
+    answers_note,
+    best_agents,
+    equilibrium_note,
+    lever_table,
+    levers,
+    measure,
+)
 
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import preset
 from fpg_bench.players.registry import as_player
+from tests.programs import ROOT
 
 LINK = preset("link")
 SUITE = dataclasses.replace(
@@ -23,7 +36,30 @@ SUITE = dataclasses.replace(
 def test_the_note_names_the_equilibrium_of_the_payoffs():
     rows = tuple(np.array([row, row]) for row in ([3.0, -1.0], [-2.0, 1.0]))
     note = equilibrium_note(Payoffs(("a", "b"), ("x", "y"), rows, ("matches",) * 2))
-    assert note == "Equilibrium, worth 0.14 to the ally. Allies: a 0.43, b 0.57. Opponents: x 0.29, y 0.71."
+    assert note == "equilibrium worth 0.14 to the ally. Allies: a 0.43, b 0.57. Opponents: x 0.29, y 0.71."
+
+
+def test_the_note_counts_whom_each_player_is_the_best_answer_to():
+    rows = tuple(np.array([row, row]) for row in ([3.0, -1.0, 2.0], [-2.0, 1.0, 0.0]))
+    note = answers_note(Payoffs(("a", "b"), ("x", "y", "z"), rows, ("matches",) * 2))
+    assert note == "Best answers to the 3 opponents: a to 2, b to 1. The first earns least from y: -1.00."
+
+
+def test_the_committed_pay_offs_are_those_of_the_zoos_agents_and_its_best_have_the_levers():
+    folder = ROOT / "docs/results"
+    with (folder / "link-payoffs.csv").open() as file:
+        (_, *opponents), *rows = csv.reader(file)
+    page = (folder / "link.md").read_text()
+    listed = {"ally": [row[0] for row in rows], "opponent": opponents}
+    best = {side: best_agents(side, f"{side}-link(-.*)?") for side in listed}
+    for side, names in listed.items():
+        firsts = [name for name in agents_of(side, f"{side}-link(-.*)?") if name.endswith("/seed_0")]
+        assert [name for name in names if not name.startswith("response to ")] == [*SCRIPTED[side], *firsts]
+        assert f"fpg-bench best-response {best[side][0]} " in page
+        group = best[side][0].partition("/")[0]
+        assert f"response to {group}" in listed["opponent" if side == "ally" else "ally"]
+    agents = " and ".join(f"`{names[0].rpartition('/')[0]}`" for names in best.values())
+    assert f"<!-- levers -->\n\nThe agents are {agents}." in page
 
 
 def test_pay_offs_that_are_in_the_store_are_not_played_again(tmp_path, monkeypatch):
