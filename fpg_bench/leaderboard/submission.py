@@ -8,7 +8,7 @@ import json
 import os
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -357,8 +357,9 @@ def problems(folder: str | Path) -> list[str]:
 
     On a board (``submissions/<track>/<name>``), conflicts with the names of other entries are problems, too.
     """
-    submission, lines = read_submission(Path(folder))
-    return lines if submission is None else lines + [line for _, line in name_conflicts(submission)]
+    reader = Reader()
+    submission, lines = read_submission(Path(folder), reader=reader)
+    return lines if submission is None else lines + list(name_conflicts(submission, reader))
 
 
 def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str]:
@@ -383,27 +384,83 @@ def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str
     return lines
 
 
+class Reader:
+    """Reader of submissions, which reads each ``submission.yaml`` and each suite once.
+
+    Args:
+        precedence: key by which folders of submissions are sorted that have the same name; the first has it.
+
+    Attributes:
+        suites: the suites of the tracks.
+    """
+
+    def __init__(self, precedence: Callable[[Path], Any] = str) -> None:
+        self.suites = TrackSuites()
+        self._precedence = precedence
+        self._abouts: dict[Path, tuple[SubmissionFile | None, list[str]]] = {}
+        self._names: dict[Path, dict[tuple[str | None, ...], list[str]]] = {}
+
+    def about(self, folder: Path) -> tuple[SubmissionFile | None, list[str]]:
+        """Return the valid part of ``submission.yaml`` (None: it cannot be read), and its problems.
+
+        Args:
+            folder: the submission's folder, as an absolute path.
+        """
+        if folder not in self._abouts:
+            self._abouts[folder] = _read_about_file(folder)
+        return self._abouts[folder]
+
+    def alike(self, track: Path, *keys: tuple[str | None, ...]) -> list[list[str]]:
+        """Return for each key the names of the submissions in a track's folder that have it, by precedence.
+
+        Keys are ``(slug,)`` without case, and ``(path, scenario, name)``, the latter a :func:`name_skeleton`.
+        """
+        if track not in self._names:
+            known = self._names[track] = {}
+            for name in os.listdir(track):  # all: no number of others hides one
+                if folder_problem(track / name):
+                    continue
+                known.setdefault((name.casefold(),), []).append(name)
+                about, _ = self.about(track / name)
+                if about is not None and about.name:
+                    key = about.path, about.scenario, name_skeleton(about.name)
+                    known.setdefault(key, []).append(name)
+            for names in known.values():
+                names.sort(key=lambda name: self._precedence(track / name))
+        return [self._names[track].get(key, []) for key in keys]
+
+
+def _read_about_file(folder: Path) -> tuple[SubmissionFile | None, list[str]]:
+    if problem := file_problem(folder / ABOUT, MOST_TEXT_BYTES):
+        return None, [f"{ABOUT}: {problem}"]
+    try:
+        about, lines = read_about(read_yaml(folder / ABOUT, ABOUT))
+    except UserError as error:
+        return None, [str(error).replace(f" {folder / ABOUT}: ", ": ", 1)]
+    return about, [f"{ABOUT}: {line}" for line in lines]
+
+
 def load_submission(
-    folder: str | Path, inspect_onnx: bool = True, suites: TrackSuites | None = None
+    folder: str | Path, inspect_onnx: bool = True, reader: Reader | None = None
 ) -> Submission:
     """Load and check the submission of a folder; none of it is run.
 
     Args:
         folder: the submission's folder.
         inspect_onnx: inspect each ONNX file in a sandboxed process; not needed if no policy is played.
-        suites: the suites of the tracks; None: they are loaded when needed.
+        reader: reads each file once for many submissions; None: a new one.
 
     Raises:
         UserError: the first of its problems (see :func:`read_submission`).
     """
-    submission, lines = read_submission(Path(folder), inspect_onnx, suites)
+    submission, lines = read_submission(Path(folder), inspect_onnx, reader)
     if submission is None:
         raise UserError(f"submission {folder}: {lines[0]}")
     return submission
 
 
 def read_submission(
-    folder: Path, inspect_onnx: bool = True, suites: TrackSuites | None = None
+    folder: Path, inspect_onnx: bool = True, reader: Reader | None = None
 ) -> tuple[Submission | None, list[str]]:
     """Return the submission of a folder (None if it has problems), and its problems, one line each.
 
@@ -412,23 +469,21 @@ def read_submission(
     Args:
         folder: the submission's folder.
         inspect_onnx: inspect each ONNX file in a sandboxed process; not needed if no policy is played.
-        suites: the suites of the tracks; None: they are loaded when needed.
+        reader: reads each file once for many submissions; None: a new one.
     """
-    folder = Path(os.path.abspath(folder))
+    folder, reader = Path(os.path.abspath(folder)), reader or Reader()
     if problem := folder_problem(folder):
         return None, [problem]
-    if problem := file_problem(folder / ABOUT, MOST_TEXT_BYTES):
-        return None, [f"{ABOUT}: {problem}"]
-    try:
-        content = read_yaml(folder / ABOUT, ABOUT)
-    except UserError as error:
-        return None, [str(error).replace(f" {folder / ABOUT}: ", ": ", 1)]
-    about, lines = read_about(content)
-    lines += [*_location_problems(folder, about), *_name_problems(folder, about)]
+    about, wrong = reader.about(folder)
+    if about is None:
+        return None, wrong
+    lines = [*_slug_problems(folder), *wrong]
+    lines += [f"{ABOUT}: {line}" for line in _location_problems(folder, about)]
+    lines += [f"{ABOUT}: {line}" for line in _name_problems(folder, about)]
     policies, wrong = _read_own_policies(folder, about, inspect_onnx)
-    lines = [*_slug_problems(folder), *(f"{ABOUT}: {line}" for line in lines), *wrong]
+    lines += wrong
     if about.is_recorded:
-        suite = (suites or TrackSuites()).of(TRACKS["planner"], transcripts=True)[PUBLIC]
+        suite = reader.suites.of(TRACKS["planner"], transcripts=True)[PUBLIC]
         lines += check_transcripts(folder, suite)
     if lines:
         return None, lines
@@ -534,60 +589,30 @@ def _folder_names(seeds: Iterable[int]) -> str:
     return ", ".join(f"seed_{seed}" for seed in sorted(seeds))
 
 
-class TrackNames:
-    """The names of the submissions in the folders of tracks; the files of each folder are read once."""
-
-    def __init__(self) -> None:
-        self._tracks: dict[Path, dict[tuple[str | None, ...], list[str]]] = {}
-
-    def alike(self, folder: Path, *keys: tuple[str | None, ...]) -> list[set[str]]:
-        """Return for each key the names of the submissions in a track's folder that have it.
-
-        Keys are ``(slug,)`` without case, and ``(path, scenario, name)``, the latter a :func:`name_skeleton`.
-        """
-        if folder not in self._tracks:
-            known = self._tracks[folder] = {}
-            for name in os.listdir(folder):  # all: no number of others hides one
-                if folder_problem(folder / name):
-                    continue
-                for key in ((name.casefold(),), _table_and_name(folder / name)):
-                    if key is not None:
-                        known.setdefault(key, []).append(name)
-        return [set(self._tracks[folder].get(key, ())) for key in keys]
-
-
-def name_conflicts(submission: Submission, names: TrackNames | None = None) -> Iterator[tuple[str, str]]:
-    """Yield the other submissions whose name conflicts with this one's, each with a line on the conflict.
+def name_conflicts(submission: Submission, reader: Reader, earlier: bool = False) -> Iterator[str]:
+    """Yield a line on each other submission whose name conflicts with this one's.
 
     A conflict is a name that looks the same in the same table of the board, or a folder's name in the same
     track that differs only in case.
 
     Args:
         submission: the submission.
-        names: the names of the board, to be read once for many submissions; None: they are read.
+        reader: reads the names of the board once for many submissions.
+        earlier: only of those that take precedence.
     """
     if submission.folder.parent.name != submission.track:
         return
     own = (submission.path, submission.scenario, name_skeleton(submission.name))
-    slug = (submission.slug.casefold(),)
-    same_slug, same_name = (names or TrackNames()).alike(submission.folder.parent, slug, own)
-    for name in sorted((same_slug | same_name) - {submission.slug}):
-        if name in same_slug:
-            yield name, f"the folder's name: differs from {quoted(name)} only in case"
-        if name in same_name:
-            problem = f"{quoted(submission.name)} is the name of {quoted(name)}, too; choose another"
-            yield name, f"{ABOUT}: name: {problem}"
+    same_slug, same_name = reader.alike(submission.folder.parent, (submission.slug.casefold(),), own)
+    for name in _others(same_slug, submission.slug, earlier):
+        yield f"the folder's name: differs from {quoted(name)} only in case"
+    for name in _others(same_name, submission.slug, earlier):
+        yield f"{ABOUT}: name: {quoted(submission.name)} is the name of {quoted(name)}, too; choose another"
 
 
-def _table_and_name(folder: Path) -> tuple[str | None, str, str] | None:
-    """Return a submission's path, scenario and :func:`name_skeleton`; None if they cannot be read."""
-    if file_problem(folder / ABOUT, MOST_TEXT_BYTES):
-        return None
-    try:
-        about, _ = read_about(read_yaml(folder / ABOUT, ABOUT))
-    except UserError:
-        return None
-    return (about.path, about.scenario, name_skeleton(about.name)) if about.name else None
+def _others(names: Sequence[str], own: str, earlier: bool) -> Sequence[str]:
+    place = names.index(own)
+    return names[:place] if earlier else [*names[:place], *names[place + 1 :]]
 
 
 # Folders of policies

@@ -11,7 +11,7 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.leaderboard import submission
 from fpg_bench.leaderboard.submission import (
-    TrackNames,
+    Reader,
     character_problem,
     load_submission,
     name_conflicts,
@@ -176,7 +176,7 @@ def test_no_number_of_entries_hides_whose_name_is_taken(tmp_path):
     for number in range(250):
         (board / f"twin-{number}").mkdir()
         (board / f"twin-{number}" / "submission.yaml").write_bytes(text)
-    assert len(list(name_conflicts(load_submission(mine)))) == 250
+    assert len(list(name_conflicts(load_submission(mine), Reader()))) == 250
 
 
 def test_the_names_of_a_board_are_read_once_for_all_entries(tmp_path, monkeypatch):
@@ -186,7 +186,20 @@ def test_the_names_of_a_board_are_read_once_for_all_entries(tmp_path, monkeypatc
         write_submission(board / f"mine-{k}", seeds=(), training=None, script="expert", name=f"Mine {k}")
         for k in range(20)
     ]
-    entries, names = [load_submission(folder) for folder in folders], TrackNames()
-    read.clear()
-    assert not any(line for entry in entries for line in name_conflicts(entry, names))
+    reader = Reader()
+    entries = [load_submission(folder, reader=reader) for folder in folders]
+    assert not any(line for entry in entries for line in name_conflicts(entry, reader))
     assert len(read) == len(folders)
+
+
+def test_of_many_entries_with_one_name_the_first_has_it_and_each_is_asked_once_for_its_place(tmp_path):
+    board, asked = tmp_path / "submissions" / "ally", []
+    for k in range(20):
+        name = "Population PPO" if k % 2 else "popu1ation-pp0"
+        write_submission(board / f"mine-{k:02}", seeds=(), training=None, script="expert", name=name)
+    reader = Reader(lambda folder: asked.append(folder) or (folder.name != "mine-07", folder.name))
+    entries = [load_submission(folder, reader=reader) for folder in sorted(board.iterdir())]
+    taken = [entry.slug for entry in entries if any(name_conflicts(entry, reader, earlier=True))]
+    assert taken == [entry.slug for entry in entries if entry.slug != "mine-07"]
+    assert next(name_conflicts(entries[0], reader)).endswith("is the name of 'mine-07', too; choose another")
+    assert len(asked) == 2 * len(entries)  # once among the slugs, once among the names

@@ -11,6 +11,7 @@ import pytest
 
 from fpg_bench.evaluation import language_models
 from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, UNSEEN
 from fpg_bench.leaderboard.verification import load_case
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
@@ -48,7 +49,7 @@ def test_a_board_of_planners_holds_and_tells_tier_model_and_valid_answers(entere
     again = verdicts_of(entered, sample=0.01, sample_seed=1)
     assert all(good and line.startswith("holds: 1 of 1 records") for good, line in again.values())
     assert {path: path.read_bytes() for path in kept} == kept
-    track = next(track for track in make_board(entered).tracks if track.key == "planner")
+    track = next(track for track in make_board(load_entries(entered)).tracks if track.key == "planner")
     assert track.suites[0].rivals == ("idle", "expert")
     figures = {entry.slug: of for entry, of in track.verified()}
     ranks = [of.rank[0] for of in figures.values()]
@@ -89,7 +90,7 @@ def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_s
     close_season(small_suites, planner={"rivals": [{"ally": "reactive"}]})
     assert verdicts_of(entered)["planner/toy"][1].startswith("verified: public ")
     assert verdicts_of(entered)["planner/hold"][0]
-    track = next(track for track in make_board(entered).tracks if track.key == "planner")
+    track = next(track for track in make_board(load_entries(entered)).tracks if track.key == "planner")
     assert track.ranked_by == UNSEEN
     *others, (last, figures) = track.verified()
     assert (last.slug, figures.rank, list(figures.scores)) == ("toy", None, [PUBLIC])

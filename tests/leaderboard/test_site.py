@@ -333,7 +333,6 @@ def test_the_board_can_be_downloaded_as_json(site):
     board = json.loads((site / "board.json").read_text())
     entries = {entry["slug"]: entry for entry in board["tracks"][0]["entries"]}
     assert sorted(entries) == [f"player-{k}" for k in range(7)]
-    assert entries["player-1"]["replays"] == [ROUND.file]
     assert entries["player-0"]["figures"] is None
 
 

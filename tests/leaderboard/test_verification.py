@@ -19,6 +19,7 @@ from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.record import TALLIES
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.folders import work_folder
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.result import summaries_of
@@ -220,7 +221,7 @@ def test_entries_that_share_a_policy_are_told(board, in_process):
     assert verdicts["ally/first"][1].endswith("; it has a policy of ally/second, too: ask whose it is")
     assert "a policy of" not in verdicts["ally/renamed"][1]  # before it has a result, its file alone is known
     assert verdicts_of(board)["ally/renamed"][1].endswith("a policy of ally/other, too: ask whose it is")
-    (track, *_) = make_board(board).tracks
+    (track, *_) = make_board(load_entries(board)).tracks
     shared = {entry.slug: figures.same_policies for entry, figures in track.verified()}
     assert shared == {
         "first": ("ally/second",),
