@@ -29,7 +29,7 @@ from fpg_bench.evaluation.table import learning_curve, over_rounds
 from fpg_bench.leaderboard.crossplay import WITHIN, Pair, Pairs, fully_played, pair_key
 from fpg_bench.leaderboard.entries import Entries, VerifiedEntry
 from fpg_bench.leaderboard.ranking import improvements, profiles
-from fpg_bench.leaderboard.result import Result, round_finite, rounded
+from fpg_bench.leaderboard.result import Result, round_finite
 from fpg_bench.leaderboard.submission import Submission, Training
 from fpg_bench.leaderboard.tracks import (
     PUBLIC,
@@ -48,21 +48,6 @@ CROSSPLAY = "cross-play"
 # Points by which a score on public seeds may exceed that on the season's seeds, beyond the track's median.
 SEEDS_GAP = 5.0
 Matrix = list[list[float | None]]
-
-
-@dataclass(frozen=True)
-class Score:
-    """A score, or a return per step, with its 95 % interval.
-
-    Attributes:
-        low, high: None if there is a single unit.
-        over: the units that the interval is computed over: training seeds or matches.
-    """
-
-    value: float
-    low: float | None = None
-    high: float | None = None
-    over: str = ""
 
 
 @dataclass(frozen=True)
@@ -106,8 +91,8 @@ class WorstCase:
 
     rival: str
     where: str
-    score: Score
-    return_per_step: Score
+    score: Interval
+    return_per_step: Interval
 
 
 @dataclass(frozen=True)
@@ -155,8 +140,8 @@ class PlannerFigures:
     model: str | None
     runs: int | None
     season: int | None
-    score_all: Score
-    curve: tuple[Score, ...]
+    score_all: Interval
+    curve: tuple[Interval, ...]
     valid: float | None
     valid_but_useless: float | None
     statuses: Mapping[str, int]
@@ -189,11 +174,11 @@ class Figures:
     """
 
     rank: tuple[int, int] | None
-    score: Score
-    scores: Mapping[str, Score]
+    score: Interval
+    scores: Mapping[str, Interval]
     worst: WorstCase
-    by_rival: Mapping[str, Mapping[str, Score]]
-    by_group: Mapping[str, Score]
+    by_rival: Mapping[str, Mapping[str, Interval]]
+    by_group: Mapping[str, Interval]
     first_rounds: Mapping[str, Mapping[str, float]]
     units: Mapping[str, UnitScores]
     by_seed: Mapping[int, float]
@@ -621,13 +606,13 @@ def worst_case(
     return WorstCase(rival, where, _score(reward, summaries[PUBLIC].suite.scale), _score(reward))
 
 
-def _score(interval: Interval, scale: Scale | None = None) -> Score:
+def _score(interval: Interval, scale: Scale | None = None) -> Interval:
     """Return a rounded interval; a scale converts it from a return per step to a score."""
     value, low, high = (
-        float(end if scale is None else scale.score(end))
+        round_finite(end if scale is None else scale.score(end))
         for end in (interval.value, interval.low, interval.high)
     )
-    return Score(round_finite(value), rounded(low), rounded(high), interval.over)
+    return Interval(value, low, high, interval.over)
 
 
 def _make_improvement(ranking: Sequence[Summary]) -> Improvement:

@@ -21,6 +21,7 @@ from fpg_bench.common.imports import described
 from fpg_bench.common.parallel import Job, folder_job, outcome_of, run_jobs
 from fpg_bench.evaluation.record import TALLIES, Record
 from fpg_bench.evaluation.suite import Suite
+from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.game.metrics import GREATEST
 from fpg_bench.leaderboard.changed_entries import changed_entries
 from fpg_bench.leaderboard.folders import (
@@ -50,7 +51,6 @@ from fpg_bench.leaderboard.result import (
     Result,
     fingerprint,
     read_result,
-    totals,
     write_result,
 )
 from fpg_bench.leaderboard.submission import Reader, Submission, load_submission, name_conflicts
@@ -442,9 +442,9 @@ def _judge_first(case: Case, records: list[Record], failure: str | None) -> tupl
     """Write the first result of a case."""
     result = Result(case.submission.slug, case.submission.track, case.fingerprint, reason=failure)
     if failure is None:
-        result = dataclasses.replace(result, records=tuple(records), totals=totals(records, case.suites))
+        result = dataclasses.replace(result, records=tuple(records))
     write_result(case.path, result)
-    line = _describe(result)
+    line = _describe(result, case.suites)
     wrong = None if case.claimed is None or failure else _false_claim(case, case.claimed, records)
     if wrong is not None:
         return False, f"replaced: the result that came along {wrong}; commit this one: {line}"
@@ -465,13 +465,14 @@ def _false_claim(case: Case, claimed: Path, records: list[Record]) -> str | None
     return f"does not hold: {differing[0]}" if differing else None
 
 
-def _describe(result: Result) -> str:
+def _describe(result: Result, suites: Mapping[str, Suite]) -> str:
     """Return a result as one line."""
-    if result.totals is None:
+    if not result.verified:
         return f"not verified: {result.reason}"
-    lost, rounds, scores = result.totals.lost, result.totals.rounds, result.totals.scores
-    role = ranked_by(scores)
-    score = scores[role]
+    role = ranked_by(suites)
+    score = summary_of(result.records, suites[role]).score
+    lost = sum(record.lost for record in result.records)
+    rounds = sum(len(record.returns) for record in result.records)
     lost_text = f", {lost:,} of {rounds:,} rounds lost by rule" if lost else ""
     return f"verified: {role} {score.value:.1f} [{score.low:.1f}, {score.high:.1f}]{lost_text}"
 

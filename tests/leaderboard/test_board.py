@@ -11,7 +11,8 @@ from fpg_bench.cli import app
 from fpg_bench.cli.leaderboard import build
 from fpg_bench.common.files import read_yaml
 from fpg_bench.evaluation.seeds import PROTOCOL
-from fpg_bench.leaderboard import submission
+from fpg_bench.evaluation.summary import summary_of
+from fpg_bench.leaderboard import result, submission
 from fpg_bench.leaderboard.board import CROSSPLAY, make_board
 from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.entries import load_entries
@@ -97,7 +98,7 @@ def test_entries_are_ranked_and_marked(entered):
 
 def test_what_does_not_count_is_shown_last_or_left_out_with_its_reason(entered, in_process):
     path = entered / "results/ally/still.jsonl"
-    path.write_text(path.read_text().replace('"public":{"value":', '"public":{"value":9', 1))
+    path.write_text(path.read_text().replace('"lost":0', '"lost":1', 1))
     enter(entered, "ally", "slow", seeds=(7,))
     in_process.fails = True
     verify(entered, ["ally/slow"])
@@ -326,13 +327,16 @@ def test_the_page_gets_the_first_policy_of_each_verified_entry_that_it_can_play(
 
 
 def test_a_build_reads_each_submission_once_and_keeps_all_rounds(entered, tmp_path, monkeypatch, messages):
-    read, checked = [], []
+    read, summed, checked = [], [], []
     monkeypatch.setattr(submission, "read_yaml", lambda *how: read.append(how[0]) or read_yaml(*how))
+    monkeypatch.setattr(result, "summary_of", lambda *how: summed.append(how) or summary_of(*how))
     monkeypatch.setattr(replays, "check_policy", lambda policy: checked.append(policy) or [])
     for _ in range(2):
         build(tmp_path / "site", entered)
         assert sorted(read) == sorted(entered.resolve().glob("submissions/*/*/submission.yaml"))
+        assert len(summed) == len(read)  # each has played the public suite
         read.clear()
+        summed.clear()
     assert len(checked) == 2  # linear's and few's first policy, before the first build plays them
     played = {line.partition(":")[0] for line in messages if "playing rounds to watch" in line}
     shown = json.loads((tmp_path / "site/board.json").read_text())["tracks"]

@@ -17,11 +17,11 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.common.rows import Row
-from fpg_bench.evaluation.statistics import student_t
+from fpg_bench.evaluation.statistics import Interval, student_t
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import RULES
-from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
+from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.leaderboard.entries import Entries
 from fpg_bench.leaderboard.site.dataset import dataset_files
 from fpg_bench.leaderboard.site.views import (
@@ -124,13 +124,13 @@ def _compared_entry(
     }
 
 
-def _interval(score: Score | None) -> list[float | None]:
+def _interval(score: Interval | None) -> list[float | None]:
     ends = (None,) * 3 if score is None else (score.value, score.low, score.high)
     return [_rounded(end, 1) for end in ends]
 
 
 def _rounded(value: float | None, digits: int) -> float | None:
-    return None if value is None else round(value, digits)
+    return None if value is None or math.isnan(value) else round(value, digits)
 
 
 def statistics_data(board: Board) -> Row:
