@@ -26,11 +26,12 @@ from fpg_bench.evaluation.statistics import (
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import learning_curve, over_rounds
+from fpg_bench.leaderboard.about import Training
 from fpg_bench.leaderboard.crossplay import WITHIN, Pair, Pairs, fully_played, pair_key
 from fpg_bench.leaderboard.entries import Entries, VerifiedEntry
 from fpg_bench.leaderboard.ranking import improvements, profiles
 from fpg_bench.leaderboard.result import Result, round_finite
-from fpg_bench.leaderboard.submission import Submission, Training
+from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import (
     PUBLIC,
     PUBLIC_SEEDS,

@@ -13,6 +13,7 @@ import numpy as np
 
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.suite import Scale
+from fpg_bench.leaderboard.about import Training
 from fpg_bench.leaderboard.board import (
     CROSSPLAY,
     Board,
@@ -29,7 +30,6 @@ from fpg_bench.leaderboard.board import (
     WorstCase,
 )
 from fpg_bench.leaderboard.site import page_data
-from fpg_bench.leaderboard.submission import Training
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 
 HOSTILE = (
