@@ -5,7 +5,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 from urllib.parse import urlsplit
 
 from annotated_types import Ge, Le, Len
@@ -167,7 +167,7 @@ _OPTIONAL = ("path", "scenario", "description", "zoo", "script", "runs")
 REQUIRED = tuple(key for key in SubmissionFile.model_fields if key not in _OPTIONAL)
 
 
-def read_about(content: Mapping[str, Any]) -> tuple[SubmissionFile, list[str]]:
+def read_about(content: Mapping[str, object]) -> tuple[SubmissionFile, list[str]]:
     """Return the valid part of ``submission.yaml``, and one line per problem.
 
     Args:
@@ -184,7 +184,7 @@ def read_about(content: Mapping[str, Any]) -> tuple[SubmissionFile, list[str]]:
     return about, lines + wrong + list(_contradictions(content, about))
 
 
-def _contradictions(content: Mapping[str, Any], about: SubmissionFile) -> Iterator[str]:
+def _contradictions(content: Mapping[str, object], about: SubmissionFile) -> Iterator[str]:
     """Yield problems of keys that do not fit together."""
     given = {key for key, value in content.items() if value is not None}
     if about.track == "opponent" and "path" not in given:

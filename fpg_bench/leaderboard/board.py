@@ -6,7 +6,6 @@ import datetime
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -194,7 +193,7 @@ class Figures:
     rounds: int
     records: int
     planner: PlannerFigures | None
-    fingerprint: Mapping[str, Any]
+    fingerprint: Mapping[str, object]
 
     @property
     def gap(self) -> float | None:

@@ -7,7 +7,7 @@ from functools import partial
 from importlib import resources
 from importlib.metadata import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, write_whole
@@ -86,13 +86,13 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     from markupsafe import Markup
 
     tracks = [views.track_view(board, track) for track in board.tracks]
-    front = {
+    front: dict[str, object] = {
         "film": _film(board, replays),
         "tracks": tracks,
         "n_entries": sum(len(track.entries) for track in board.tracks),
         "verified": [figures for track in board.tracks for _, figures in track.verified()],
     }
-    pages: list[tuple[str, str, dict[str, Any]]] = [
+    pages: list[tuple[str, str, dict[str, object]]] = [
         ("index.html", "index.html", front),
         ("play.html", "play.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),

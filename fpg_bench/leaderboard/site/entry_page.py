@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
@@ -198,7 +198,7 @@ def _histograms(figures: Figures) -> list[HistogramView]:
     return views
 
 
-def _flat(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _flat(content: Mapping[str, object]) -> list[tuple[str, str]]:
     """Return the names and values of a fingerprint; the names of nested mappings are joined."""
     rows = []
     for key, value in content.items():
