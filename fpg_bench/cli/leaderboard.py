@@ -204,17 +204,20 @@ def build(
     """
     require_extra("leaderboard", "jinja2")
     from fpg_bench.leaderboard.board import make_board
+    from fpg_bench.leaderboard.entries import load_entries
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.page_data import submitted_policies
     from fpg_bench.leaderboard.site.replays import make_replays
 
     check_folder(out)
-    board = make_board(folder)
-    rounds = make_replays(board, folder, out, simulate=replays)
-    files = build_site(board, out, rounds, docs, submitted_policies(board, folder))
-    entries = sum(len(track.entries) for track in board.tracks)
-    shown = sum(map(len, rounds.values()))
-    print_line(f"{entries} entries, {shown} rounds to watch, {len(files)} files: open {out / 'index.html'}")
+    entries = load_entries(folder)
+    rounds = make_replays(entries, out, simulate=replays)
+    board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
+    files = build_site(board, out, rounds, docs, submitted_policies(entries))
+    n_entries, n_rounds = len(entries.verified) + len(entries.rejected), sum(map(len, rounds.values()))
+    print_line(
+        f"{n_entries} entries, {n_rounds} rounds to watch, {len(files)} files: open {out / 'index.html'}"
+    )
 
 
 @leaderboard.command()

@@ -22,12 +22,17 @@ TRAINING_SEEDS, MATCHES = "training seeds", "matches"
 
 @dataclass(frozen=True)
 class Interval:
-    """A value with its 95 % interval and the unit that the interval speaks of."""
+    """A value with its 95 % interval.
+
+    Attributes:
+        low, high: NaN if there is a single unit.
+        over: the units that the interval is computed over: training seeds or matches.
+    """
 
     value: float
-    low: float
-    high: float
-    over: str
+    low: float = math.nan
+    high: float = math.nan
+    over: str = ""
 
     @property
     def half(self) -> float:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import datetime
-import logging
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from types import MappingProxyType
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from fpg_bench.common.errors import nearest
 from fpg_bench.common.ids import other_side
 from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
@@ -28,19 +25,12 @@ from fpg_bench.evaluation.statistics import (
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import learning_curve, over_rounds
-from fpg_bench.leaderboard.crossplay import (
-    WITHIN,
-    Pair,
-    Pairs,
-    fully_played,
-    pair_key,
-    players_of,
-    read_pairs,
-)
-from fpg_bench.leaderboard.folders import TRACK_FOLDERS, result_file, short_path, submission_folders
+from fpg_bench.leaderboard.about import Training
+from fpg_bench.leaderboard.crossplay import WITHIN, Pair, Pairs, fully_played, pair_key
+from fpg_bench.leaderboard.entries import Entries, VerifiedEntry
 from fpg_bench.leaderboard.ranking import improvements, profiles
-from fpg_bench.leaderboard.result import Result, round_finite, rounded, summaries_of
-from fpg_bench.leaderboard.submission import Submission, TrackNames, Training
+from fpg_bench.leaderboard.result import Result, round_finite
+from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import (
     PUBLIC,
     PUBLIC_SEEDS,
@@ -48,36 +38,16 @@ from fpg_bench.leaderboard.tracks import (
     TRACKS,
     UNSEEN,
     Track,
-    TrackSuites,
     ranked_by,
 )
 from fpg_bench.leaderboard.trail import first_returns, play_options, player_of, training_of
-from fpg_bench.leaderboard.verification import Case, explain, load_entry, make_case, shared_policies
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
-
-_logger = logging.getLogger(__name__)
 
 CROSSPLAY = "cross-play"
 # Points by which a score on public seeds may exceed that on the season's seeds, beyond the track's median.
 SEEDS_GAP = 5.0
-_LONGEST_REASON = 300
 Matrix = list[list[float | None]]
-
-
-@dataclass(frozen=True)
-class Score:
-    """A score, or a return per step, with its 95 % interval.
-
-    Attributes:
-        low, high: None if there is a single unit.
-        over: the units that the interval is computed over: training seeds or matches.
-    """
-
-    value: float
-    low: float | None = None
-    high: float | None = None
-    over: str = ""
 
 
 @dataclass(frozen=True)
@@ -121,8 +91,8 @@ class WorstCase:
 
     rival: str
     where: str
-    score: Score
-    return_per_step: Score
+    score: Interval
+    return_per_step: Interval
 
 
 @dataclass(frozen=True)
@@ -170,8 +140,8 @@ class PlannerFigures:
     model: str | None
     runs: int | None
     season: int | None
-    score_all: Score
-    curve: tuple[Score, ...]
+    score_all: Interval
+    curve: tuple[Interval, ...]
     valid: float | None
     valid_but_useless: float | None
     statuses: Mapping[str, int]
@@ -204,11 +174,11 @@ class Figures:
     """
 
     rank: tuple[int, int] | None
-    score: Score
-    scores: Mapping[str, Score]
+    score: Interval
+    scores: Mapping[str, Interval]
     worst: WorstCase
-    by_rival: Mapping[str, Mapping[str, Score]]
-    by_group: Mapping[str, Score]
+    by_rival: Mapping[str, Mapping[str, Interval]]
+    by_group: Mapping[str, Interval]
     first_rounds: Mapping[str, Mapping[str, float]]
     units: Mapping[str, UnitScores]
     by_seed: Mapping[int, float]
@@ -223,7 +193,7 @@ class Figures:
     rounds: int
     records: int
     planner: PlannerFigures | None
-    fingerprint: Mapping[str, Any]
+    fingerprint: Mapping[str, object]
 
     @property
     def gap(self) -> float | None:
@@ -388,112 +358,30 @@ class Board:
         return TypeAdapter(Board).dump_json(self).decode() + "\n"
 
 
-@dataclass(frozen=True)
-class _Verified:
-    """A verified submission with its result and its summaries by role."""
-
-    submission: Submission
-    result: Result
-    summaries: Mapping[str, Summary]
-
-    @property
-    def slug(self) -> str:
-        return self.submission.slug
-
-
-_Rejected = tuple[Submission, str]  # a readable submission, and the reason why its result does not count
-
-
-def make_board(folder: str | Path = "leaderboard") -> Board:
-    """Compute the board from a leaderboard's folder.
-
-    Figures come from results, texts from submissions. A submission without a result is left out; one with a
-    result that does not fit it is shown as not verified.
+def make_board(
+    entries: Entries, replays: Mapping[tuple[str, str], Sequence[str]] = MappingProxyType({})
+) -> Board:
+    """Compute the board; figures come from results, texts from submissions.
 
     Args:
-        folder: the leaderboard's folder.
-
-    Raises:
-        UserError: no such folder, or a file of it that cannot be read.
+        entries: see :func:`fpg_bench.leaderboard.entries.load_entries`.
+        replays: by track and entry, the files of the rounds that its page shows.
     """
-    folder, suites = Path(folder), TrackSuites()
-    season = suites.seasons.get("standard")
-    cases, rejected = _read_submissions(folder, suites)
-    pairs = read_pairs(folder, players_of(cases))
-    verified = [
-        _Verified(case.submission, case.result, summaries_of(case.result.records, case.suites))
-        for case in cases
-        if case.result is not None
-    ]
-    shared = shared_policies(cases)
-    tracks = tuple(
-        _make_track(verified, rejected, track, suites, pairs.results.values(), shared)
-        for track in TRACKS.values()
-    )
+    season = entries.suites.seasons.get("standard")
     return Board(
         version=__version__,
         protocol=PROTOCOL,
         season=None if season is None else season.number,
         built=datetime.datetime.now(datetime.UTC).date().isoformat(),
-        tracks=tracks,
-        crossplay=_make_crossplay(pairs),
+        tracks=tuple(_make_track(entries, track, replays) for track in TRACKS.values()),
+        crossplay=_make_crossplay(entries.pairs),
     )
 
 
-def _read_submissions(board: Path, suites: TrackSuites) -> tuple[list[Case], list[_Rejected]]:
-    """Return the verified submissions of a board, and those whose results do not count."""
-    cases: list[Case] = []
-    names = TrackNames()
-    rejected: list[_Rejected] = []
-    for path in sorted((board / "submissions").glob("[!.]*/")):
-        if path.name not in TRACK_FOLDERS:
-            hint = nearest(path.name, TRACK_FOLDERS)
-            _logger.info(f"submissions/{path.name}: left out: not a track{hint}")
-    for folder in submission_folders(board):
-        name = f"{folder.parent.name}/{folder.name}"
-        if not result_file(board, folder.parent.name, folder.name).exists():
-            _logger.info(
-                f"{name}: left out: has no result; make it: fpg-bench submit run {short_path(folder)}"
-            )
-            continue
-        try:
-            submission = load_entry(board, folder, inspect_onnx=False, suites=suites, names=names)
-        except Exception as error:
-            reason = explain(name, error)
-            _logger.info(f"{name}: left out: {reason}")  # nothing of it can be trusted, not even its name
-            continue
-        try:
-            case = make_case(board, submission, suites=suites)
-            failure = _failure_reason(case)
-        except Exception as error:
-            failure = explain(name, error)
-        if failure is None:
-            cases.append(case)
-        else:
-            rejected.append((submission, failure))
-            _logger.info(f"{name}: not verified: {failure}")
-    return cases, rejected
-
-
-def _failure_reason(case: Case) -> str | None:
-    """Return the reason why a case is not verified, as printable text; None if its result is verified."""
-    if case.result is None or case.result.reason is None:
-        return None
-    reason = case.result.reason[:_LONGEST_REASON]
-    return "".join(letter if letter.isprintable() else " " for letter in reason)
-
-
-def _make_track(
-    all_verified: Iterable[_Verified],
-    rejected: Iterable[_Rejected],
-    track: Track,
-    loader: TrackSuites,
-    pairs: Collection[Pair],
-    shared: Mapping[str, Sequence[str]],
-) -> BoardTrack:
-    suites = loader.of(track)
+def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], Sequence[str]]) -> BoardTrack:
+    suites = every.suites.of(track)
     role = ranked_by(suites)
-    verified = [item for item in all_verified if item.submission.board_track is track]
+    verified = [item for item in every.verified if item.track is track]
     ranked = sorted(
         (item for item in verified if role in item.summaries),
         key=lambda item: (-item.summaries[role].score.value, item.slug),
@@ -508,18 +396,18 @@ def _make_track(
             figures=_make_figures(
                 item,
                 item.summaries.get(role, item.summaries[PUBLIC]),
-                worst_case(item.slug, track.side, item.summaries, pairs),
+                worst_case(item.slug, track.side, item.summaries, every.pairs.results.values()),
                 rank=ranks.get(item.slug),
                 seeds_gap=gaps.get(item.slug),
-                is_late=_is_late(item.submission, loader.season(track)),
-                same_policies=tuple(shared.get(f"{item.submission.track}/{item.slug}", ())),
+                is_late=_is_late(item.submission, every.suites.season(track)),
             ),
+            replays=replays.get(item.key, ()),
         )
         for item in verified
     ]
     entries += [
         _make_entry(submission, reason=reason)
-        for submission, reason in rejected
+        for submission, reason in every.rejected
         if submission.board_track is track
     ]
     return BoardTrack(
@@ -540,7 +428,7 @@ def _make_track(
             )
             for role, suite in suites.items()
         ),
-        scale=loader.public(track).scale,
+        scale=every.suites.public(track).scale,
         entries=tuple(sorted(entries, key=_sort_key)),
         improvement=_make_improvement(ranking),
         profiles=_make_profiles(ranking),
@@ -565,7 +453,7 @@ def _is_late(submission: Submission, season: SeasonKey | None) -> bool:
     return season is not None and bool(policies) and not season.met(name, policies)
 
 
-def _seeds_gaps(verified: Iterable[_Verified]) -> dict[str, SeedsGap]:
+def _seeds_gaps(verified: Iterable[VerifiedEntry]) -> dict[str, SeedsGap]:
     """Return how much more each entry gains on public seeds than the median entry does.
 
     It is flagged if it exceeds :data:`SEEDS_GAP` and its 95 % interval lies above the median.
@@ -593,7 +481,10 @@ def _seeds_gap(on_public_seeds: Summary, on_season_seeds: Summary) -> tuple[floa
 
 
 def _make_entry(
-    submission: Submission, figures: Figures | None = None, reason: str | None = None
+    submission: Submission,
+    figures: Figures | None = None,
+    reason: str | None = None,
+    replays: Sequence[str] = (),
 ) -> BoardEntry:
     kind = "script" if submission.script is not None else "zoo" if submission.zoo is not None else "submitted"
     return BoardEntry(
@@ -613,18 +504,18 @@ def _make_entry(
         description=submission.description,
         reason=reason,
         figures=figures,
+        replays=tuple(replays),
         offline=tuple(sorted({card.offline.dataset for card in submission.cards if card.offline})),
     )
 
 
 def _make_figures(
-    item: _Verified,
+    item: VerifiedEntry,
     ranking: Summary,
     worst: WorstCase,
     rank: tuple[int, int] | None,
     seeds_gap: SeedsGap | None,
     is_late: bool,
-    same_policies: tuple[str, ...],
 ) -> Figures:
     summaries = item.summaries
     public = summaries[PUBLIC]
@@ -648,7 +539,7 @@ def _make_figures(
         has_few_seeds=0 < public.training_seeds < FEW_SEEDS,
         seeds_gap=seeds_gap,
         is_late=is_late,
-        same_policies=same_policies,
+        same_policies=item.same_policies,
         measures={"return": public.reward.value, **public.measures},
         histograms={
             side: tuple(round_finite(share) for share in counts / max(counts.sum(), 1))
@@ -715,13 +606,13 @@ def worst_case(
     return WorstCase(rival, where, _score(reward, summaries[PUBLIC].suite.scale), _score(reward))
 
 
-def _score(interval: Interval, scale: Scale | None = None) -> Score:
+def _score(interval: Interval, scale: Scale | None = None) -> Interval:
     """Return a rounded interval; a scale converts it from a return per step to a score."""
     value, low, high = (
-        float(end if scale is None else scale.score(end))
+        round_finite(end if scale is None else scale.score(end))
         for end in (interval.value, interval.low, interval.high)
     )
-    return Score(round_finite(value), rounded(low), rounded(high), interval.over)
+    return Interval(value, low, high, interval.over)
 
 
 def _make_improvement(ranking: Sequence[Summary]) -> Improvement:

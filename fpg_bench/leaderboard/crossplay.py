@@ -34,9 +34,8 @@ from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.folders import at_work, crossplay_file, submission_folders, work_folder
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, running_player
 from fpg_bench.leaderboard.result import round_finite
-from fpg_bench.leaderboard.submission import TrackNames
-from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
-from fpg_bench.leaderboard.verification import Case, check_share, explain, load_case
+from fpg_bench.leaderboard.tracks import PUBLIC
+from fpg_bench.leaderboard.verification import Case, board_reader, check_share, explain, load_case
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.sandbox.process import PolicyFailed
@@ -158,11 +157,11 @@ def read_pair(row: Row) -> Pair | None:
 
 def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
     """Return the verified allies and opponents of a board, by name; others are left out."""
-    suites, names, cases = TrackSuites(), TrackNames(), []
+    reader, cases = board_reader(board), []
     for folder in submission_folders(board):
         if folder.parent.name in SIDES:
             try:
-                cases.append(load_case(board, folder, suites=suites, names=names))
+                cases.append(load_case(board, folder, reader=reader))
             except Exception as error:  # leaderboard verify names the problem
                 explain(f"{folder.parent.name}/{folder.name}", error)
     return players_of(cases)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,35 +74,8 @@ class Fingerprint(Strict):
         return sorted(key for key in (one.keys() | two.keys()) - {"version"} if one.get(key) != two.get(key))
 
 
-class Score(Strict):
-    """A score with its interval, and the units that the interval is over."""
-
-    value: float | None
-    low: float | None
-    high: float | None
-    over: str
-
-
-class Worst(Strict):
-    """The rival against which an entry earns least, and the return per step there."""
-
-    rival: str
-    return_per_step: float | None
-
-
-class Totals(Strict):
-    """Summary of a result: scores by role, and the measures over the public suite."""
-
-    training_seeds: int
-    rounds: int
-    lost: int
-    scores: dict[str, Score]
-    worst: dict[str, Worst]
-    measures: dict[str, float | None]
-
-
 class _Head(Strict):
-    """First row of a result's file."""
+    """First row of a result's file; those of 0.2.0 have a summary of the records, which is not read."""
 
     kind: Literal["result"]
     slug: str
@@ -111,7 +83,7 @@ class _Head(Strict):
     status: Literal["verified", "not verified"]
     reason: str | None
     fingerprint: Fingerprint
-    summary: Totals | None
+    summary: object = None
     records_sha256: str
 
 
@@ -123,7 +95,6 @@ class Result:
         slug, track: the entry that it belongs to.
         fingerprint: what was played.
         records: one per training seed and rival; empty if it is not verified.
-        totals: the summary of the records; None if it is not verified.
         reason: why it is not verified; None if it is.
     """
 
@@ -131,7 +102,6 @@ class Result:
     track: str
     fingerprint: Fingerprint
     records: tuple[Record, ...] = ()
-    totals: Totals | None = None
     reason: str | None = None
 
     @property
@@ -175,38 +145,8 @@ def planner_facts(submission: Submission, suite: Suite) -> PlannerFacts:
     return parse(PlannerFacts, facts, f"transcripts of {submission.slug}")
 
 
-def totals(records: Sequence[Record], suites: Suites) -> Totals:
-    """Return the summary of a submission's records on its suites."""
-    summaries = summaries_of(records, suites)
-    public = summaries[PUBLIC]
-    return Totals(
-        training_seeds=public.training_seeds,
-        rounds=sum(summary.pooled.rounds for summary in summaries.values()),
-        lost=sum(summary.pooled.lost for summary in summaries.values()),
-        scores={
-            role: Score(
-                value=rounded(summary.score.value),
-                low=rounded(summary.score.low),
-                high=rounded(summary.score.high),
-                over=summary.over,
-            )
-            for role, summary in summaries.items()
-        },
-        worst={
-            role: Worst(rival=summary.worst, return_per_step=rounded(summary.by_rival[summary.worst].value))
-            for role, summary in summaries.items()
-        },
-        measures={name: rounded(value) for name, value in public.measures.items()},
-    )
-
-
-def rounded(value: float | None) -> float | None:
-    """Round to six significant digits; None if there is no finite number."""
-    return None if value is None or not math.isfinite(value) else round_finite(value)
-
-
 def round_finite(value: float) -> float:
-    """Round a finite number to six significant digits."""
+    """Round a number to six significant digits; NaN stays."""
     return float(f"{value:.{_DIGITS}g}")
 
 
@@ -222,7 +162,6 @@ def write_result(path: Path, result: Result) -> None:
         "status": VERIFIED if result.verified else NOT_VERIFIED,
         "reason": result.reason,
         "fingerprint": result.fingerprint.to_dict(),
-        "summary": None if result.totals is None else result.totals.model_dump(),
         "records_sha256": _sha256(result.records),
     }
     write_whole(path, _text([head]) + _text([record.row() for record in result.records]))
@@ -233,11 +172,11 @@ def read_result(path: Path, suites: Suites) -> Result:
 
     Args:
         path: the file.
-        suites: the suites that the entry plays; the summary of a result on other suites is not checked.
+        suites: the suites that the entry plays; the records of a result on other suites are not checked.
 
     Raises:
         UserError: it cannot be read, is not a result, is of an older protocol, or was edited: its records are
-            not those that it was written with, or its summary does not follow from them.
+            not those that it was written with.
     """
     first, *rows = _rows(path)
     printed = first.get("fingerprint")
@@ -253,11 +192,11 @@ def read_result(path: Path, suites: Suites) -> Result:
     records = tuple(read_record(row, f"result {path}: line {number}") for number, row in enumerate(rows, 2))
     if head.records_sha256 != _sha256(records):
         raise UserError(f"result {path}: edited by hand: its records are not those it was written with")
-    if head.status == NOT_VERIFIED and (records or head.summary is not None or head.reason is None):
+    if head.status == NOT_VERIFIED and (records or head.reason is None):
         raise UserError(f"result {path}: edited by hand: not verified, but with records or without a reason")
-    if head.status == VERIFIED and (head.summary is None or head.reason is not None):
-        raise UserError(f"result {path}: edited by hand: verified, but without a summary or with a reason")
-    result = Result(head.slug, head.track, head.fingerprint, records, head.summary, head.reason)
+    if head.status == VERIFIED and head.reason is not None:
+        raise UserError(f"result {path}: edited by hand: verified, but with a reason")
+    result = Result(head.slug, head.track, head.fingerprint, records, head.reason)
     played = {role: [suite.name, suite.hash] for role, suite in suites.items()}
     if result.verified and head.fingerprint.suites == played:
         check_records(result, suites, path)
@@ -265,7 +204,7 @@ def read_result(path: Path, suites: Suites) -> Result:
 
 
 def check_records(result: Result, suites: Suites, path: Path) -> None:
-    """Raise UserError if records are not those of the suites, or the summary does not follow from them."""
+    """Raise UserError if records are not those of the suites."""
     rounds = {suite.hash[:16]: suite.rounds for suite in suites.values()}
     if any(len(record.returns) != rounds.get(record.suite_hash) for record in result.records):
         raise UserError(f"result {path}: holds a record of another suite, or of another number of rounds")
@@ -286,22 +225,6 @@ def check_records(result: Result, suites: Suites, path: Path) -> None:
         record.fingerprint != policies[str(record.training_seed)][:16] for record in result.records
     ):
         raise UserError(f"result {path}: holds a record of another policy than the result's")
-    stated = None if result.totals is None else result.totals.model_dump()
-    if not _is_close(totals(result.records, suites).model_dump(), stated):
-        raise UserError(f"result {path}: edited by hand: its summary does not follow from its records")
-
-
-def _is_close(one: object, other: object) -> bool:
-    """Return True if two summaries are equal up to the last digit, which machines may round differently."""
-    if isinstance(one, dict):
-        return (
-            isinstance(other, dict)
-            and one.keys() == other.keys()
-            and all(_is_close(one[key], other[key]) for key in one)
-        )
-    if isinstance(one, float) and isinstance(other, int | float):
-        return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-9)
-    return bool(one == other)
 
 
 def _rows(path: Path) -> list[Row]:

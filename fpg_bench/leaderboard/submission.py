@@ -7,22 +7,16 @@ import hashlib
 import json
 import os
 import re
-import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
-from urllib.parse import urlsplit
-
-from annotated_types import Ge, Le, Len
-from pydantic import AfterValidator, PlainValidator
+from typing import Any
 
 from fpg_bench.common.errors import UserError, meant, nearest
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import NAMED
-from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS
+from fpg_bench.leaderboard.about import SubmissionFile, Training, name_skeleton, read_about
 from fpg_bench.leaderboard.folders import (
     TRACK_FOLDERS,
     file_problem,
@@ -32,226 +26,21 @@ from fpg_bench.leaderboard.folders import (
     short_path,
     stray_files,
 )
-from fpg_bench.leaderboard.tracks import PUBLIC, SCENARIOS, TRACKS, Track, TrackSuites, track_of
+from fpg_bench.leaderboard.tracks import PUBLIC, TRACKS, Track, TrackSuites, track_of
 from fpg_bench.leaderboard.transcripts import FOLDER as TRANSCRIPTS
 from fpg_bench.leaderboard.transcripts import check_transcripts
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.players.card import MOST_STEPS, AgentCard
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.sandbox.client import AGENT_FILES, Policy, check_policies
 
 require_extra("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 
 ABOUT = "submission.yaml"
-PATHS = ("pursuit", "learned")
 MOST_TEXT_BYTES = AGENT_FILES["agent.json"]  # of submission.yaml, too
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 _SEED = re.compile(r"seed_(0|[1-9]\d{0,5})")
 _OVERSHOOT = 1.05  # training ends with a whole rollout, a little after its budget
-
-
-# Names. Two of them are the same if they look the same; see `name_skeleton`.
-
-# Alphabets that a name may be written in, and those that are used together.
-_ALPHABETS = frozenset(
-    {"ARABIC", "ARMENIAN", "BENGALI", "CYRILLIC", "DEVANAGARI", "GEORGIAN", "GREEK", "HEBREW", "LATIN"}
-    | {"TAMIL", "TELUGU", "THAI"}
-)
-_EAST_ASIAN = frozenset(["CJK", "HANGUL", "HIRAGANA", "IDEOGRAPHIC", "KATAKANA", "KATAKANA-HIRAGANA"])
-# Latin letters that are not an ASCII letter with accents, and the ASCII letters that they are read as.
-_LATIN = str.maketrans(
-    {"æ": "ae", "œ": "oe", "ø": "o", "đ": "d", "ð": "d", "ħ": "h", "ı": "i", "ł": "l", "ŋ": "n", "þ": "p"}
-    | {"ŧ": "t"}
-)  # fmt: skip
-# Letters of other alphabets, by the Latin one that they look like in Unicode's confusables.txt or in print.
-_LATIN_LOOKALIKES = {
-    "a": "ΑαАа", "b": "ΒВЬв", "c": "СсϹϲ", "d": "ԁ", "e": "ΕεЕеєҽ", "f": "Ϝϝғք", "g": "Ԍց", "h": "ΗНнҺһհ",
-    "i": "ιіӏꙇ", "j": "ͿϳЈј", "k": "ΚκКк", "l": "ΙІӀוןا", "m": "ΜϺМм", "n": "Νηпոռ", "o": "ΟοσОоՕօסهھہەჿ",
-    "p": "ΡρРр", "q": "Ԛԛգզ", "r": "гᴦ", "s": "ЅѕՏ", "t": "ΤτТт", "u": "υՍս", "v": "νѴѵט", "w": "ѠѡԜԝա",
-    "x": "ΧχХх", "y": "ΥγУуҮүყ", "z": "Ζ",
-}  # fmt: skip
-_LATIN_OF = str.maketrans({other: latin for latin, others in _LATIN_LOOKALIKES.items() for other in others})
-_ALIKE = str.maketrans({"0": "o", "1": "i", "l": "i", "j": "i", "|": "i", "!": "i"})
-# Blocks (first, last) of letters and marks that are invisible; others are controls or spaces by category.
-_INVISIBLE = (
-    *((0x34F, 0x34F), (0x115F, 0x1160), (0x17B4, 0x17B5), (0x180B, 0x180F), (0x2800, 0x2800)),
-    *((0x3164, 0x3164), (0xFE00, 0xFE0F), (0xFFA0, 0xFFA0), (0x1D159, 0x1D159), (0xE0000, 0xE0FFF)),
-)
-
-
-def name_skeleton(name: str) -> str:
-    """Return a name without differences that the eye overlooks: case, accents, spaces, punctuation.
-
-    Similar characters become one: 0 is o, 1 and l are i, ``rn`` is ``m``, ``vv`` is ``w``, and letters of
-    other alphabets that look like a Latin one are that one. A name without letters and digits keeps its
-    signs.
-    """
-    normal = unicodedata.normalize("NFKC", name)
-    folded = unicodedata.normalize("NFD", normal).translate(_LATIN_OF).casefold()
-    plain = folded.translate(_LATIN).translate(_ALIKE)
-    kept = "".join(c for c in plain if unicodedata.category(c)[0] in "LNS" and not _is_invisible(c))
-    return kept.replace("rn", "m").replace("vv", "w") or "".join(folded.split())
-
-
-def character_problem(name: str) -> str | None:
-    """Return why the characters of a name could be taken for other ones; None if they could not.
-
-    A name has letters of one alphabet ("single script" of Unicode's UTS 39), in Unicode's normal form NFKC.
-    Digits and signs are those of ASCII, and Latin letters are those of ASCII with or without accents, or one
-    of ``_LATIN``.
-    """
-    composed = unicodedata.normalize("NFC", name)
-    for character in composed:
-        if not character.isascii() and unicodedata.category(character)[0] not in "LM":
-            return f"holds {character!r}; besides letters, use digits and signs of ASCII"
-        if character != (normal := unicodedata.normalize("NFKC", character)):
-            return f"holds {character!r}; write {normal!r}"
-    letters = [letter for letter in composed.casefold() if unicodedata.category(letter)[0] in "LM"]
-    alphabets = sorted({_alphabet(letter) for letter in letters} - {"COMBINING"})
-    if set(alphabets) <= _EAST_ASIAN:
-        return None
-    if len(alphabets) > 1:
-        mixed = " and ".join(alphabet.title() for alphabet in alphabets)
-        return f"mixes {mixed} letters; use one alphabet"
-    if alphabets[0] not in _ALPHABETS:
-        return f"is written in {alphabets[0].title()} letters; use Latin ones"
-    bases = unicodedata.normalize("NFD", "".join(letters))
-    odd = [c for c in bases if c.isalpha() and not c.isascii() and ord(c) not in _LATIN]
-    return f"holds {odd[0]!r}; use plain Latin letters" if odd and alphabets == ["LATIN"] else None
-
-
-def _alphabet(letter: str) -> str:
-    return unicodedata.name(letter, "UNKNOWN").split()[0]
-
-
-def _is_invisible(letter: str) -> bool:
-    return any(first <= ord(letter) <= last for first, last in _INVISIBLE)
-
-
-# The contents of submission.yaml
-
-
-def _text(value: object, most: int, lines: bool = False, least: int = 1) -> str:
-    """Return stripped text of ``least`` to ``most`` characters, all of which are visible."""
-    if not isinstance(value, str):
-        raise UserError(f"expected text, got {quoted(value)}; put it in quotes")
-    value = value.strip()
-    if not least <= len(value) <= most:
-        raise UserError(f"expected {least} to {most} characters, got {len(value)}")
-    for letter in value:
-        if unicodedata.category(letter)[0] == "C" and not (lines and letter == "\n"):
-            raise UserError(f"holds the control character U+{ord(letter):04X}; leave it out")
-        if _is_invisible(letter):
-            raise UserError(f"holds U+{ord(letter):04X}, which cannot be seen; leave it out")
-    return value
-
-
-def _named(value: object, most: int) -> str:
-    """Return text with a letter or a digit in it."""
-    text = _text(value, most)
-    if not any(unicodedata.category(letter)[0] in "LN" for letter in text):
-        raise UserError(f"must contain at least one letter or digit, got {quoted(text)}")
-    return text
-
-
-def _entry_name(value: object) -> str:
-    text = _named(value, 60)
-    if problem := character_problem(text):
-        raise UserError(f"{quoted(text)} {problem}")
-    return text
-
-
-def _choice(value: object, choices: tuple[str, ...]) -> str:
-    if not isinstance(value, str) or value not in choices:
-        hint = meant(value, choices) if isinstance(value, str) else ""
-        raise UserError(f"expected {', '.join(choices)}, got {quoted(value)}{hint}")
-    return value
-
-
-def _authors(value: object) -> tuple[str, ...]:
-    if not isinstance(value, list) or not 1 <= len(value) <= 20:
-        raise UserError(f"expected a list of 1 to 20 names, got {quoted(value)}")
-    return tuple(_named(name, 80) for name in value)
-
-
-def _link(value: object) -> str:
-    text = _text(value, 300)
-    try:
-        parts = urlsplit(text)
-        is_complete = parts.scheme == "https" and parts.hostname and parts.username is None
-    except ValueError:
-        is_complete = False
-    if not is_complete or any(letter in text for letter in " \"'<>\\`"):
-        raise UserError(f"expected null or a link that begins with https://, got {quoted(text)}")
-    return text
-
-
-def _distinct(seeds: tuple[int, ...]) -> tuple[int, ...]:
-    if len(set(seeds)) < len(seeds):
-        raise UserError(f"duplicate seed in {quoted(list(seeds))}")
-    return seeds
-
-
-_Word = Annotated[str, PlainValidator(partial(_text, most=60))]
-_Lines = Annotated[str, PlainValidator(partial(_text, most=2000, lines=True))]
-_Shipped = Annotated[str, PlainValidator(partial(_text, most=100))] | None
-_Seeds = Annotated[
-    Items[Annotated[int, Ge(0), Le(10**6)]],
-    Len(1, 20),
-    Expected("a list of 1 to 20 whole numbers from 0 to 1,000,000"),
-    AfterValidator(_distinct),
-]
-
-
-class Training(Strict):
-    """Cost of training: environment steps and hours of each run, and the training seeds."""
-
-    steps: Annotated[int, Ge(1), Le(MOST_STEPS), Expected(f"a whole number from 1 to {MOST_STEPS:,}")]
-    hours: Annotated[int | float, Ge(0), Le(10**6), Expected("a number from 0 to 1,000,000")]
-    seeds: _Seeds
-
-
-class SubmissionFile(Strict):
-    """Contents of ``submission.yaml``; every text in it is untrusted.
-
-    Attributes:
-        name: the title on the board.
-        reference: an https link, or None.
-        track: ``ally``, ``opponent`` or ``planner``.
-        path: in the track ``opponent``, how it flies: ``pursuit`` or ``learned``; else None.
-        scenario: the preset that it plays: ``standard`` or ``link``.
-        training: None if nothing was trained.
-        saw: the players, paths and scenarios that it was trained against.
-        unable: its limitations.
-        zoo: the package's own agents that it enters, such as ``ally-scripted/ppo``, or None.
-        script: the package's own player or planner that it enters, or None.
-        runs: the number of recordings of a language model, as its authors state it; None for others.
-    """
-
-    name: Annotated[str, PlainValidator(_entry_name)] = ""
-    authors: Annotated[tuple[str, ...], PlainValidator(_authors)] = ()
-    algorithm: _Word = ""
-    reference: Annotated[str, PlainValidator(_link)] | None = None
-    licence: _Word = ""
-    track: Annotated[str, PlainValidator(partial(_choice, choices=TRACK_FOLDERS))] = ""
-    path: Annotated[str, PlainValidator(partial(_choice, choices=PATHS))] | None = None
-    scenario: Annotated[str, PlainValidator(partial(_choice, choices=SCENARIOS))] = "standard"
-    training: Training | None = None
-    saw: _Lines = ""
-    unable: _Lines = ""
-    description: Annotated[str, PlainValidator(partial(_text, most=2000, lines=True, least=0))] = ""
-    zoo: _Shipped = None
-    script: _Shipped = None
-    runs: Annotated[int | None, Ge(1), Le(10_000), Expected("a whole number from 1 to 10,000")] = None
-
-    @property
-    def is_recorded(self) -> bool:
-        """True for a language model that plans, which is entered by its transcripts."""
-        return self.track == "planner" and self.script is None
-
-
-_OPTIONAL = ("path", "scenario", "description", "zoo", "script", "runs")
-REQUIRED = tuple(key for key in SubmissionFile.model_fields if key not in _OPTIONAL)
 
 
 class Submission(SubmissionFile):
@@ -305,50 +94,6 @@ class Submission(SubmissionFile):
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def read_about(content: Mapping[str, Any]) -> tuple[SubmissionFile, list[str]]:
-    """Return the valid part of ``submission.yaml``, and one line per problem.
-
-    Args:
-        content: the mapping in ``submission.yaml``.
-    """
-    lines = []
-    for key in content:
-        if key not in SubmissionFile.model_fields:
-            hint = nearest(key, SubmissionFile.model_fields) if isinstance(key, str) else ""
-            lines.append(f"unknown key {quoted(key)}{hint}")
-    lines += [f"lacks {key!r}" for key in REQUIRED if key not in content]
-    known = {key: content[key] for key in SubmissionFile.model_fields if key in content}
-    about, wrong = problems_of(SubmissionFile, known)
-    return about, lines + wrong + list(_contradictions(content, about))
-
-
-def _contradictions(content: Mapping[str, Any], about: SubmissionFile) -> Iterator[str]:
-    """Yield problems of keys that do not fit together."""
-    given = {key for key, value in content.items() if value is not None}
-    if about.track == "opponent" and "path" not in given:
-        yield "lacks 'path': pursuit or learned, which of the two tables it enters"
-    if about.track in ("ally", "planner") and "path" in given:
-        yield f"path: only allowed for the track opponent, not for {about.track}"
-    if about.track == "planner" and about.scenario != "standard":
-        yield f"scenario: planners play standard, not {about.scenario}"
-    if about.scenario != "standard" and about.path == "learned":
-        yield f"path: opponents in {about.scenario} must have the path pursuit"
-    if {"zoo", "script"} <= given:
-        yield "zoo, script: only one of them"
-    if about.track == "planner" and "zoo" in given:
-        yield "zoo: not allowed for planners; the zoo has none"
-    is_recorded = about.is_recorded and "script" not in given  # a script that is invalid is given, too
-    if is_recorded and "runs" not in given:
-        yield "lacks 'runs': number of recordings made, including the submitted one"
-    if about.track and not is_recorded and "runs" in given:
-        yield "runs: only allowed for transcripts of a language model"
-    if {"script", "training"} <= given:
-        yield "training: a script is not trained; write null"
-    is_trained = about.track in ("ally", "opponent") and "script" not in given
-    if is_trained and "training" in content and "training" not in given:
-        yield "training: expected steps, hours and seeds, got null"
-
-
 # Folders of submissions
 
 
@@ -357,8 +102,9 @@ def problems(folder: str | Path) -> list[str]:
 
     On a board (``submissions/<track>/<name>``), conflicts with the names of other entries are problems, too.
     """
-    submission, lines = read_submission(Path(folder))
-    return lines if submission is None else lines + [line for _, line in name_conflicts(submission)]
+    reader = Reader()
+    submission, lines = read_submission(Path(folder), reader=reader)
+    return lines if submission is None else lines + list(name_conflicts(submission, reader))
 
 
 def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str]:
@@ -383,27 +129,83 @@ def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str
     return lines
 
 
+class Reader:
+    """Reader of submissions, which reads each ``submission.yaml`` and each suite once.
+
+    Args:
+        precedence: key by which folders of submissions are sorted that have the same name; the first has it.
+
+    Attributes:
+        suites: the suites of the tracks.
+    """
+
+    def __init__(self, precedence: Callable[[Path], Any] = str) -> None:
+        self.suites = TrackSuites()
+        self._precedence = precedence
+        self._abouts: dict[Path, tuple[SubmissionFile | None, list[str]]] = {}
+        self._names: dict[Path, dict[tuple[str | None, ...], list[str]]] = {}
+
+    def about(self, folder: Path) -> tuple[SubmissionFile | None, list[str]]:
+        """Return the valid part of ``submission.yaml`` (None: it cannot be read), and its problems.
+
+        Args:
+            folder: the submission's folder, as an absolute path.
+        """
+        if folder not in self._abouts:
+            self._abouts[folder] = _read_about_file(folder)
+        return self._abouts[folder]
+
+    def alike(self, track: Path, *keys: tuple[str | None, ...]) -> list[list[str]]:
+        """Return for each key the names of the submissions in a track's folder that have it, by precedence.
+
+        Keys are ``(slug,)`` without case, and ``(path, scenario, name)``, the latter a :func:`name_skeleton`.
+        """
+        if track not in self._names:
+            known = self._names[track] = {}
+            for name in os.listdir(track):  # all: no number of others hides one
+                if folder_problem(track / name):
+                    continue
+                known.setdefault((name.casefold(),), []).append(name)
+                about, _ = self.about(track / name)
+                if about is not None and about.name:
+                    key = about.path, about.scenario, name_skeleton(about.name)
+                    known.setdefault(key, []).append(name)
+            for names in known.values():
+                names.sort(key=lambda name: self._precedence(track / name))
+        return [self._names[track].get(key, []) for key in keys]
+
+
+def _read_about_file(folder: Path) -> tuple[SubmissionFile | None, list[str]]:
+    if problem := file_problem(folder / ABOUT, MOST_TEXT_BYTES):
+        return None, [f"{ABOUT}: {problem}"]
+    try:
+        about, lines = read_about(read_yaml(folder / ABOUT, ABOUT))
+    except UserError as error:
+        return None, [str(error).replace(f" {folder / ABOUT}: ", ": ", 1)]
+    return about, [f"{ABOUT}: {line}" for line in lines]
+
+
 def load_submission(
-    folder: str | Path, inspect_onnx: bool = True, suites: TrackSuites | None = None
+    folder: str | Path, inspect_onnx: bool = True, reader: Reader | None = None
 ) -> Submission:
     """Load and check the submission of a folder; none of it is run.
 
     Args:
         folder: the submission's folder.
         inspect_onnx: inspect each ONNX file in a sandboxed process; not needed if no policy is played.
-        suites: the suites of the tracks; None: they are loaded when needed.
+        reader: reads each file once for many submissions; None: a new one.
 
     Raises:
         UserError: the first of its problems (see :func:`read_submission`).
     """
-    submission, lines = read_submission(Path(folder), inspect_onnx, suites)
+    submission, lines = read_submission(Path(folder), inspect_onnx, reader)
     if submission is None:
         raise UserError(f"submission {folder}: {lines[0]}")
     return submission
 
 
 def read_submission(
-    folder: Path, inspect_onnx: bool = True, suites: TrackSuites | None = None
+    folder: Path, inspect_onnx: bool = True, reader: Reader | None = None
 ) -> tuple[Submission | None, list[str]]:
     """Return the submission of a folder (None if it has problems), and its problems, one line each.
 
@@ -412,23 +214,21 @@ def read_submission(
     Args:
         folder: the submission's folder.
         inspect_onnx: inspect each ONNX file in a sandboxed process; not needed if no policy is played.
-        suites: the suites of the tracks; None: they are loaded when needed.
+        reader: reads each file once for many submissions; None: a new one.
     """
-    folder = Path(os.path.abspath(folder))
+    folder, reader = Path(os.path.abspath(folder)), reader or Reader()
     if problem := folder_problem(folder):
         return None, [problem]
-    if problem := file_problem(folder / ABOUT, MOST_TEXT_BYTES):
-        return None, [f"{ABOUT}: {problem}"]
-    try:
-        content = read_yaml(folder / ABOUT, ABOUT)
-    except UserError as error:
-        return None, [str(error).replace(f" {folder / ABOUT}: ", ": ", 1)]
-    about, lines = read_about(content)
-    lines += [*_location_problems(folder, about), *_name_problems(folder, about)]
+    about, wrong = reader.about(folder)
+    if about is None:
+        return None, wrong
+    lines = [*_slug_problems(folder), *wrong]
+    lines += [f"{ABOUT}: {line}" for line in _location_problems(folder, about)]
+    lines += [f"{ABOUT}: {line}" for line in _name_problems(folder, about)]
     policies, wrong = _read_own_policies(folder, about, inspect_onnx)
-    lines = [*_slug_problems(folder), *(f"{ABOUT}: {line}" for line in lines), *wrong]
+    lines += wrong
     if about.is_recorded:
-        suite = (suites or TrackSuites()).of(TRACKS["planner"], transcripts=True)[PUBLIC]
+        suite = reader.suites.of(TRACKS["planner"], transcripts=True)[PUBLIC]
         lines += check_transcripts(folder, suite)
     if lines:
         return None, lines
@@ -534,60 +334,30 @@ def _folder_names(seeds: Iterable[int]) -> str:
     return ", ".join(f"seed_{seed}" for seed in sorted(seeds))
 
 
-class TrackNames:
-    """The names of the submissions in the folders of tracks; the files of each folder are read once."""
-
-    def __init__(self) -> None:
-        self._tracks: dict[Path, dict[tuple[str | None, ...], list[str]]] = {}
-
-    def alike(self, folder: Path, *keys: tuple[str | None, ...]) -> list[set[str]]:
-        """Return for each key the names of the submissions in a track's folder that have it.
-
-        Keys are ``(slug,)`` without case, and ``(path, scenario, name)``, the latter a :func:`name_skeleton`.
-        """
-        if folder not in self._tracks:
-            known = self._tracks[folder] = {}
-            for name in os.listdir(folder):  # all: no number of others hides one
-                if folder_problem(folder / name):
-                    continue
-                for key in ((name.casefold(),), _table_and_name(folder / name)):
-                    if key is not None:
-                        known.setdefault(key, []).append(name)
-        return [set(self._tracks[folder].get(key, ())) for key in keys]
-
-
-def name_conflicts(submission: Submission, names: TrackNames | None = None) -> Iterator[tuple[str, str]]:
-    """Yield the other submissions whose name conflicts with this one's, each with a line on the conflict.
+def name_conflicts(submission: Submission, reader: Reader, earlier: bool = False) -> Iterator[str]:
+    """Yield a line on each other submission whose name conflicts with this one's.
 
     A conflict is a name that looks the same in the same table of the board, or a folder's name in the same
     track that differs only in case.
 
     Args:
         submission: the submission.
-        names: the names of the board, to be read once for many submissions; None: they are read.
+        reader: reads the names of the board once for many submissions.
+        earlier: only of those that take precedence.
     """
     if submission.folder.parent.name != submission.track:
         return
     own = (submission.path, submission.scenario, name_skeleton(submission.name))
-    slug = (submission.slug.casefold(),)
-    same_slug, same_name = (names or TrackNames()).alike(submission.folder.parent, slug, own)
-    for name in sorted((same_slug | same_name) - {submission.slug}):
-        if name in same_slug:
-            yield name, f"the folder's name: differs from {quoted(name)} only in case"
-        if name in same_name:
-            problem = f"{quoted(submission.name)} is the name of {quoted(name)}, too; choose another"
-            yield name, f"{ABOUT}: name: {problem}"
+    same_slug, same_name = reader.alike(submission.folder.parent, (submission.slug.casefold(),), own)
+    for name in _others(same_slug, submission.slug, earlier):
+        yield f"the folder's name: differs from {quoted(name)} only in case"
+    for name in _others(same_name, submission.slug, earlier):
+        yield f"{ABOUT}: name: {quoted(submission.name)} is the name of {quoted(name)}, too; choose another"
 
 
-def _table_and_name(folder: Path) -> tuple[str | None, str, str] | None:
-    """Return a submission's path, scenario and :func:`name_skeleton`; None if they cannot be read."""
-    if file_problem(folder / ABOUT, MOST_TEXT_BYTES):
-        return None
-    try:
-        about, _ = read_about(read_yaml(folder / ABOUT, ABOUT))
-    except UserError:
-        return None
-    return (about.path, about.scenario, name_skeleton(about.name)) if about.name else None
+def _others(names: Sequence[str], own: str, earlier: bool) -> Sequence[str]:
+    place = names.index(own)
+    return names[:place] if earlier else [*names[:place], *names[place + 1 :]]
 
 
 # Folders of policies

@@ -21,6 +21,7 @@ from fpg_bench.common.imports import described
 from fpg_bench.common.parallel import Job, folder_job, outcome_of, run_jobs
 from fpg_bench.evaluation.record import TALLIES, Record
 from fpg_bench.evaluation.suite import Suite
+from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.game.metrics import GREATEST
 from fpg_bench.leaderboard.changed_entries import changed_entries
 from fpg_bench.leaderboard.folders import (
@@ -50,10 +51,9 @@ from fpg_bench.leaderboard.result import (
     Result,
     fingerprint,
     read_result,
-    totals,
     write_result,
 )
-from fpg_bench.leaderboard.submission import Submission, TrackNames, load_submission, name_conflicts
+from fpg_bench.leaderboard.submission import Reader, Submission, load_submission, name_conflicts
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites, ranked_by
 
 _logger = logging.getLogger(__name__)
@@ -100,69 +100,60 @@ class Case:
         return sum(len(matchups) for _, matchups in self.wanted) == n_all
 
 
-def load_case(
-    board: Path,
-    folder: Path,
-    update: bool = False,
-    new: Collection[str] = (),
-    suites: TrackSuites | None = None,
-    names: TrackNames | None = None,
-) -> Case:
-    """Load the case of a submission's folder, fully checked; see :func:`load_entry` and :func:`make_case`."""
-    suites = suites or TrackSuites()
-    return make_case(board, load_entry(board, folder, new=new, suites=suites, names=names), update, suites)
+def board_reader(board: Path, new: Collection[str] = ()) -> Reader:
+    """Return the reader of a board's submissions.
 
-
-def load_entry(
-    board: Path,
-    folder: Path,
-    inspect_onnx: bool = True,
-    new: Collection[str] = (),
-    suites: TrackSuites | None = None,
-    names: TrackNames | None = None,
-) -> Submission:
-    """Load a submission of a board, and check that no entry that takes precedence has its name.
-
-    Entries that are not new come first, then those with a result; others are in the order of their folders.
+    Of entries with the same name, those that are not new take precedence, then those with a result; others
+    are in the order of their folders.
 
     Args:
         board: the leaderboard's folder.
-        folder: the submission's folder.
-        inspect_onnx: inspect each of its ONNX files.
         new: the submissions, ``track/name``, that are new or have changed.
-        suites: the suites of the tracks; None: they are loaded when needed.
-        names: the names of all submissions, to be read once for many; None: they are read.
+    """
+
+    def precedence(folder: Path) -> tuple[bool, bool, str]:
+        track, slug = folder.parent.name, folder.name
+        return f"{track}/{slug}" in new, not result_file(board, track, slug).exists(), slug
+
+    return Reader(precedence)
+
+
+def load_case(board: Path, folder: Path, update: bool = False, reader: Reader | None = None) -> Case:
+    """Load the case of a submission's folder, fully checked; see :func:`load_entry` and :func:`make_case`."""
+    reader = reader or board_reader(board)
+    return make_case(board, load_entry(folder, reader), reader.suites, update)
+
+
+def load_entry(folder: Path, reader: Reader, inspect_onnx: bool = True) -> Submission:
+    """Load a submission of a board, and check that no entry that takes precedence has its name.
+
+    Args:
+        folder: the submission's folder.
+        reader: see :func:`board_reader`.
+        inspect_onnx: inspect each of its ONNX files.
 
     Raises:
         UserError: the first of its problems.
     """
-    submission = load_submission(folder, inspect_onnx, suites)
-    track = submission.track
-
-    def precedence(name: str) -> tuple[bool, bool, str]:
-        return f"{track}/{name}" in new, not result_file(board, track, name).exists(), name
-
-    for name, line in name_conflicts(submission, names):
-        if precedence(name) < precedence(submission.slug):
-            raise UserError(f"submission {folder}: {line}")
+    submission = load_submission(folder, inspect_onnx, reader)
+    for line in name_conflicts(submission, reader, earlier=True):
+        raise UserError(f"submission {folder}: {line}")
     return submission
 
 
-def make_case(
-    board: Path, submission: Submission, update: bool = False, suites: TrackSuites | None = None
-) -> Case:
+def make_case(board: Path, submission: Submission, suites: TrackSuites, update: bool = False) -> Case:
     """Return a submission with its result; everything that it plays is wanted.
 
     Args:
         board: the leaderboard's folder.
         submission: one of its submissions.
+        suites: the suites of the tracks.
         update: ignore a result that does not fit.
-        suites: the suites of the tracks; None: they are loaded when needed.
 
     Raises:
         UserError: the result was edited, or is of another submission or of other suites.
     """
-    played = suites_of(submission, suites or TrackSuites())
+    played = suites_of(submission, suites)
     expected = fingerprint(submission, played)
     path = result_file(board, submission.track, submission.slug)
     try:
@@ -451,9 +442,9 @@ def _judge_first(case: Case, records: list[Record], failure: str | None) -> tupl
     """Write the first result of a case."""
     result = Result(case.submission.slug, case.submission.track, case.fingerprint, reason=failure)
     if failure is None:
-        result = dataclasses.replace(result, records=tuple(records), totals=totals(records, case.suites))
+        result = dataclasses.replace(result, records=tuple(records))
     write_result(case.path, result)
-    line = _describe(result)
+    line = _describe(result, case.suites)
     wrong = None if case.claimed is None or failure else _false_claim(case, case.claimed, records)
     if wrong is not None:
         return False, f"replaced: the result that came along {wrong}; commit this one: {line}"
@@ -474,13 +465,14 @@ def _false_claim(case: Case, claimed: Path, records: list[Record]) -> str | None
     return f"does not hold: {differing[0]}" if differing else None
 
 
-def _describe(result: Result) -> str:
+def _describe(result: Result, suites: Mapping[str, Suite]) -> str:
     """Return a result as one line."""
-    if result.totals is None:
+    if not result.verified:
         return f"not verified: {result.reason}"
-    lost, rounds, scores = result.totals.lost, result.totals.rounds, result.totals.scores
-    role = ranked_by(scores)
-    score = scores[role]
+    role = ranked_by(suites)
+    score = summary_of(result.records, suites[role]).score
+    lost = sum(record.lost for record in result.records)
+    rounds = sum(len(record.returns) for record in result.records)
     lost_text = f", {lost:,} of {rounds:,} rounds lost by rule" if lost else ""
     return f"verified: {role} {score.value:.1f} [{score.low:.1f}, {score.high:.1f}]{lost_text}"
 
@@ -585,10 +577,10 @@ class _Verification:
         for name in sorted(self._new):
             if not (self._board / "submissions" / name).is_dir():
                 self._add(name, False, "has no submission: it was removed, or only a result was added")
-        suites, names, cases = TrackSuites(), TrackNames(), []
+        reader, cases = board_reader(self._board, self._new), []
         for folder in folders:
             name = f"{folder.parent.name}/{folder.name}"
-            read = outcome_of(partial(load_case, self._board, folder, update, self._new, suites, names))
+            read = outcome_of(partial(load_case, self._board, folder, update, reader))
             error = read.error if name not in aside else read.error or aside[name].error
             if error is not None:
                 self._add(name, False, error)

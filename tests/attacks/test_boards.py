@@ -18,6 +18,7 @@ from fpg_bench.cli import app
 from fpg_bench.leaderboard import crossplay, verification
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.crossplay import play_missing
+from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.folders import crossplay_file, result_file
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.submission import problems
@@ -124,9 +125,9 @@ def _result(folder: Path, result: Path, rng: random.Random) -> None:
 
 
 def _edited(folder: Path, result: Path, rng: random.Random) -> None:
-    """A result whose score was made better by hand."""
+    """A result with a round that was made better by hand."""
     head, *lines = map(json.loads, result.read_text().splitlines())
-    head["summary"]["scores"]["public"]["value"] += 10
+    lines[0]["returns"][0] += 10
     result.write_text("".join(json.dumps(row, separators=(",", ":")) + "\n" for row in (head, *lines)))
 
 
@@ -183,7 +184,7 @@ def test_hostile_entries_stop_nobody_else(stormed, tmp_path, messages, monkeypat
     assert len(verdicts) == COUNT + 3
     assert {name for name, good in verdicts.items() if good} == {"ally/wise", "ally/linear", "opponent/near"}
     assert play_missing(stormed) == []
-    board = make_board(stormed)
+    board = make_board(load_entries(stormed))
     ranked = [entry.slug for entry, figures in board.tracks[0].verified() if figures.rank]
     assert sorted(ranked) == ["linear", "wise"]
     build_site(board, tmp_path / "site", {})
@@ -200,7 +201,7 @@ def test_a_hostile_line_of_cross_play_is_left_out_alone(entered, tmp_path):
     texts += [json.dumps(row).encode() for row in forged]
     file.write_bytes(file.read_bytes() + b"\n".join(texts) + b"\n")
     with logged() as messages:
-        board = make_board(entered)
+        board = make_board(load_entries(entered))
     assert any("crossplay.jsonl" in line and "left out" in line for line in messages)
     assert repr(board.crossplay).count("99.0") == 0
     build_site(board, tmp_path / "site", {})

@@ -11,7 +11,7 @@ import yaml
 
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.seeds import PROTOCOL, seed_from
-from fpg_bench.leaderboard.result import Result, totals, write_result
+from fpg_bench.leaderboard.result import Result, write_result
 from fpg_bench.leaderboard.verification import Case, verify
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.sandbox.client import PolicyFailed
@@ -98,7 +98,7 @@ def write_verified(case: Case, lines: Iterable[Record]) -> None:
     """Write these records as the verified result of a case."""
     lines = tuple(lines)
     slug, track = case.submission.slug, case.submission.track
-    write_result(case.path, Result(slug, track, case.fingerprint, lines, totals(lines, case.suites)))
+    write_result(case.path, Result(slug, track, case.fingerprint, lines))
 
 
 class InProcess:

@@ -11,7 +11,9 @@ from unittest import mock
 
 import numpy as np
 
+from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.suite import Scale
+from fpg_bench.leaderboard.about import Training
 from fpg_bench.leaderboard.board import (
     CROSSPLAY,
     Board,
@@ -23,13 +25,11 @@ from fpg_bench.leaderboard.board import (
     Improvement,
     NashMixture,
     Profiles,
-    Score,
     SeedsGap,
     UnitScores,
     WorstCase,
 )
 from fpg_bench.leaderboard.site import page_data
-from fpg_bench.leaderboard.submission import Training
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 
 HOSTILE = (
@@ -126,8 +126,8 @@ def _suites(side: str, public: list[str], season: int | None) -> tuple[BoardSuit
     )
 
 
-def _score(value: float, half: float, over: str = "") -> Score:
-    return Score(value, value - half, value + half, over)
+def _score(value: float, half: float, over: str = "") -> Interval:
+    return Interval(value, value - half, value + half, over)
 
 
 def _entry(
@@ -196,7 +196,7 @@ def _figures(
     )
 
 
-def _units(by_rival: dict[str, dict[str, Score]], kind: str) -> dict[str, UnitScores]:
+def _units(by_rival: dict[str, dict[str, Interval]], kind: str) -> dict[str, UnitScores]:
     """Return five training seeds around each score; of scripts, ten matches."""
     spread = (-1, 0, 1) * 3 + (0,) if kind == "script" else (-2, -1, 0, 1, 2)
     over = "matches" if kind == "script" else SEEDS
@@ -206,10 +206,10 @@ def _units(by_rival: dict[str, dict[str, Score]], kind: str) -> dict[str, UnitSc
     }
 
 
-def _worst(index: int, scores: dict[str, Score]) -> WorstCase:
+def _worst(index: int, scores: dict[str, Interval]) -> WorstCase:
     """Return a round of a script from cross-play in every third row, else the lowest of the suite."""
     if index % 3 == 0:
-        return WorstCase("player-1", CROSSPLAY, Score(-30.0), Score(-13.96))
+        return WorstCase("player-1", CROSSPLAY, Interval(-30.0), Interval(-13.96))
     rival, score = min(scores.items(), key=lambda item: item[1].value)
     return WorstCase(rival, PUBLIC, score, _score(2.5, 0.5))
 

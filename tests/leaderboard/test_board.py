@@ -2,7 +2,6 @@ import dataclasses
 import json
 import re
 import shutil
-from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -10,10 +9,15 @@ from typer.testing import CliRunner
 
 from fpg_bench.cli import app
 from fpg_bench.cli.leaderboard import build
+from fpg_bench.common.files import read_yaml
 from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.evaluation.summary import summary_of
+from fpg_bench.leaderboard import result, submission
 from fpg_bench.leaderboard.board import CROSSPLAY, make_board
 from fpg_bench.leaderboard.crossplay import play_missing
+from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.folders import result_file
+from fpg_bench.leaderboard.site import replays
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.page_data import policy_data, submitted_policies
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
@@ -55,7 +59,7 @@ def figures_of(track):
 
 
 def test_entries_are_ranked_and_marked(entered):
-    board = make_board(entered)
+    board = make_board(load_entries(entered))
     ally = track_of(board, "ally")
     figures = figures_of(ally)
     scores = [of.score.value for of in figures.values()]
@@ -94,7 +98,7 @@ def test_entries_are_ranked_and_marked(entered):
 
 def test_what_does_not_count_is_shown_last_or_left_out_with_its_reason(entered, in_process):
     path = entered / "results/ally/still.jsonl"
-    path.write_text(path.read_text().replace('"public":{"value":', '"public":{"value":9', 1))
+    path.write_text(path.read_text().replace('"lost":0', '"lost":1', 1))
     enter(entered, "ally", "slow", seeds=(7,))
     in_process.fails = True
     verify(entered, ["ally/slow"])
@@ -105,7 +109,7 @@ def test_what_does_not_count_is_shown_last_or_left_out_with_its_reason(entered, 
     wise.write_text(wise.read_text().replace("nothing else", "much else"))
     (entered / "submissions" / "planers").mkdir()
     with logged() as messages:
-        ally = make_board(entered).tracks[0]
+        ally = make_board(load_entries(entered)).tracks[0]
     assert {entry.slug: entry.reason for entry in ally.entries[2:]} == {
         "slow": "seed_7: took longer than it may",
         "still": ally.entries[-2].reason,
@@ -133,8 +137,8 @@ def test_a_bug_that_takes_an_entry_off_the_board_is_logged_with_its_traceback(bo
         raise TypeError("a bug")
 
     for name, load in (
-        ("board.load_entry", make_board),
-        ("board.make_case", make_board),
+        ("entries.load_entry", load_entries),
+        ("entries.make_case", load_entries),
         ("crossplay.load_case", play_missing),
     ):
         with monkeypatch.context() as patched, logged() as messages:
@@ -144,9 +148,9 @@ def test_a_bug_that_takes_an_entry_off_the_board_is_logged_with_its_traceback(bo
 
 
 def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, tmp_path):
-    assert make_board(entered).crossplay is None
+    assert make_board(load_entries(entered)).crossplay is None
     play_missing(entered)
-    board = make_board(entered)
+    board = make_board(load_entries(entered))
     crossplay = board.crossplay
     assert crossplay.allies == ("few", "linear", "still", "wise")
     assert crossplay.opponents == ("far", "near")
@@ -160,7 +164,7 @@ def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, 
     assert_mixtures_fit(crossplay)
     enter(entered, "ally", "new", script="reactive", name="Brand New")
     verify(entered, ["ally/new"])
-    board = make_board(entered)
+    board = make_board(load_entries(entered))
     missing = {"ally": ("new",), "opponent": ()}
     assert board.crossplay == dataclasses.replace(crossplay, missing=missing)
     build_site(board, tmp_path / "site")
@@ -188,7 +192,7 @@ def test_the_same_player_is_shown_once(board):
     enter(board, "opponent", "other", script="comb")
     verify(board)
     play_missing(board)
-    crossplay = make_board(board).crossplay
+    crossplay = make_board(load_entries(board)).crossplay
     assert crossplay.same_player == {"near-tone": "far-tone"}
     assert crossplay.opponents == ("far-random", "far-tone", "near-random", "other")
     assert tuple(crossplay.nash.opponent) == crossplay.opponents
@@ -211,7 +215,7 @@ def season(board, small_suites, in_process):
 
 
 def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
-    board = make_board(season)
+    board = make_board(load_entries(season))
     assert (board.season, board.protocol) == (1, PROTOCOL)
     ally = track_of(board, "ally")
     assert ally.ranked_by == UNSEEN
@@ -245,7 +249,7 @@ def improve_public(board, slug, points):
 
 
 def flagged(board):
-    figures = figures_of(make_board(board).tracks[0])
+    figures = figures_of(make_board(load_entries(board)).tracks[0])
     return {slug for slug, of in figures.items() if of.seeds_gap.is_flagged}
 
 
@@ -262,13 +266,13 @@ def test_seeds_that_were_learned_by_heart_are_flagged(season):
 
 
 def test_an_empty_board_is_a_board(board):
-    empty = make_board(board)
+    empty = make_board(load_entries(board))
     assert not [entry for track in empty.tracks for entry in track.entries]
     assert (empty.crossplay, empty.season) == (None, None)
 
 
 def test_the_command_on_an_entry_s_page_plays_it_again(entered, tmp_path, monkeypatch):
-    build_site(make_board(entered), tmp_path / "site")
+    build_site(make_board(load_entries(entered)), tmp_path / "site")
     page = (tmp_path / "site/entries/ally/still.html").read_text()
     program, *words = re.search(r"<code>(fpg-bench leaderboard verify .*?)</code>", page)[1].split()
     assert program == "fpg-bench"
@@ -305,15 +309,42 @@ def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulat
 
 
 def test_the_page_gets_the_first_policy_of_each_verified_entry_that_it_can_play(entered):
-    board = make_board(entered)
-    seed = entered / "submissions/ally/linear/seed_0"
-    about = json.loads((seed / "agent.json").read_text())
+    entries = load_entries(entered)
+    (linear,) = (entry for entry in entries.verified if entry.slug == "linear")
+
+    def played(content):
+        policy = dataclasses.replace(linear.submission.policies[0], model=content)
+        submission = linear.submission.model_copy(update={"policies": (policy,)})
+        changed = dataclasses.replace(linear, submission=submission)
+        return submitted_policies(dataclasses.replace(entries, verified=[changed])).get(("ally", "linear"))
+
+    assert submitted_policies(entries).keys() == {("ally", "linear"), ("ally", "few")}
     for last, is_played in (("Tanh", True), ("Erf", False)):
         layers = [node("Gemm", ["observation", "w"], ["raw"]), node(last, ["raw"], ["action"])]
         policy = model(layers, [weights()])
-        (seed / "agent.json").write_text(json.dumps(about | {"policy_sha256": sha256(policy).hexdigest()}))
-        (seed / "policy.onnx").write_bytes(policy)
-        played = submitted_policies(board, entered)
-        assert played.get(("ally", "linear")) == (policy_data(policy) if is_played else None)
-    (seed / "policy.onnx").write_bytes(b"no policy")
-    assert ("ally", "linear") not in submitted_policies(board, entered)
+        assert played(policy) == (policy_data(policy) if is_played else None)
+    assert played(b"no policy") is None
+
+
+def test_a_build_reads_each_submission_once_and_keeps_all_rounds(entered, tmp_path, monkeypatch, messages):
+    read, summed, checked = [], [], []
+    monkeypatch.setattr(submission, "read_yaml", lambda *how: read.append(how[0]) or read_yaml(*how))
+    monkeypatch.setattr(result, "summary_of", lambda *how: summed.append(how) or summary_of(*how))
+    monkeypatch.setattr(replays, "check_policy", lambda policy: checked.append(policy) or [])
+    for _ in range(2):
+        build(tmp_path / "site", entered)
+        assert sorted(read) == sorted(entered.resolve().glob("submissions/*/*/submission.yaml"))
+        assert len(summed) == len(read)  # each has played the public suite
+        read.clear()
+        summed.clear()
+    assert len(checked) == 2  # linear's and few's first policy, before the first build plays them
+    played = {line.partition(":")[0] for line in messages if "playing rounds to watch" in line}
+    shown = json.loads((tmp_path / "site/board.json").read_text())["tracks"]
+    watched = {
+        f"{track['key']}/{entry['slug']}": entry["replays"] for track in shown for entry in track["entries"]
+    }
+    files = sorted(
+        str(path.relative_to(tmp_path / "site")) for path in tmp_path.glob("site/replays/*/*/*.js")
+    )
+    assert sorted(file for of_entry in watched.values() for file in of_entry) == files
+    assert played == watched.keys()

@@ -12,6 +12,7 @@ from fpg_bench.leaderboard import crossplay, verification
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.changed_entries import Changes, changed_entries, pairs_at
 from fpg_bench.leaderboard.crossplay import play_missing
+from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.folders import crossplay_file, result_file
 from fpg_bench.leaderboard.result import read_result
 from fpg_bench.leaderboard.verification import load_case, verify
@@ -116,7 +117,7 @@ def test_the_result_of_an_entry_that_breaks_the_contract_goes(trusted):
     assert [good for good, _ in verdicts.values()] == [False, True]
     assert not result.exists()
     with logged():
-        assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == []
+        assert [entry.slug for entry in make_board(load_entries(trusted)).tracks[0].entries] == []
 
 
 def test_a_rival_that_is_gone_is_told(trusted):
@@ -133,7 +134,7 @@ def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
     verdicts = verdicts_of(trusted, since="HEAD")
     assert "is the name of 'honest', too" in verdicts[f"ally/{slug}"][1]
     assert verdicts["ally/honest"][0]
-    assert [entry.slug for entry in make_board(trusted).tracks[0].entries] == ["honest"]
+    assert [entry.slug for entry in make_board(load_entries(trusted)).tracks[0].entries] == ["honest"]
     with pytest.raises(UserError, match="is the name of 'honest', too"):
         load_case(trusted, trusted / "submissions/ally" / slug)
 

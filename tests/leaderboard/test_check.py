@@ -257,7 +257,7 @@ def test_a_policy_twice_or_off_the_contract_is_named_with_its_seed(tmp_path):
 def test_names_are_taken_once_on_a_board(tmp_path):
     board = tmp_path / "submissions" / "ally"
     first = write_submission(board / "mine")
-    second = write_submission(board / "other", name="  Míne ")
+    second = write_submission(board / "other", name="  M1ne ")
     for folder, other in ((first, "other"), (second, "mine")):
         assert f"is the name of {other!r}, too" in problems(folder)[0]
         load_submission(folder)  # by itself it is sound: nobody's entry can be taken off the board by a name

@@ -38,6 +38,7 @@ from fpg_bench.leaderboard.season.recipes import (
 from fpg_bench.leaderboard.season.season import FILE, load_season
 from fpg_bench.leaderboard.season.selection import (
     PROBE,
+    Meeting,
     entry_returns,
     group_candidates,
     limit_influence,
@@ -173,11 +174,11 @@ def test_candidates_are_grouped_by_who_fares_well_against_them_and_named_by_two_
 
 
 def profiles_of(returns, seeds):
-    """As a closing keeps them: a row per training seed of each entry, and the probes."""
+    """As a closing keeps them: a meeting per training seed of each entry, and the probes."""
     return [
         [
-            *({"entry": f"e{i}", "ally": value} for i, value in enumerate(column) for _ in range(seeds[i])),
-            {"entry": PROBE, "ally": -1e9},
+            *(Meeting(f"e{i}", "", {"ally": x}) for i, x in enumerate(column) for _ in range(seeds[i])),
+            Meeting(PROBE, "", {"ally": -1e9}),
         ]
         for column in returns.T
     ]

@@ -14,9 +14,10 @@ from fpg_bench.cli.leaderboard import build
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.folders import start_board, submission_folders
-from fpg_bench.leaderboard.submission import load_submission, problems
-from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN, TrackSuites
+from fpg_bench.leaderboard.submission import Reader, load_submission, problems
+from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
 from fpg_bench.leaderboard.verification import load_case
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.sandbox.client import check_policies, check_policy
@@ -57,7 +58,7 @@ def test_its_submission_is_sound_and_no_path_is_left_in_it():
 
 @pytest.fixture(scope="module")
 def board():
-    return make_board(BOARD)
+    return make_board(load_entries(BOARD))
 
 
 @pytest.fixture(scope="module")
@@ -71,9 +72,9 @@ def test_everybody_on_the_board_is_verified():
         policy for folder in folders for policy in load_submission(folder, inspect_onnx=False).policies
     ]
     check_policies([policy.model for policy in policies])  # in one process: each entry starts its own else
-    suites = TrackSuites()
+    reader = Reader()
     for folder in folders:
-        case = load_case(BOARD, folder, suites=suites)
+        case = load_case(BOARD, folder, reader=reader)
         assert case.result is not None, f"{case.name}: no result; run fpg-bench leaderboard verify"
         assert case.result.verified, case.name
         assert case.path.stat().st_size < 500_000

@@ -18,10 +18,10 @@ import pytest
 import yaml
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.state import TALLY
-from fpg_bench.leaderboard.board import Score
 from fpg_bench.leaderboard.site import build, views
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.reading_pages import PAGES
@@ -82,7 +82,7 @@ def plain_site(tmp_path_factory):
     board = with_figures(board, "player-2", rank=None, score=figures.scores[PUBLIC], **changes)
     for slug, rank in zip(verified, [(1, 2), (1, 3), (3, 3)], strict=True):
         board = with_figures(board, slug, rank=rank)
-    board = with_figures(board, "player-1", scores={PUBLIC: Score(60.25), UNSEEN: Score(20.0)})
+    board = with_figures(board, "player-1", scores={PUBLIC: Interval(60.25), UNSEEN: Interval(20.0)})
     crossplay = dataclasses.replace(board.crossplay, same_player={"player-1": "player-0"})
     build_site(dataclasses.replace(board, crossplay=crossplay), folder, docs="../site")
     return folder
@@ -333,7 +333,6 @@ def test_the_board_can_be_downloaded_as_json(site):
     board = json.loads((site / "board.json").read_text())
     entries = {entry["slug"]: entry for entry in board["tracks"][0]["entries"]}
     assert sorted(entries) == [f"player-{k}" for k in range(7)]
-    assert entries["player-1"]["replays"] == [ROUND.file]
     assert entries["player-0"]["figures"] is None
 
 
@@ -404,8 +403,8 @@ def test_numbers_have_one_format_and_missing_ones_are_a_dash():
     assert [number(*pair) for pair in pairs] == ["12.3 %", "12,346", "2.0 dB", "−2.00"]
     assert [views.format_signed(value) for value in (1.26, -3)] == ["+1.3", "−3.0"]
     assert [views.format_rank(rank) for rank in ((1, 1), (2, 5), None)] == ["1", "2–5", "–"]
-    assert views.format_interval(Score(0.0, -1.0, 2.0)) == "−1.0 to 2.0"
-    assert views.format_interval(Score(0.0)) == views.format_interval(None) == ""
+    assert views.format_interval(Interval(0.0, -1.0, 2.0)) == "−1.0 to 2.0"
+    assert views.format_interval(Interval(0.0)) == views.format_interval(None) == ""
 
 
 def test_serving_needs_a_site_and_a_free_port(site, tmp_path):

@@ -7,7 +7,8 @@ import json
 import pytest
 
 from fpg_bench.leaderboard import submission
-from fpg_bench.leaderboard.submission import problems, read_about
+from fpg_bench.leaderboard.about import read_about
+from fpg_bench.leaderboard.submission import problems
 from fpg_bench.leaderboard.tracks import TRANSCRIPT_MATCHES
 from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER
 from fpg_bench.planning.llm.transcript import MOST_BYTES

@@ -21,6 +21,7 @@ from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard import tracks
 from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.tracks import (
     PUBLIC_SEEDS_MATCHES,
     TRACKS,
@@ -188,7 +189,7 @@ def test_a_board_loads_each_suite_once(board, small_suites, monkeypatch):
     assert all(verdict.is_good for verdict in verify(board))
     assert loaded == dict.fromkeys(["ally-v2", "ally-season-1", "opponent-v2", "opponent-season-1"], 1)
     loaded.clear()
-    make_board(board)
+    make_board(load_entries(board))
     n_standard = sum(track.scenario == "standard" for track in TRACKS.values())
     assert len(loaded) == len(TRACKS) + n_standard  # and the suites of the season that is closed
     assert set(loaded.values()) == {1}

@@ -19,6 +19,7 @@ from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.record import TALLIES
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.folders import work_folder
 from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.leaderboard.result import summaries_of
@@ -76,7 +77,7 @@ def test_a_result_is_written_and_holds(board, in_process):
     )
     assert result(board, "ally/linear").read_bytes() == before
     head, *lines = map(json.loads, before.splitlines())
-    assert (head["status"], head["summary"]["training_seeds"], head["summary"]["lost"]) == ("verified", 2, 0)
+    assert (head["status"], [line["lost"] for line in lines]) == ("verified", [0] * 4)
     assert [(line["training_seed"], line["rival"]) for line in lines] == [
         (seed, name) for seed in (0, 2) for name in RIVALS
     ]
@@ -89,9 +90,8 @@ def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, 
     agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
     (evaluated,) = evaluate(agents, "ally-v2", tmp_path / "results", name="linear")
     case = load_case(board, folder)
-    assert summaries_of(case.result.records, case.suites)[PUBLIC].records == evaluated.records
-    score = case.result.totals.scores[PUBLIC]
-    assert (score.value, score.low) == pytest.approx((evaluated.score.value, evaluated.score.low), rel=1e-5)
+    summary = summaries_of(case.result.records, case.suites)[PUBLIC]
+    assert (summary.records, summary.score) == (evaluated.records, evaluated.score)
 
 
 def test_all_suites_of_the_track_are_played(board, small_suites):
@@ -101,7 +101,7 @@ def test_all_suites_of_the_track_are_played(board, small_suites):
     folder = enter(board, "ally", "wise", script="expert")
     verdicts_of(board)
     head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
-    assert list(head["summary"]["scores"]) == ["public", "shifted", "responses"]
+    assert list(head["fingerprint"]["suites"]) == ["public", "shifted", "responses"]
     assert [len(line["returns"]) for line in lines] == [4, 4, 2, 2, 3, 3]
     close_season(small_suites, ally={"matches": 5})
     assert verdicts_of(board)["ally/wise"] == (
@@ -111,7 +111,8 @@ def test_all_suites_of_the_track_are_played(board, small_suites):
     )
     assert verdicts_of(board, update=True)["ally/wise"][1].startswith("verified: unseen ")
     head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
-    assert list(head["summary"]["scores"]) == ["public", "public-seeds", "unseen", "shifted", "responses"]
+    roles = ["public", "public-seeds", "unseen", "shifted", "responses"]
+    assert list(head["fingerprint"]["suites"]) == roles
     assert len({line["rounds_sha256"] for line in lines}) == len(lines) == 10
     assert verdicts_of(board)["ally/wise"][0]
 
@@ -161,14 +162,10 @@ def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process)
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
-        (
-            '"scores":{"public":{"value":',
-            '"scores":{"public":{"value":9',
-            "its summary does not follow",
-        ),
+        ('"returns":[', '"returns":[9', "its records are not those it was written with"),
         ('"suites":{"public":["ally-v2","', '"suites":{"public":["ally-v2","0', "of other suites; make"),
     ],
-    ids=["score", "suites"],  # tests of results try all others
+    ids=["returns", "suites"],  # tests of results try all others
 )
 def test_a_result_that_was_edited_is_told_in_a_line(two, old, new, line):
     edit(result(two, "ally/wise"), old, new)
@@ -182,7 +179,7 @@ def test_a_result_that_was_edited_is_told_in_a_line(two, old, new, line):
 
 
 def test_a_forged_result_is_found_by_playing_again(two):
-    """Records, hash and summary fit each other; only the rounds were never played."""
+    """Records and hash fit each other; only the rounds were never played."""
     board = two
     still, wise = (load_case(board, board / "submissions/ally" / slug) for slug in ("still", "wise"))
     write_verified(still, [dataclasses.replace(record, entry="still") for record in wise.result.records])
@@ -220,7 +217,7 @@ def test_entries_that_share_a_policy_are_told(board, in_process):
     assert verdicts["ally/first"][1].endswith("; it has a policy of ally/second, too: ask whose it is")
     assert "a policy of" not in verdicts["ally/renamed"][1]  # before it has a result, its file alone is known
     assert verdicts_of(board)["ally/renamed"][1].endswith("a policy of ally/other, too: ask whose it is")
-    (track, *_) = make_board(board).tracks
+    (track, *_) = make_board(load_entries(board)).tracks
     shared = {entry.slug: figures.same_policies for entry, figures in track.verified()}
     assert shared == {
         "first": ("ally/second",),

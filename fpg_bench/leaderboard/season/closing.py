@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -42,6 +41,7 @@ from fpg_bench.leaderboard.season.season import (
 from fpg_bench.leaderboard.season.selection import (
     PROBE,
     PROBES,
+    Meeting,
     entry_returns,
     group_candidates,
     limit_influence,
@@ -245,11 +245,11 @@ def _is_complete(closing: Closing, recipe: Recipe) -> bool:
     return RunFolder(folder).is_finished() and len(Store(folder / PROFILE).records()) == count
 
 
-def _profile(closing: Closing, recipe: Recipe) -> list[dict[str, Any]]:
-    """Return a row of each player that met a candidate: its entry, and what both sides earned."""
+def _profile(closing: Closing, recipe: Recipe) -> list[Meeting]:
+    """Return the meetings of a candidate with all entries and probes."""
     side = other_side(recipe.side)
     return [
-        {"entry": record.entry, "player": record.fingerprint} | earned(record, side, closing.scenario)
+        Meeting(record.entry, record.fingerprint, earned(record, side, closing.scenario))
         for record in Store(closing.folder(recipe) / PROFILE).records()
     ]
 
@@ -260,7 +260,9 @@ def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     other = other_side(side)
     returns = entry_returns(profiles, other)
     limited = limit_influence(returns)
-    probes = [{row["player"]: row[other] for row in rows if row["entry"] == PROBE} for rows in profiles]
+    probes = [
+        {met.player: met.returns[other] for met in meetings if met.entry == PROBE} for meetings in profiles
+    ]
     first, second = PROBES[side]
     groups: list[str] | None = None
     size = min(closing.size, len(recipes))

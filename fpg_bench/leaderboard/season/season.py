@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import yaml
 from pydantic import field_validator
@@ -69,7 +68,7 @@ class Season(Strict):
 
     @field_validator("members")
     @classmethod
-    def _check_sides(cls, members: dict[str, Any]) -> dict[str, Any]:
+    def _check_sides(cls, members: dict[str, Items[SeasonMember]]) -> dict[str, Items[SeasonMember]]:
         if members.keys() != set(SIDES):
             raise UserError(f"expected members of {' and '.join(SIDES)}, got {', '.join(members) or 'none'}")
         return members
@@ -110,7 +109,7 @@ def write_suites(season: Season, number: int) -> None:
             continue
         side, is_planner = other_side(track.side), track.side == PLANNER
         template = read_yaml(suites_folder() / f"{track.public}.yml", "suite")
-        content: dict[str, Any] = {name: template[name] for name in _COPIED if name in template}
+        content: dict[str, object] = {name: template[name] for name in _COPIED if name in template}
         content |= {"matches": _PLANNER_MATCHES if is_planner else _MATCHES, "season": season.seed}
         content["rivals"] = [
             {"name": member.name, side: f"{season.name}/{side}/{member.name}"}
@@ -123,7 +122,7 @@ def write_suites(season: Season, number: int) -> None:
         _write_yaml(season.folder.parent / f"{key.suite_name(track.public)}.yml", header, content)
 
 
-def _write_yaml(path: Path, header: str, content: dict[str, Any]) -> None:
+def _write_yaml(path: Path, header: str, content: dict[str, object]) -> None:
     text = yaml.safe_dump(content, sort_keys=False, width=120, default_flow_style=None)
     write_whole(path, header + text)
 

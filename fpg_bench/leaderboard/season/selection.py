@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import statistics
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,21 +22,36 @@ PROBES = {"opponent": ("idle", "expert"), "ally": ("alternate", "tone")}
 _DECILES = (0.1, 0.9)
 
 
-def entry_returns(profiles: Sequence[Sequence[Mapping[str, Any]]], side: str) -> np.ndarray:
+@dataclass(frozen=True)
+class Meeting:
+    """Rounds of a player against a candidate.
+
+    Attributes:
+        entry: the player's entry, or ``PROBE``.
+        player: the fingerprint of its policy, or a script's name.
+        returns: per step, by side.
+    """
+
+    entry: str
+    player: str
+    returns: Mapping[str, float]
+
+
+def entry_returns(profiles: Sequence[Sequence[Meeting]], side: str) -> np.ndarray:
     """Return what each entry earns against each candidate, ``(entries, candidates)``.
 
     Entries have one row each, the mean over their training seeds.
 
     Args:
-        profiles: the rows of each candidate's profile.
+        profiles: the meetings of each candidate.
         side: the side of the entries.
     """
     columns = []
-    for rows in profiles:
+    for meetings in profiles:
         by_entry: dict[str, list[float]] = {}
-        for row in rows:
-            if row["entry"] != PROBE:
-                by_entry.setdefault(row["entry"], []).append(row[side])
+        for met in meetings:
+            if met.entry != PROBE:
+                by_entry.setdefault(met.entry, []).append(met.returns[side])
         columns.append([statistics.fmean(values) for _, values in sorted(by_entry.items())])
     return np.array(columns).T
 

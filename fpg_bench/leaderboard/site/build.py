@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
-from collections.abc import Mapping
 from functools import partial
 from importlib import resources
 from importlib.metadata import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, write_whole
@@ -17,7 +15,7 @@ from fpg_bench.leaderboard.board import Board
 from fpg_bench.leaderboard.site import reading_pages, views
 from fpg_bench.leaderboard.site.entry_page import badge_file, badge_view, entry_view
 from fpg_bench.leaderboard.site.page_data import Policies, data_files
-from fpg_bench.leaderboard.site.replays import Replay, label_of
+from fpg_bench.leaderboard.site.replays import Replay, Replays, label_of
 from fpg_bench.rendering.replay import replay_code, replay_markup, replay_part
 
 if TYPE_CHECKING:
@@ -26,7 +24,6 @@ if TYPE_CHECKING:
 
 PAPER = "https://doi.org/10.3390/drones10020147"  # the article whose game it is, as in CITATION.cff
 MARK = ".fpg-site"  # marks a folder that holds a site, which may be cleared
-Replays = Mapping[tuple[str, str], list[Replay]]
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 
 
@@ -42,7 +39,7 @@ def build_site(
     Args:
         board: the board.
         out: the folder; files of an earlier build that are no longer needed are removed from it.
-        replays: by track and entry, the rounds that its page shows.
+        replays: by track and entry, the rounds that its page shows; ``board`` names their files.
         docs: address of the documentation's site, from the folder (such as ``..``); empty: the pages of
             :mod:`fpg_bench.leaderboard.site.reading_pages` are part of this site, others are named only.
         policies: by track and entry, policies of submitted entries that a visitor can play against; see
@@ -58,7 +55,6 @@ def build_site(
     _check_names(board)
     folder, replays = Path(out), replays or {}
     check_folder(folder)
-    board = _with_replays(board, replays)
     files: dict[str, str | bytes] = {MARK: "made by fpg-bench leaderboard build\n"}
     files |= _pages(board, replays, docs) | _static_files() | data_files(board, policies or {})
     files |= {replay.file: replay.script for rounds in replays.values() for replay in rounds}
@@ -85,34 +81,18 @@ def _check_names(board: Board) -> None:
             )
 
 
-def _with_replays(board: Board, replays: Replays) -> Board:
-    tracks = tuple(
-        dataclasses.replace(
-            track,
-            entries=tuple(
-                dataclasses.replace(
-                    entry, replays=tuple(replay.file for replay in replays.get((track.key, entry.slug), []))
-                )
-                for entry in track.entries
-            ),
-        )
-        for track in board.tracks
-    )
-    return dataclasses.replace(board, tracks=tracks)
-
-
 def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     """Render all pages and badges; returns their texts by file name."""
     from markupsafe import Markup
 
     tracks = [views.track_view(board, track) for track in board.tracks]
-    front = {
+    front: dict[str, object] = {
         "film": _film(board, replays),
         "tracks": tracks,
         "n_entries": sum(len(track.entries) for track in board.tracks),
         "verified": [figures for track in board.tracks for _, figures in track.verified()],
     }
-    pages: list[tuple[str, str, dict[str, Any]]] = [
+    pages: list[tuple[str, str, dict[str, object]]] = [
         ("index.html", "index.html", front),
         ("play.html", "play.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 
 from fpg_bench.common.croissant import file_object, metadata, record_set
 from fpg_bench.leaderboard.board import Board
@@ -72,6 +73,7 @@ def scores_csv(board: Board) -> str:
         for entry, figures in track.verified():
             about = [track.key, entry.slug, entry.name, entry.algorithm, figures.training_seeds]
             for role, score in figures.scores.items():
-                numbers = [score.value, score.low, score.high, score.over]
+                ends = (score.low, score.high) if math.isfinite(score.half) else (None, None)
+                numbers = [score.value, *ends, score.over]
                 writer.writerow([*about, *(figures.rank or (None, None)), role, *numbers])
     return text.getvalue()

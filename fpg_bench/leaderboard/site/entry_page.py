@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
+from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.leaderboard.site.views import (
     MEASURES,
     NONE,
@@ -52,6 +53,7 @@ class FiguresView:
         role: label of the suite that its score is over.
         axis: of all scores on the page.
         scores, by_rival: suites with the score over each, and with the score against each rival.
+        by_seed: the score of each training seed, without an interval.
         measures: presentations and values.
         first_rounds: of the first round against each rival, its return and the command that plays it again,
             by role and rival.
@@ -65,8 +67,9 @@ class FiguresView:
     seeds_gap: str
     lost: str
     same_policies: str
-    scores: list[tuple[BoardSuite, Score]]
-    by_rival: list[tuple[BoardSuite, Mapping[str, Score]]]
+    scores: list[tuple[BoardSuite, Interval]]
+    by_rival: list[tuple[BoardSuite, Mapping[str, Interval]]]
+    by_seed: Mapping[int, Interval]
     first_rounds: Mapping[str, Mapping[str, tuple[float, str]]]
     measures: list[tuple[Measure, float]]
     histograms: list[HistogramView]
@@ -122,7 +125,8 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
     planner = figures.planner
     charted = [figures.worst.score, *figures.scores.values()]
     charted += [score for scores in figures.by_rival.values() for score in scores.values()]
-    charted += [Score(value) for value in figures.by_seed.values()]
+    by_seed = {seed: Interval(value) for seed, value in figures.by_seed.items()}
+    charted += by_seed.values()
     charted += [] if planner is None else planner.curve
     return FiguresView(
         role=ROLES[role].label.lower(),
@@ -133,6 +137,7 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
         same_policies=same_policies_text(figures),
         scores=_by_suite(ordered_suites(track, without=()), figures.scores),
         by_rival=_by_suite(ordered_suites(track), figures.by_rival),
+        by_seed=by_seed,
         first_rounds={
             suite.role: {
                 rival: (
@@ -193,7 +198,7 @@ def _histograms(figures: Figures) -> list[HistogramView]:
     return views
 
 
-def _flat(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _flat(content: Mapping[str, object]) -> list[tuple[str, str]]:
     """Return the names and values of a fingerprint; the names of nested mappings are joined."""
     rows = []
     for key, value in content.items():

@@ -6,10 +6,10 @@ Parts of the board for comparing entries, statistics and cross-play; rules and p
 from __future__ import annotations
 
 import base64
+import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,12 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.common.rows import Row
-from fpg_bench.evaluation.statistics import student_t
+from fpg_bench.evaluation.statistics import Interval, student_t
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import RULES
-from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
+from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
+from fpg_bench.leaderboard.entries import Entries
 from fpg_bench.leaderboard.site.dataset import dataset_files
 from fpg_bench.leaderboard.site.views import (
     MEASURES,
@@ -30,7 +31,6 @@ from fpg_bench.leaderboard.site.views import (
     format_rank,
     ordered_suites,
 )
-from fpg_bench.leaderboard.submission import load_submission
 from fpg_bench.players.agent import baselines_folder, read_card
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
@@ -124,13 +124,13 @@ def _compared_entry(
     }
 
 
-def _interval(score: Score | None) -> list[float | None]:
+def _interval(score: Interval | None) -> list[float | None]:
     ends = (None,) * 3 if score is None else (score.value, score.low, score.high)
     return [_rounded(end, 1) for end in ends]
 
 
 def _rounded(value: float | None, digits: int) -> float | None:
-    return None if value is None else round(value, digits)
+    return None if value is None or math.isnan(value) else round(value, digits)
 
 
 def statistics_data(board: Board) -> Row:
@@ -314,26 +314,15 @@ def _weight(values: np.ndarray) -> Row:
     return {"shape": list(values.shape), "floats": base64.b64encode(floats).decode()}
 
 
-def submitted_policies(board: Board, folder: str | Path) -> dict[tuple[str, str], Row]:
+def submitted_policies(entries: Entries) -> dict[tuple[str, str], Row]:
     """Return the policies of verified, submitted entries that the page can play, by track and entry.
 
-    Args:
-        board: the board.
-        folder: the leaderboard's folder, which holds the submissions; the first training seed plays.
+    The first training seed plays.
     """
     policies = {}
-    for track in board.tracks:
-        for entry, _ in track.verified() if track.side in SIDES else ():
-            if entry.kind == "submitted":
-                policy = _first_policy(Path(folder) / "submissions" / track.side / entry.slug)
-                if policy is not None:
-                    policies[track.key, entry.slug] = policy
+    for entry in entries.verified:
+        if entry.submission.zoo is None and entry.submission.policies:
+            with contextlib.suppress(UserError):  # leaderboard verify names the problem
+                if policy := policy_data(entry.submission.policies[0].model):
+                    policies[entry.key] = policy
     return policies
-
-
-def _first_policy(folder: Path) -> Row | None:
-    try:
-        policies = load_submission(folder, inspect_onnx=False).policies
-        return policy_data(policies[0].model) if policies else None
-    except UserError:
-        return None  # leaderboard verify names the problem

@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,12 +19,14 @@ from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.recording import Recording
-from fpg_bench.leaderboard.board import Board, Figures
-from fpg_bench.leaderboard.playing import Matchup, parts_of, running_player, suites_of
+from fpg_bench.leaderboard.entries import Entries, VerifiedEntry
+from fpg_bench.leaderboard.playing import Matchup, parts_of, running_player
+from fpg_bench.leaderboard.result import round_finite
 from fpg_bench.leaderboard.site.views import ROLES, format_number
-from fpg_bench.leaderboard.submission import Submission, load_submission
-from fpg_bench.leaderboard.tracks import PUBLIC, RESPONSES, UNSEEN, TrackSuites
+from fpg_bench.leaderboard.submission import Submission
+from fpg_bench.leaderboard.tracks import PUBLIC, RESPONSES, UNSEEN
 from fpg_bench.players.player import PlayerSpec
+from fpg_bench.players.sandbox.client import Policy, check_policy
 from fpg_bench.players.sandbox.process import PolicyFailed
 from fpg_bench.rendering.replay import FORMAT, replay_data, script_json
 from fpg_bench.version import __version__
@@ -54,48 +56,41 @@ class Replay:
     script: str
 
 
-def make_replays(
-    board: Board,
-    folder: str | Path,
-    out: str | Path,
-    simulate: bool = True,
-) -> dict[tuple[str, str], list[Replay]]:
-    """Return the rounds of all entries of a board that can be played, by track and entry.
+Replays = Mapping[tuple[str, str], Sequence[Replay]]  # by track and entry
+
+
+def make_replays(entries: Entries, out: str | Path, simulate: bool = True) -> Replays:
+    """Return the rounds of all verified entries that can be played.
 
     The first training seed's policy plays one round against a strong rival and one against the rival with
     the entry's lowest score under its own rules, on the first evaluation seed. Rounds that the site has
     already are kept.
 
     Args:
-        board: the board.
-        folder: the leaderboard's folder, which holds the submissions.
+        entries: the entries of a board.
         out: the site's folder.
         simulate: play the rounds that are missing.
     """
-    replays, suites = {}, TrackSuites()
-    for track in board.tracks:
-        for entry, figures in track.verified():
-            home = Path(folder) / "submissions" / track.side / entry.slug
-            with contextlib.suppress(PolicyFailed, UserError):  # leaderboard verify names the problem
-                submission = load_submission(home, simulate, suites)
-                matchups = _choose(suites_of(submission, suites), figures)
-                rounds = list(_rounds(submission, matchups, track.key, Path(out), simulate))
-                if rounds:
-                    replays[track.key, entry.slug] = rounds
+    replays = {}
+    for entry in entries.verified:
+        with contextlib.suppress(PolicyFailed, UserError):  # leaderboard verify names the problem
+            if rounds := list(_rounds(entry, Path(out), simulate)):
+                replays[entry.key] = rounds
     return replays
 
 
-def _choose(suites: Mapping[str, Suite], figures: Figures) -> dict[str, Matchup]:
+def _choose(entry: VerifiedEntry) -> dict[str, Matchup]:
     """Choose a strong rival and that of the lowest score, by the labels of their rounds."""
+    suites = entry.suites
     pairs = [(role, rival) for role in _ROLES if role in suites for rival in suites[role].rivals]
     strong = next((pair for pair in pairs if pair[1].name in STRONG), pairs[0])
-    scores = [
-        (figures.by_rival[role][rival.name].value, (role, rival))
-        for role, rival in pairs
-        if rival.name in figures.by_rival.get(role, {})
-    ]
-    lowest = min(scores, key=lambda item: item[0])[1] if scores else strong
-    return {label_of(role, rival.name): (suites[role], rival) for role, rival in (strong, lowest)}
+
+    def score(pair: tuple[str, Rival]) -> float:
+        role, rival = pair
+        return round_finite(suites[role].scale.score(entry.summaries[role].by_rival[rival.name].value))
+
+    chosen = strong, min(pairs, key=score)
+    return {label_of(role, rival.name): (suites[role], rival) for role, rival in chosen}
 
 
 def label_of(role: str, rival: str) -> str:
@@ -103,27 +98,29 @@ def label_of(role: str, rival: str) -> str:
     return f"against {rival}" + ("" if role == PUBLIC else f" ({ROLES[role].label.lower()})")
 
 
-def _rounds(
-    submission: Submission, matchups: Mapping[str, Matchup], key: str, out: Path, simulate: bool
-) -> Iterator[Replay]:
-    files = [_file(submission, label, suite, key) for label, (suite, _) in matchups.items()]
+def _rounds(entry: VerifiedEntry, out: Path, simulate: bool) -> Iterator[Replay]:
+    submission, matchups = entry.submission, _choose(entry)
+    files = [_file(entry, label, suite) for label, (suite, _) in matchups.items()]
     kept = [_read_replay(out / file, file) for file in files]
     if None not in kept or not simulate:
         yield from (replay for replay in kept if replay is not None)
         return
     if submission.is_recorded:
-        raise UserError("transcripts are not shown as rounds")
-    _logger.info(f"{key}/{submission.slug}: playing rounds to watch")
-    with running_player(parts_of(submission)[0]) as player:
+        return
+    (part, *_) = parts_of(submission)
+    if isinstance(part.plays, Policy) and not part.shipped and check_policy(part.plays.model):
+        return
+    _logger.info(f"{'/'.join(entry.key)}: playing rounds to watch")
+    with running_player(part, shipped_in_process=True) as player:
         for (label, (suite, rival)), file in zip(matchups.items(), files, strict=True):
             yield simulate_round(submission, player, suite, rival, label, file)
 
 
-def _file(submission: Submission, label: str, suite: Suite, key: str) -> str:
+def _file(entry: VerifiedEntry, label: str, suite: Suite) -> str:
     """Return a round's file, whose name follows from everything that decides its content."""
-    content = [FORMAT, _FORM, __version__, submission.fingerprint, suite.hash, label]
+    content = [FORMAT, _FORM, __version__, entry.result.fingerprint.submission, suite.hash, label]
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
-    return f"replays/{key}/{submission.slug}/{digest}.js"
+    return f"replays/{'/'.join(entry.key)}/{digest}.js"
 
 
 def _read_replay(path: Path, file: str) -> Replay | None:

@@ -7,7 +7,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from fpg_bench.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures, Score
+from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTED, UNSEEN
 from fpg_bench.players.player import SIDES
 
@@ -90,9 +91,9 @@ def format_number(value: float | None, style: str = "score") -> str:
     return text if style in ("score", "step") else f"{text} {style}"
 
 
-def format_interval(score: Score | None) -> str:
+def format_interval(score: Interval | None) -> str:
     """Format an interval as ``low to high``; empty where there is none."""
-    if score is None or score.low is None or score.high is None:
+    if score is None or not math.isfinite(score.half):
         return ""
     return f"{format_number(score.low)} to {format_number(score.high)}"
 
@@ -145,10 +146,10 @@ class Axis:
     margin: float = 5
 
     @classmethod
-    def of_scores(cls, scores: Iterable[Score]) -> Axis:
+    def of_scores(cls, scores: Iterable[Interval]) -> Axis:
         """Return the axis that spans scores with their intervals, and 0 to 100."""
-        ends = [end for score in scores for end in (score.value, score.low, score.high) if end is not None]
-        ends += [0.0, 100.0]
+        ends = [end for score in scores for end in (score.value, score.low, score.high)]
+        ends = [0.0, 100.0, *filter(math.isfinite, ends)]
         return cls(min(ends), max(ends))
 
     def place(self, value: float) -> float:
@@ -156,13 +157,19 @@ class Axis:
         share = (value - self.low) / (self.high - self.low)
         return round(self.margin + share * (self.width - 2 * self.margin), 1)
 
+    def ends(self, score: Interval) -> tuple[float, float]:
+        """Return the positions of an interval's ends; both are its value's if it has none."""
+        if not math.isfinite(score.half):
+            return (self.place(score.value),) * 2
+        return self.place(score.low), self.place(score.high)
+
 
 @dataclass(frozen=True)
 class WorstView:
     """The worst case of an entry: its rival's name, and where they met, in words."""
 
-    score: Score
-    return_per_step: Score
+    score: Interval
+    return_per_step: Interval
     rival: str
     where: str
 
@@ -223,9 +230,9 @@ class RowView:
     entry: BoardEntry
     page: str
     figures: Figures | None
-    ranking: Score | None
-    public: Score | None
-    shifted: Score | None
+    ranking: Interval | None
+    public: Interval | None
+    shifted: Interval | None
     worst: WorstView | None
     warnings: list[str]
 
@@ -287,7 +294,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
 def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
     """Return the view of an entry's row."""
     figures = entry.figures
-    scores: Mapping[str, Score] = {} if figures is None else figures.scores
+    scores: Mapping[str, Interval] = {} if figures is None else figures.scores
     return RowView(
         entry,
         entry_page(track, entry),
