@@ -142,14 +142,17 @@ class Link:
 
 
 def energy_rate(
-    rng: np.random.Generator, snr_db: float, threshold: float, samples: int, trials: int
+    rng: np.random.Generator, snr_db: float, threshold: float, samples: int, trials: int, power: float = 1.0
 ) -> float:
-    """Return how often the mean energy of QPSK in noise of power 1 lies above a threshold."""
+    """Return how often the mean energy of QPSK in noise of a power lies above a threshold.
+
+    The SNR and the threshold are relative to noise of power 1.
+    """
     heard = 0
     for _ in range(trials):
         symbols = rng.choice([-1, 1], samples) + 1j * rng.choice([-1, 1], samples)
         noise = rng.standard_normal(samples) + 1j * rng.standard_normal(samples)
-        received = 10 ** (snr_db / 20) * symbols / np.sqrt(2) + noise / np.sqrt(2)
+        received = 10 ** (snr_db / 20) * symbols / np.sqrt(2) + np.sqrt(power / 2) * noise
         heard += np.mean(np.abs(received) ** 2) > threshold
     return heard / trials
 

@@ -21,9 +21,10 @@ from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.game.knowledge import KnowledgeEntry, load_knowledge
-from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, MOST_PATHS, PATHS, SNR_MODELS
+from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, MOST_PATHS, PATHS, SNR_MODELS, WALLS
 
 RULES_VERSION = 1
+MOST_ROTARY_WING_M_S = 30.0  # Zeng, Xu and Zhang (see flight.py) evaluate their model up to here
 _logger = logging.getLogger(__name__)
 # The fields of `standard` as version 1 of the rules was released. The file never changes, except that a new
 # field is added with the value under which the game stays as it was.
@@ -118,6 +119,7 @@ def _checked_knowledge(name: str, value: object) -> str:
 _OTHER_CHECKS = {
     "spread_capacity": _checked_bool,
     "reselect_on_despread": _checked_bool,
+    "charge_moves": _checked_bool,
     "jamming_types": _checked_types,
     "opponent_path": _checked_paths,
     "ally_path_m": _checked_curve,
@@ -199,6 +201,21 @@ def _check_link(scenario: Scenario) -> None:
         raise ScenarioError(
             f"notch_width_mhz {s.notch_width_mhz}: not below spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
         )
+    for one, other in (("fading_distance_m", "fading_correlation"), ("flight_cost_per_w", "flight_cost")):
+        if getattr(s, one) and getattr(s, other):
+            raise ScenarioError(
+                f"{one} {getattr(s, one)}, {other} {getattr(s, other)}: one excludes the other; set it to 0"
+            )
+    if s.flight_cost_per_w and s.ally_speed_m_s[1] > MOST_ROTARY_WING_M_S:
+        raise ScenarioError(
+            f"ally_speed_m_s {s.ally_speed_m_s}: at most {MOST_ROTARY_WING_M_S:g} m/s "
+            "with flight_cost_per_w, whose model of a rotary wing ends there"
+        )
+    if s.hop_airtime_s + s.acquisition_s > 1:
+        raise ScenarioError(
+            f"hop_airtime_s {s.hop_airtime_s}, acquisition_s {s.acquisition_s}: "
+            "together at most a step of 1 s"
+        )
     if not all(half > 0 for half in s.footprint_half_widths_mhz):
         raise ScenarioError(
             f"footprint_half_widths_mhz {s.footprint_half_widths_mhz}: must be above 0 with snr_model 'link'"
@@ -221,17 +238,19 @@ def _number(default: float, low: float, high: float, doc: str, needs: tuple[str,
     return field(default=default, metadata={"low": low, "high": high, "doc": doc, "needs": needs})
 
 
-def _numbers(default: tuple[float, ...], low: float, high: float, doc: str) -> Any:
+def _numbers(
+    default: tuple[float, ...], low: float, high: float, doc: str, needs: tuple[str, str] | None = None
+) -> Any:
     limits = {"low": low, "high": high, "length": len(default), "default": default}
-    return field(default=default, metadata={**limits, "doc": doc})
+    return field(default=default, metadata={**limits, "doc": doc, "needs": needs})
 
 
-def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
-    return field(default=default, metadata={"choices": choices, "doc": doc})
+def _choice(default: str, choices: tuple[str, ...], doc: str, needs: tuple[str, str] | None = None) -> Any:
+    return field(default=default, metadata={"choices": choices, "doc": doc, "needs": needs})
 
 
-def _other(default: object, doc: str) -> Any:
-    return field(default=default, metadata={"doc": doc})
+def _other(default: object, doc: str, needs: tuple[str, str] | None = None) -> Any:
+    return field(default=default, metadata={"doc": doc, "needs": needs})
 
 
 @dataclass(frozen=True)
@@ -288,8 +307,27 @@ class Scenario:
     rate_efficiency: float = _number(1.0, 0.01, 1, "share of the Shannon bound that coding reaches", LINK)
     rate_loss_db: float = _number(0.0, 0, 30, "SNR that coding loses against the Shannon bound", LINK)
     rate_top_bit_s_hz: float = _number(1000.0, 0.01, 1000, "rate of the highest modulation, per MHz", LINK)
+    fading_distance_m: float = _number(
+        0.0, 0, 1e5, "distance over which fading decorrelates to 1/e; 0: by fading_correlation", LINK
+    )
+    jamming_fading_sd_db: float = _number(0.0, 0, 50, "standard deviation of the jamming's fading", LINK)
+    jamming_backoff_db: tuple[float, ...] = _numbers(
+        (0.0, 0.0, 0.0, 0.0), 0, 100, "power below the amplifier's, for envelopes that vary", LINK
+    )
+    tooth_tolerance_mhz: float = _number(0.0, 0, 1, "room for teeth beyond the band, against rounding", LINK)
     hop_airtime_s: float = _number(0.0, 0, 1, "part of a step in which a hop leaves no link", LINK)
+    charge_moves: bool = _other(
+        False, "a change of point without the hop gate loses hop_airtime_s, too", LINK
+    )
+    acquisition_s: float = _number(0.0, 0, 1, "part of a step that a change of the waveform takes", LINK)
     flight_cost: float = _number(0.0, 0, 1e6, "cost per step of flying at the ally's highest speed", LINK)
+    flight_cost_per_w: float = _number(
+        0.0,
+        0,
+        1e6,
+        "cost per step of a watt above the least that a rotary wing needs; not with flight_cost",
+        LINK,
+    )
     rate_reference_mbit_s: float = _number(
         1.0, 1e-6, 1e9, "rate that earns log 2; one far above the top rate pays throughput", LINK
     )
@@ -316,6 +354,15 @@ class Scenario:
     ally_emission_dbm: float = _number(-12.0, -200, 100, "what the opponent's receiver can hear of the ally")
 
     noise_uncertainty_db: float = _number(3.0, 0.01, 30, "noise that the radiometer cannot tell", RADIOMETER)
+    radiometer_wall: str = _choice(
+        "nominal",
+        WALLS,
+        "noise in which the radiometer finds a signal: nominal, or robust: the lowest there may be",
+        RADIOMETER,
+    )
+    look_through_s: float = _number(
+        0.0, 0, 1, "part of a step with a check in which the jammer is silent and listens", RADIOMETER
+    )
     jammer_isolation_db: float = _number(
         200.0, 0, 200, "isolation of the opponent's receiver from its own jamming", RADIOMETER
     )

@@ -78,9 +78,9 @@ def play(
         point_before = game.point
         _choose_jamming(game, opponent_action, rules)
         _choose_frequency(game, ally_action, ally_observations[i], rules, radio)
-        speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], rules)
+        speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], rules, radio)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
-        _transmit(game, fading, rules, radio)
+        _transmit(game, fading, speed_m_s, rules, radio)
         reward(game, speed_m_s, rules, radio)
         run_detection_check(game, rules, radio)
         update_spectrum_monitor(game, centre_error, rules)
@@ -102,7 +102,7 @@ def _choose_jamming(game: Record, action: np.ndarray, rules: Record) -> None:
 def _choose_frequency(
     game: Record, action: np.ndarray, observation: np.ndarray, rules: Record, radio: Record | None
 ) -> None:
-    spread = action[SPREAD_GATE] > 0.0
+    spread, point_before = action[SPREAD_GATE] > 0.0, game.point
     game.hopped = rules.always_hops or action[HOP_GATE] > 0.0
     despread = rules.reselect and game.spreading and not spread
     if game.hopped or despread:
@@ -111,18 +111,33 @@ def _choose_frequency(
     if radio is not None and spread:  # it moves until its signal fits into the band, and stays there
         game.point = min(max(game.point, radio.spread_points[0]), radio.spread_points[1])
         game.frequency_mhz = point_mhz(game.point, rules)
+    if radio is not None:
+        moved = game.hopped or (radio.charge_moves and game.point != point_before)
+        lost = radio.hop_airtime if moved else 0.0
+        if spread != game.spreading:
+            lost += radio.acquisition
+        game.airtime = 1.0 - lost
     game.spreading = spread
     game.spreading_s = game.spreading_s + 1 if spread else 0
 
 
 @compiled
 def _move(
-    game: Record, ally_action: np.ndarray, opponent_action: np.ndarray, waypoints: np.ndarray, rules: Record
+    game: Record,
+    ally_action: np.ndarray,
+    opponent_action: np.ndarray,
+    waypoints: np.ndarray,
+    rules: Record,
+    radio: Record | None,
 ) -> float:
     """Move both sides; returns the ally's speed in m/s."""
     slow, fast = rules.ally_speed[0], rules.ally_speed[1]
     speed_m_s: float = slow + (ally_action[SPEED] + 1.0) / 2.0 * (fast - slow)
+    place = game.opponent_position
+    x, y, z = place[0], place[1], place[2]
     fly_opponent(game, opponent_action, waypoints, rules)  # first: pursuit aims at where the ally was
+    if radio is not None:
+        game.flown_m = math.sqrt((place[0] - x) ** 2 + (place[1] - y) ** 2 + (place[2] - z) ** 2)
     fly_curve(game, speed_m_s, rules)
     keep_inside(game.ally_position, rules)
     return speed_m_s
@@ -142,12 +157,16 @@ def trace_ally(path: np.ndarray, games: np.ndarray, rules_array: np.ndarray) -> 
 
 
 @compiled
-def _transmit(game: Record, fading: float, rules: Record, radio: Record | None) -> None:
+def _transmit(game: Record, fading: float, speed_m_s: float, rules: Record, radio: Record | None) -> None:
     """Compute coverage, fading, and the SNR with and without jamming, at the final positions."""
     f = game.frequency_mhz
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
-    game.fading = rules.fading_kept * game.fading + rules.fading_new * fading
+    kept, new = rules.fading_kept, rules.fading_new
+    if radio is not None and radio.per_fading_distance > 0.0:
+        kept = math.exp(-speed_m_s * radio.per_fading_distance)
+        new = math.sqrt(1.0 - kept * kept)
+    game.fading = kept * game.fading + new * fading
     game.covered = covers(game.jamming_type, game.jamming_mhz, f, game.spreading, rules, radio)
     if radio is None:
         signal = rules.base_power - path_loss_db(distance_to_base_m, f, rules)
@@ -156,7 +175,18 @@ def _transmit(game: Record, fading: float, rules: Record, radio: Record | None) 
         game.snr_db = snr_db(signal, jamming, game.covered, game.spreading, fading_db, rules)
         game.clean_snr_db = snr_db(signal, jamming, False, game.spreading, fading_db, rules)
     else:
+        if radio.jamming_fading_sd > 0.0:
+            _fade_jamming(game, kept, radio)
         transmit(game, distance_to_base_m, rules, radio)
+
+
+@compiled
+def _fade_jamming(game: Record, kept: float, radio: Record) -> None:
+    """Compute the fading from jammer to ally; both ends move, and each decorrelates it."""
+    if radio.per_fading_distance > 0.0:
+        kept *= math.exp(-game.flown_m * radio.per_fading_distance)
+    drawn, _ = rng.gaussians(game.round_key, game.step, rng.JAMMING_FADING)
+    game.jamming_fading = kept * game.jamming_fading + math.sqrt(1.0 - kept * kept) * drawn
 
 
 @compiled
@@ -233,6 +263,7 @@ def _begin_round(game: Record, rules: Record, radio: Record | None) -> None:
     game.sensed_type, game.sensed_mhz = -1, rules.band_middle
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
     game.covered, game.fading = False, 0.0
+    game.airtime, game.flown_m = 1.0, 0.0
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     if radio is not None:
         transmit(game, distance_to_base_m, rules, radio)
@@ -241,6 +272,7 @@ def _begin_round(game: Record, rules: Record, radio: Record | None) -> None:
         game.snr_db = snr_db(signal, 0.0, False, False, 0.0, rules)
         game.clean_snr_db = game.snr_db
     game.fading, _ = rng.gaussians(key, 0, rng.FADING_START)
+    game.jamming_fading, _ = rng.gaussians(key, 0, rng.JAMMING_FADING_START)
     game.rate_mbit_s, game.ally_value = 0.0, 0.0
     game.ally_reward, game.opponent_reward = 0.0, 0.0
     game.outage_run, game.watching, game.recovering = 0, False, 0

@@ -36,6 +36,12 @@ class Chance:
     def fading_before(self) -> float:
         return rng.gaussians(self.round, 0, rng.FADING_START)[0]
 
+    def jamming_fading_before(self) -> float:
+        return rng.gaussians(self.round, 0, rng.JAMMING_FADING_START)[0]
+
+    def jamming_fading(self, step: int) -> float:
+        return rng.gaussians(self.round, step, rng.JAMMING_FADING)[0]
+
     def detection_fading(self, step: int) -> float:
         return rng.gaussians(self.round, step, rng.DETECTION_FADING)[0]
 
@@ -89,6 +95,13 @@ def eq4(t: float) -> float:
     if t <= 40:
         return 15 + 1.2 * (t - 20)
     return 39 + 1.5 * (t - 40)
+
+
+def rotary_wing_w(v: float) -> float:
+    """P(v) of Zeng, Xu and Zhang (2019), Eq. 12, with the numbers of Table I."""
+    p0, pi, u_tip, v0, d0, rho, s, a = 79.8563, 88.6279, 120, 4.03, 0.6, 1.225, 0.05, 0.503
+    induced = pi * (math.sqrt(1 + v**4 / (4 * v0**4)) - v**2 / (2 * v0**2)) ** 0.5
+    return p0 * (1 + 3 * v**2 / u_tip**2) + induced + 0.5 * d0 * rho * s * a * v**3
 
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
@@ -148,6 +161,7 @@ class ReferenceGame:
         self.jamming_type = self.sensed_type = None
         self.jamming_mhz = self.sensed_mhz = None
         self.fading = chance.fading_before()
+        self.jamming_fading = chance.jamming_fading_before()
         self.snr_db = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m) - self._noise()
         self.observe()
 
@@ -191,13 +205,16 @@ class ReferenceGame:
     def _teeth(self, kind: int, centre_mhz: float) -> list[tuple[float, float]]:
         """From where to where a jammer radiates, on equal power per MHz.
 
-        Teeth are numbered from the centre, by division: rounding decides on a tooth on the very edge.
+        Teeth are numbered from the centre, by division: without a tolerance, rounding decides on a tooth on
+        the very edge.
         """
         s, half = self.s, self.s.footprint_half_widths_mhz[kind]
         centres = [centre_mhz]
         if JAMMING_TYPES[kind] == "comb":
             spacing = s.comb_spacing_points * (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
-            low, high = ((edge - centre_mhz) / spacing for edge in (s.band_low_mhz, s.band_high_mhz))
+            room = s.tooth_tolerance_mhz
+            edges = s.band_low_mhz - room, s.band_high_mhz + room
+            low, high = ((edge - centre_mhz) / spacing for edge in edges)
             numbers = range(math.ceil(low), math.floor(high) + 1)
             centres = [centre_mhz + k * spacing for k in numbers] or [centre_mhz]
         return [(f - half, f + half) for f in centres]
@@ -236,7 +253,8 @@ class ReferenceGame:
         jamming_mw, passed, density, tooth = 0.0, 0.0, 0.0, (0.0, 0.0)
         leaked = 10 ** (s.filter_stopband_db / 10)
         if is_jammed:
-            jamming = s.opponent_power_dbm - self._loss(self.ally_position, self.opponent_position)
+            jamming = self._radiated() - self._loss(self.ally_position, self.opponent_position)
+            jamming += s.jamming_fading_sd_db * self.jamming_fading
             jamming_mw = 10 ** (jamming / 10)
             passed, density, tooth = self._passed(self.jamming_type, self.jamming_mhz)
         if not self.spreading:
@@ -251,6 +269,9 @@ class ReferenceGame:
             own = signal_mw * noise / chips
             ways.append(signal_mw * (1 - cut) ** 2 / (noise_mw * (1 - cut) + own + left))
         return 10 * math.log10(max(ways))
+
+    def _radiated(self) -> float:
+        return self.s.opponent_power_dbm - self.s.jamming_backoff_db[self.jamming_type]
 
     def _rate(self, snr_db: float) -> float:
         s = self.s
@@ -274,9 +295,10 @@ class ReferenceGame:
         s, f_loss = self.s, self._loss
         width = s.spread_bandwidth_mhz if self.spreading else s.bandwidth_mhz
         passed = self._passed(self.jamming_type, self.jamming_mhz)[0]
-        own = s.opponent_power_dbm - s.jammer_isolation_db
+        own = self._radiated() - s.jammer_isolation_db
         noise_mw = 10 ** (s.noise_density_dbm_hz / 10) * width * 1e6
-        noise_mw += 10 ** (own / 10) * (passed + 10 ** (s.filter_stopband_db / 10))
+        is_silent = s.look_through_s > 0
+        noise_mw += 0.0 if is_silent else 10 ** (own / 10) * (passed + 10 ** (s.filter_stopband_db / 10))
         to_ally, to_opponent = (
             np.subtract(place, s.base_station_m) for place in (self.ally_position, self.opponent_position)
         )
@@ -287,7 +309,9 @@ class ReferenceGame:
             s.ally_emission_dbm - f_loss(self.ally_position, self.opponent_position),
             s.base_power_dbm - weaker_db - f_loss(s.base_station_m, self.opponent_position),
         )
-        wall = 10 * math.log10(10 ** (s.noise_uncertainty_db / 10) - 1)
+        highest = 10 ** (s.noise_uncertainty_db / 10)
+        lowest = 1 / highest if s.radiometer_wall == "robust" else 1.0
+        wall = 10 * math.log10(highest - lowest)
         return max(levels) + fading_db - 10 * math.log10(noise_mw) >= wall
 
     # -- radio of the other models ----------------------------------------------------------------------
@@ -349,6 +373,9 @@ class ReferenceGame:
                 if s.spread_bandwidth_mhz / 2 <= spacing * min(k, s.frequency_points - 1 - k)
             ]
             self.point = min(fits or [(s.frequency_points - 1) // 2], key=lambda k: abs(k - self.point))
+        moved = self.hopped or (s.charge_moves and self.point != self.point_before)
+        toggled = spread != self.spreading
+        self.off_air_s = (s.hop_airtime_s if moved else 0.0) + (s.acquisition_s if toggled else 0.0)
         self.spreading = spread
         self.spreading_s = self.spreading_s + 1 if spread else 0
 
@@ -378,7 +405,9 @@ class ReferenceGame:
 
     def _move(self, a: list[float], o: list[float]) -> None:
         s = self.s
+        before = self.opponent_position
         self.opponent_position = np.clip(self._opponent_goes(o), 0, s.box_m)
+        self.opponent_flown_m = float(np.linalg.norm(self.opponent_position - before))
         slow, fast = s.ally_speed_m_s
         self.speed_m_s = slow + (a[2] + 1) / 2 * (fast - slow)
         self.flown_m += self.speed_m_s
@@ -403,8 +432,13 @@ class ReferenceGame:
 
     def _transmit(self) -> None:
         self.fading_db, self.centre_error = self.chance.fading_and_centre_error(self.step_number)
-        memory = self.s.fading_correlation
+        memory = jamming_memory = self.s.fading_correlation
+        if (reach := self.s.fading_distance_m) > 0:
+            memory = math.exp(-self.speed_m_s / reach)
+            jamming_memory = math.exp(-(self.speed_m_s + self.opponent_flown_m) / reach)
         self.fading = memory * self.fading + math.sqrt(1 - memory**2) * self.fading_db
+        drawn = self.chance.jamming_fading(self.step_number)
+        self.jamming_fading = jamming_memory * self.jamming_fading + math.sqrt(1 - jamming_memory**2) * drawn
         self.fading_db = self.s.fading_sd_db * self.fading
         self.covered = self._covers(self.jamming_type, self.jamming_mhz)
         if self.s.snr_model == "link":
@@ -423,13 +457,19 @@ class ReferenceGame:
     def _reward(self) -> None:
         s = self.s
         worth, clean = self._worth(self.snr_db), self._worth(self.clean_snr_db)
-        on_air = 1 - s.hop_airtime_s if self.hopped else 1.0
+        on_air = 1 - self.off_air_s
+        rate = self._rate(self.snr_db)
+        if self.step_number + 1 == self.next_check:
+            silent = s.look_through_s
+            worth = (1 - silent) * worth + silent * clean
+            rate = (1 - silent) * rate + silent * self._rate(self.clean_snr_db)
         cost = eq4(self.spreading_s) if self.spreading and any(s.spread_cost_per_s) else 0.0
         cost += s.flight_cost * (self.speed_m_s / s.ally_speed_m_s[1]) ** 3
+        cost += s.flight_cost_per_w * (rotary_wing_w(self.speed_m_s) - 126.00272188008806)
         self.ally_reward = on_air * worth - cost - (s.hop_cost if self.hopped else 0.0)
         near = s.distance_reward if self.distance_m < s.distance_reward_m else 0.0
         self.opponent_reward = near + s.snr_drop_weight * on_air * (clean - worth)
-        self.rate_mbit_s = on_air * self._rate(self.snr_db)
+        self.rate_mbit_s = on_air * rate
 
     def _check(self) -> None:
         s = self.s

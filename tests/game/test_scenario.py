@@ -29,6 +29,8 @@ REFUSED = {
     "ally_path_m": ["straight", ((0, 0, 0),) * 3, ((0, 0),) * 4, ((0, 0, -1),) * 4],
     "reselect_on_despread": [0, "no"],
     "hopping": ["never", 1],
+    "charge_moves": [1, "yes"],
+    "radiometer_wall": ["high", 3],
     "knowledge": [3, None],
     "opponent_path": ["cirle", ("circle", "oval"), (), 7],
     "snr_cap_db": [-1001, 1001, "many"],
@@ -151,6 +153,16 @@ def test_fields_of_another_radio_model_are_each_refused_by_name():
         ({"notch_width_mhz": 75}, ("notch_width_mhz 75.0", "spread_bandwidth_mhz 75.0")),
         ({"footprint_half_widths_mhz": (0, 10, 25, 2.5)}, ("footprint_half_widths_mhz", "above 0")),
         ({"rate_top_bit_s_hz": -1}, ("rate_top_bit_s_hz", "-1", "[0.01, 1000]")),
+        ({"fading_distance_m": 37}, ("fading_distance_m 37.0", "fading_correlation 0.76", "excludes")),
+        ({"flight_cost_per_w": 0.01}, ("flight_cost_per_w 0.01", "flight_cost 0.5", "excludes")),
+        (
+            {"flight_cost_per_w": 0.01, "flight_cost": 0, "ally_speed_m_s": (0, 31)},
+            ("ally_speed_m_s (0.0, 31.0)", "at most 30 m/s", "rotary wing"),
+        ),
+        (
+            {"acquisition_s": 0.8},
+            ("hop_airtime_s 0.3", "acquisition_s 0.8", "together at most a step of 1 s"),
+        ),
     ],
 )
 def test_what_no_radio_has_is_refused_with_its_bound(changes, parts):

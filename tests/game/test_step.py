@@ -22,6 +22,13 @@ CLOSE = [
     *("ally_position", "opponent_position", "distance_m"),
     *("snr_db", "clean_snr_db", "ally_reward", "opponent_reward", "rate_mbit_s"),
 ]
+# Every rule of the model link that the preset leaves at its neutral value.
+STRICT = dataclasses.replace(
+    preset("link"), band_low_mhz=2402.5, band_high_mhz=2481, spread_bandwidth_mhz=60, filter_stopband_db=-40,
+    fading_correlation=0, fading_distance_m=37, jamming_fading_sd_db=2, jamming_backoff_db=(0, 1, 2, 3),
+    tooth_tolerance_mhz=1e-6, charge_moves=True, acquisition_s=0.2, flight_cost=0, flight_cost_per_w=0.02,
+    ally_speed_m_s=(0, 25), opponent_speed_m_s=15, radiometer_wall="robust", look_through_s=0.2,
+)  # fmt: skip
 VARIANTS = {
     "standard": STANDARD,
     "paper": PAPER,
@@ -39,6 +46,11 @@ VARIANTS = {
     ),
     "link": preset("link"),
     "link-learned": dataclasses.replace(preset("link"), opponent_path="learned", sensing_type_error=0.5),
+    "link-strict": STRICT,
+    "link-strict-correlated": dataclasses.replace(
+        STRICT, fading_distance_m=0, fading_correlation=0.6, look_through_s=0, radiometer_wall="nominal",
+        opponent_path="learned",
+    ),
     "link-no-notch": dataclasses.replace(
         preset("link-throughput"), notch_width_mhz=0, opponent_path="circle"
     ),
