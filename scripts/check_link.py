@@ -27,6 +27,7 @@ from waveforms import Link, Transmission, array_gain, energy_rate, qam_rate
 from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import JAMMING_TYPES, WALLS
+from fpg_bench.game.propagation import in_sight
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, as_scenario
 
@@ -179,6 +180,26 @@ def beams(scenario: Scenario) -> Iterator[Row]:
         yield Row(
             f"{degrees:g} degrees beside", closed, 10 * math.log10(array_gain(8, np.array([degrees]))[0])
         )
+
+
+def los_share(ground_m: float, height_m: float) -> float:
+    """Return the probability of line of sight by 3GPP TR 36.777, Table B-1, UMi-AV, for 22.5 to 300 m."""
+    p = 233.98 * math.log10(height_m) - 0.95
+    d = max(294.05 * math.log10(height_m) - 432.94, 18.0)
+    return 1.0 if ground_m <= d else d / ground_m + math.exp(-ground_m / p) * (1 - d / ground_m)
+
+
+def los_shares(scenario: Scenario, cities: int) -> Iterator[tuple[float, float, float, float]]:
+    """Yield ground distance, height, the report's share of line of sight, and that of drawn cities."""
+    batch, radio = GameBatch(scenario, cities, threads=1), radio_record(scenario)[0]
+    batch.reset(seeds=0)
+    base = np.array(scenario.base_station_m)
+    angles = np.linspace(0, 2 * math.pi, 24, endpoint=False)
+    around = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
+    for height, metres in itertools.product((80.0, 100.0, 120.0), range(100, 701, 100)):
+        places = base * [1, 1, 0] + metres * around + [0, 0, height]
+        seen = [in_sight(base, place, boxes, radio) for boxes in batch.buildings for place in places]
+        yield metres, height, los_share(metres, height), float(np.mean(seen))
 
 
 def modulations(scenario: Scenario) -> Iterator[Row]:

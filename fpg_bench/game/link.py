@@ -187,12 +187,12 @@ def transmit(game: Record, distance_to_base_m: float, rules: Record, radio: Reco
     """Compute the SNR of the last step, with and without jamming."""
     kind, f, spreading = game.jamming_type, game.frequency_mhz, game.spreading
     fading = math.exp(rules.fading_sd * game.fading / _DB)
-    signal = received_mw(radio.base_mw, distance_to_base_m, f, rules, radio) * fading
+    signal = received_mw(radio.base_mw, distance_to_base_m, f, rules, radio) * fading * game.base_gain
     game.clean_snr_db = _DB * math.log(signal / radio.noise_mw[int(spreading)])
     game.snr_db = game.clean_snr_db
     if kind < 0:  # before the first step
         return
-    jamming = received_mw(radio.jamming_mw[kind], game.distance_m, f, rules, radio)
+    jamming = received_mw(radio.jamming_mw[kind], game.distance_m, f, rules, radio) * game.opponent_gain
     if radio.jamming_fading_sd > 0.0:
         jamming *= math.exp(radio.jamming_fading_sd * game.jamming_fading / _DB)
     share, density, centre = jamming_passed(kind, game.jamming_mhz, f, spreading, rules, radio)
@@ -240,20 +240,20 @@ def beam(base: np.ndarray, towards: np.ndarray, place: np.ndarray, radio: Record
 
 @compiled
 def radiometer_detects(
-    game: Record, distance_to_base_m: float, fading: float, rules: Record, radio: Record
+    game: Record, distance_to_base_m: float, base_gain: float, fading: float, rules: Record, radio: Record
 ) -> bool:
     """Return True if the opponent's radiometer detects the link: the ally's signal or the base station's.
 
     It listens in the ally's present channel, where a part of its own jamming leaks into its receiver, unless
-    it stops jamming to look through.
+    it stops jamming to look through. The base station is received over a path of the gain ``base_gain``.
     """
     f, i, kind = game.frequency_mhz, int(game.spreading), game.jamming_type
     noise = radio.channel_noise_mw[i]
     if radio.look_through == 0.0:
         share, _, _ = jamming_passed(kind, game.jamming_mhz, f, game.spreading, rules, radio)
         noise += radio.own_jamming_mw[kind] * (share + radio.stopband)
-    ally = received_mw(radio.ally_emission_mw, game.distance_m, f, rules, radio)
+    ally = received_mw(radio.ally_emission_mw, game.distance_m, f, rules, radio) * game.opponent_gain
     towards = beam(rules.base_station, game.ally_position, game.opponent_position, radio)
-    base = received_mw(radio.base_mw * towards, distance_to_base_m, f, rules, radio)
+    base = received_mw(radio.base_mw * towards, distance_to_base_m, f, rules, radio) * base_gain
     level = max(ally, base) * math.exp(rules.fading_sd * fading / _DB)
     return level >= radio.radiometer_threshold * noise

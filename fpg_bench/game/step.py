@@ -21,6 +21,7 @@ from fpg_bench.game.hopping import choose_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
 from fpg_bench.game.link import transmit
 from fpg_bench.game.metrics import count_step
+from fpg_bench.game.propagation import draw_buildings, keep_out, propagate, roof_m
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
 from fpg_bench.game.sensing import (
@@ -62,6 +63,7 @@ def play(
     opponent_actions: np.ndarray,
     ally_observations: np.ndarray,
     opponent_observations: np.ndarray,
+    buildings_array: np.ndarray | None,
     rules_array: np.ndarray,
     radio_array: np.ndarray | None,
 ) -> None:
@@ -75,21 +77,22 @@ def play(
         game, ally_action, opponent_action = games[i], ally_actions[i], opponent_actions[i]
         if game.truncated:
             continue
+        buildings = None if buildings_array is None else buildings_array[i]
         point_before = game.point
         _choose_jamming(game, opponent_action, rules)
         _choose_frequency(game, ally_action, ally_observations[i], rules, radio)
-        speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], rules, radio)
+        speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], buildings, rules, radio)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
-        _transmit(game, fading, speed_m_s, rules, radio)
+        _transmit(game, fading, speed_m_s, buildings, rules, radio)
         reward(game, speed_m_s, rules, radio)
-        run_detection_check(game, rules, radio)
+        run_detection_check(game, buildings, rules, radio)
         update_spectrum_monitor(game, centre_error, rules)
         game.truncated = game.step + 1 >= game.horizon
         count_step(game, tallies[i], histograms[i], point_before, rules)
         _record_segment(game, segments[i], rules)
         game.step += 1
         write_ally_observation(ally_observations[i], game, rules, radio)
-        write_opponent_observation(opponent_observations[i], game, rules)
+        write_opponent_observation(opponent_observations[i], game, rules, radio)
 
 
 @compiled
@@ -127,6 +130,7 @@ def _move(
     ally_action: np.ndarray,
     opponent_action: np.ndarray,
     waypoints: np.ndarray,
+    buildings: np.ndarray | None,
     rules: Record,
     radio: Record | None,
 ) -> float:
@@ -136,6 +140,8 @@ def _move(
     place = game.opponent_position
     x, y, z = place[0], place[1], place[2]
     fly_opponent(game, opponent_action, waypoints, rules)  # first: pursuit aims at where the ally was
+    if buildings is not None:
+        keep_out(place, x, y, z, rules.opponent_speed, buildings, radio)
     if radio is not None:
         game.flown_m = math.sqrt((place[0] - x) ** 2 + (place[1] - y) ** 2 + (place[2] - z) ** 2)
     fly_curve(game, speed_m_s, rules)
@@ -157,7 +163,14 @@ def trace_ally(path: np.ndarray, games: np.ndarray, rules_array: np.ndarray) -> 
 
 
 @compiled
-def _transmit(game: Record, fading: float, speed_m_s: float, rules: Record, radio: Record | None) -> None:
+def _transmit(
+    game: Record,
+    fading: float,
+    speed_m_s: float,
+    buildings: np.ndarray | None,
+    rules: Record,
+    radio: Record | None,
+) -> None:
     """Compute coverage, fading, and the SNR with and without jamming, at the final positions."""
     f = game.frequency_mhz
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
@@ -177,6 +190,8 @@ def _transmit(game: Record, fading: float, speed_m_s: float, rules: Record, radi
     else:
         if radio.jamming_fading_sd > 0.0:
             _fade_jamming(game, kept, radio)
+        if buildings is not None:
+            propagate(game, distance_to_base_m, buildings, rules, radio)
         transmit(game, distance_to_base_m, rules, radio)
 
 
@@ -208,6 +223,7 @@ def begin(
     ally_observations: np.ndarray,
     opponent_observations: np.ndarray,
     segments: np.ndarray,
+    buildings_array: np.ndarray | None,
     rules_array: np.ndarray,
     radio_array: np.ndarray | None,
 ) -> None:
@@ -218,16 +234,19 @@ def begin(
         if not mask[i]:
             continue
         game = games[i]
-        _begin_match(game, rng.match_key(game.seed, game.match), rules)
-        _begin_round(game, rules, radio)
+        buildings = None if buildings_array is None else buildings_array[i]
+        _begin_match(game, rng.match_key(game.seed, game.match), buildings, rules, radio)
+        _begin_round(game, buildings, rules, radio)
         segments[i] = 0.0
         write_ally_observation(ally_observations[i], game, rules, radio)
-        write_opponent_observation(opponent_observations[i], game, rules)
+        write_opponent_observation(opponent_observations[i], game, rules, radio)
 
 
 @compiled
-def _begin_match(game: Record, key: np.uint64, rules: Record) -> None:
-    """Draw what all rounds of a match share: the ally's path and the opponent's start."""
+def _begin_match(
+    game: Record, key: np.uint64, buildings: np.ndarray | None, rules: Record, radio: Record | None
+) -> None:
+    """Draw what all rounds of a match share: the ally's path, buildings, and the opponent's start."""
     game.round_key = rng.round_key(key, game.round)
     for corner in range(4):
         for axis in range(3):
@@ -239,10 +258,14 @@ def _begin_match(game: Record, key: np.uint64, rules: Record) -> None:
             game.control_points[corner, axis] = drawn if rules.random_curve else rules.curve[corner, axis]
     for axis in range(3):
         game.opponent_start[axis] = rng.uniform(key, 0, rng.OPPONENT_START + axis) * rules.box[axis]
+    if buildings is not None and radio is not None:
+        if radio.draws_buildings:
+            draw_buildings(buildings, key, rules, radio)
+        game.opponent_start[2] = max(game.opponent_start[2], roof_m(game.opponent_start, buildings))
 
 
 @compiled
-def _begin_round(game: Record, rules: Record, radio: Record | None) -> None:
+def _begin_round(game: Record, buildings: np.ndarray | None, rules: Record, radio: Record | None) -> None:
     key = game.round_key
     game.step = 0
     game.truncated = False
@@ -266,6 +289,9 @@ def _begin_round(game: Record, rules: Record, radio: Record | None) -> None:
     game.airtime, game.flown_m = 1.0, 0.0
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     if radio is not None:
+        game.in_sight, game.base_gain, game.opponent_gain = True, 1.0, 1.0
+        if buildings is not None:
+            propagate(game, distance_to_base_m, buildings, rules, radio)
         transmit(game, distance_to_base_m, rules, radio)
     else:
         signal = rules.base_power - path_loss_db(distance_to_base_m, game.frequency_mhz, rules)

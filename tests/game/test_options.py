@@ -15,7 +15,7 @@ from .playing import begin, wander
 CIRCLE = dataclasses.replace(STANDARD, opponent_path="circle")
 LEARNED = dataclasses.replace(STANDARD, opponent_path="learned")
 PLANNED = dataclasses.replace(STANDARD, opponent_path="waypoints")
-LINK = preset("link")
+LINK, CITY = preset("link"), preset("link-city")
 NEW_LINK = dataclasses.replace(LINK, fading_correlation=0, flight_cost=0)  # two fields that others replace
 
 # field: another value, and where it matters if that is not the standard scenario
@@ -85,6 +85,11 @@ OTHERWISE = {
     "jamming_fading_sd_db": (2, LINK),
     "jamming_backoff_db": ((0, 0, 3, 3), LINK),
     "tooth_tolerance_mhz": (1, LINK),
+    "buildings": (10, CITY),
+    "building_side_m": ((50, 60), CITY),
+    "building_height_m": ((20, 30), CITY),
+    "mast_clearance_m": (300, CITY),
+    "building_boxes_m": (((0, 0, 700, 700, 60),), dataclasses.replace(CITY, buildings=0)),
     "hop_airtime_s": (0.4, LINK),
     "charge_moves": (True, LINK),
     "acquisition_s": (0.2, LINK),

@@ -47,6 +47,15 @@ VARIANTS = {
     "link": preset("link"),
     "link-learned": dataclasses.replace(preset("link"), opponent_path="learned", sensing_type_error=0.5),
     "link-strict": STRICT,
+    "link-city": preset("link-city"),
+    "link-strict-city": dataclasses.replace(
+        STRICT, box_m=(1500, 1500, 150), ally_path_altitude_m=(65, 120), opponent_path="waypoints",
+        patrol_centre_m=(750, 750, 100), buildings=40, building_side_m=(60, 120), sensing_type_error=0.5,
+    ),
+    "link-own-city": dataclasses.replace(
+        preset("link-city"), buildings=0, opponent_path="learned", opponent_speed_m_s=20,
+        building_boxes_m=((0, 0, 700, 700, 60), (0, 800, 700, 1300, 40), (800, 0, 1100, 1400, 30)),
+    ),
     "link-strict-correlated": dataclasses.replace(
         STRICT, fading_distance_m=0, fading_correlation=0.6, look_through_s=0, radiometer_wall="nominal",
         opponent_path="learned",
