@@ -236,6 +236,7 @@ class Results(list[Summary]):
 
 _MEASURES = (
     ("jammed %", "jamming_success_rate", 100),
+    ("rate kept %", "rate_kept", 100),
     ("hops %", "hop_rate", 100),
     ("spread %", "spread_ratio", 100),
     ("overlap %", "overlap_ratio", 100),
@@ -266,6 +267,7 @@ def columns(suite: Suite, placed: Mapping[str, Standing]) -> list[Column]:
     measures = [
         Column(heading, _measure(name, factor), spare)
         for spare, (heading, name, factor) in enumerate(_MEASURES, _FIRST_MEASURE)
+        if name != "rate_kept" or suite.scenario.snr_model == "link"
     ]
     own = _of_planners(suite) if suite.side == PLANNER else _OF_PLAYERS
     after = 1 + next(k for k, column in enumerate(own) if column.heading == _INTERVAL)

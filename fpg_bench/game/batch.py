@@ -14,6 +14,7 @@ from fpg_bench.common.checks import integer, is_integer
 from fpg_bench.common.errors import UserError, shown
 from fpg_bench.game import step as kernel
 from fpg_bench.game.flight import LEARNED, PURSUIT
+from fpg_bench.game.metrics import CLEAN
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
@@ -247,6 +248,14 @@ class GameBatch:
                 f"waypoint {index}: {waypoints[index].tolist()} lies outside the box {self.scenario.box_m}"
             )
         self.waypoints[game] = waypoints
+
+    def clean_sum(self, games: Sequence[int] | slice = slice(None)) -> dict[str, float]:
+        """Return the sum of some games' rates without jamming in this round, to go beside their tally.
+
+        Returns:
+            ``clean_mbit_s`` in the model ``link``; nothing in others, which do not compute such rates.
+        """
+        return {} if self._radio is None else {CLEAN: float(self.games["clean_mbit"][games].sum())}
 
     def pursue(self, mask: np.ndarray) -> None:
         """Make opponents pursue the ally in this round instead of flying themselves (path ``learned``).

@@ -50,6 +50,7 @@ def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) 
             rate += radio.look_through * (clean_rate - rate)
             value += radio.look_through * (clean_value - value)
         game.rate_mbit_s = airtime * rate
+        game.clean_mbit += airtime * clean_rate
         game.ally_value = value
         drop = clean_value - value
     game.ally_reward = airtime * game.ally_value - costs - hop

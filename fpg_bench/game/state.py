@@ -66,6 +66,7 @@ GAME = np.dtype(
         ("snr_db", "f8"),
         ("clean_snr_db", "f8"),  # without jamming, same fading
         ("rate_mbit_s", "f8"),
+        ("clean_mbit", "f8"),  # sum of the round's rates without jamming; in the model link
         ("sensed_type", "i8"),  # -1: nothing sensed yet
         ("sensed_mhz", "f8"),
         ("ally_value", "f8"),  # the ally's reward before its costs
