@@ -3,7 +3,7 @@
     python scripts/check_link.py [--sionna] [--scenario link] [--page docs/reference/link.md]
 
 Prints tables of the closed form beside the simulation, with the difference in dB. ``--sionna`` needs the
-extra ``check-link`` and minutes; ``--scenario`` checks another scenario of the model, with 75 MHz of chips;
+extra ``check-link`` and minutes; ``--scenario`` checks another scenario of the model, without buildings;
 ``--page`` puts the tables into a page, between its marks, and all cases beside it as CSV.
 """
 
@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from waveforms import Link, Transmission, array_gain, energy_rate, qam_rate
+from waveforms import SAMPLES_MHZ, Link, Transmission, array_gain, energy_rate, qam_rate
 
 from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
@@ -31,6 +31,7 @@ from fpg_bench.game.propagation import in_sight
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, as_scenario
 
+OF_LENGTH_DB = -55.0  # stop band of the waveforms' filter
 MEAN_DB, WORST_DB = 0.3, 1.0  # bounds of a table
 # Modulation (bits) and code rate x 1024 of 3GPP TS 36.213, Table 7.2.3-1
 CODES = ((2, 308), (2, 602), (4, 378), (4, 616), (6, 466), (6, 666), (6, 873))
@@ -253,7 +254,18 @@ def main() -> int:
     options = parser.parse_args()
     scenario, symbols = as_scenario(options.scenario), 6000
     band = scenario.band_high_mhz - scenario.band_low_mhz
-    waves = Link(band_mhz=band, teeth_mhz=scenario.comb_spacing_points * scenario.point_spacing_mhz)
+    waves = Link(
+        chips_mhz=scenario.spread_bandwidth_mhz,
+        spread_symbols_mhz=scenario.spread_rate_mhz,
+        notch_mhz=scenario.notch_width_mhz,
+        band_mhz=band,
+        floor_db=scenario.filter_stopband_db if scenario.filter_stopband_db > OF_LENGTH_DB else -math.inf,
+        teeth_mhz=scenario.comb_spacing_points * scenario.point_spacing_mhz,
+    )
+    if SAMPLES_MHZ % waves.chips_mhz or waves.chips_mhz % waves.spread_symbols_mhz:
+        parser.error(
+            f"--scenario: chips of {waves.chips_mhz:g} MHz divide neither {SAMPLES_MHZ:g} MHz nor symbols"
+        )
     bounded = {
         "Overlap of spectra": list(overlaps(waves, scenario, symbols)),
         "Processing gain and notch": list(gains(waves, scenario, symbols)),

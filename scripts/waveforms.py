@@ -46,6 +46,7 @@ class Link:
     chips_mhz: float = 75.0
     spread_symbols_mhz: float = 2.5
     notch_mhz: float = 6.0
+    floor_db: float = -np.inf  # what the receive filter lets through beside the -55 dB of its length
     band_mhz: float = 100.0
     half_widths_mhz: tuple[float, ...] = (0.05, 10.0, 25.0, 2.5)
     teeth_mhz: float = 400.0 / 14.0
@@ -87,12 +88,13 @@ class Link:
         spectrum = np.sqrt(density * SAMPLES_MHZ * n / 2) * self._normal(n)
         spectrum += 10 ** (jamming_db / 20) * self._jamming(kind, jamming_mhz, f)
         spectrum = signal + np.roll(spectrum, -round(channel_mhz * n / SAMPLES_MHZ))
-        filters = [shape]
+        received_by = np.maximum(shape, 10 ** (self.floor_db / 20))
+        filters = [received_by]
         if is_spreading and self.notch_mhz:
             middle = self._notch(
                 self.jamming_teeth(kind, jamming_mhz) - channel_mhz, self.half_widths_mhz[kind]
             )
-            filters.append(shape * (np.abs(f - middle) > self.notch_mhz / 2))
+            filters.append(received_by * (np.abs(f - middle) > self.notch_mhz / 2))
         received = []
         for each in filters:
             samples = np.fft.ifft(spectrum * each)[::per_pulse] * np.conj(code)
