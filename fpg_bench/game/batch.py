@@ -67,6 +67,7 @@ class GameBatch:
         self.threads = integer(threads, "threads")
         self._rules = rules_record(scenario)
         self._radio = radio_record(scenario)
+        self._channel = None if scenario.channel_grid is None else tuple(scenario.channel_grid)
         self.games = np.zeros(self.count, GAME)
         self.tallies = np.zeros(self.count, TALLY)
         self.histograms = np.zeros((self.count, 2, scenario.frequency_points), np.int32)
@@ -103,6 +104,7 @@ class GameBatch:
             self.ally_observations,
             self.opponent_observations,
             self.buildings,
+            self._channel,
             self._rules,
             self._radio,
         )
@@ -156,6 +158,7 @@ class GameBatch:
             self.opponent_observations,
             self.segments,
             self.buildings,
+            self._channel,
             self._rules,
             self._radio,
         )

@@ -97,6 +97,38 @@ def propagate(
 
 
 @compiled
+def channel_gain(
+    channel: tuple[np.ndarray, np.ndarray, np.ndarray],
+    place: np.ndarray,
+    metres: float,
+    frequency_mhz: float,
+    rules: Record,
+    radio: Record,
+) -> float:
+    """Return the gain of a channel's grid at a place in it, trilinear in dB, over that of free space."""
+    gain_db, origin, per_spacing = channel
+    x, i = _in_grid(place[0], origin[0], per_spacing[0], gain_db.shape[0])
+    y, j = _in_grid(place[1], origin[1], per_spacing[1], gain_db.shape[1])
+    z, k = _in_grid(place[2], origin[2], per_spacing[2], gain_db.shape[2])
+    total = 0.0
+    for a in range(2):
+        for b in range(2):
+            for c in range(2):
+                share = (x if a else 1.0 - x) * (y if b else 1.0 - y) * (z if c else 1.0 - z)
+                total += share * gain_db[i + a, j + b, k + c]
+    product = max(metres, rules.minimum_distance) * frequency_mhz
+    return math.exp(total / _DB) * product * product / radio.path_gain
+
+
+@compiled
+def _in_grid(place: float, origin: float, per_spacing: float, count: int) -> tuple[float, int]:
+    """Return how far a coordinate lies in its cell, in [0, 1], and the cell's index."""
+    along = (place - origin) * per_spacing
+    cell = min(max(math.floor(along), 0), count - 2)
+    return along - cell, cell
+
+
+@compiled
 def keep_out(
     position: np.ndarray, x: float, y: float, z: float, climb: float, buildings: np.ndarray, radio: Record
 ) -> None:

@@ -20,6 +20,7 @@ import yaml
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml, write_whole
+from fpg_bench.game.channel import Channel, load_channel
 from fpg_bench.game.knowledge import KnowledgeEntry, load_knowledge
 from fpg_bench.game.names import (
     DETECTIONS,
@@ -129,6 +130,14 @@ def _checked_boxes(name: str, value: object) -> tuple[tuple[float, ...], ...] | 
     return tuple(tuple(_checked_number(name, item, 0, 1e5, False) for item in box) for box in value)
 
 
+def _checked_channel(name: str, value: object) -> str | None:
+    if value is None or value == "none":
+        return None
+    if not isinstance(value, str | Path):
+        raise ScenarioError(f"{name}: expected a CSV file or none, got {value!r}")
+    return os.path.abspath(value)
+
+
 def _checked_cap(name: str, value: object) -> float | None:
     return None if value in (None, "none") else _checked_number(name, value, -1000, 1000, False)
 
@@ -148,6 +157,7 @@ _OTHER_CHECKS = {
     "ally_path_m": _checked_curve,
     "snr_cap_db": _checked_cap,
     "building_boxes_m": _checked_boxes,
+    "channel": _checked_channel,
     "knowledge": _checked_knowledge,
 }
 
@@ -394,6 +404,7 @@ class Scenario:
     building_boxes_m: tuple[tuple[float, ...], ...] | None = _other(
         None, "buildings of one's own instead: west, south, east, north and height of each", LINK
     )
+    channel: str | None = _other(None, "CSV file of the gain from base station to ally on a grid", LINK)
     hop_airtime_s: float = _number(0.0, 0, 1, "part of a step in which a hop leaves no link", LINK)
     charge_moves: bool = _other(
         False, "a change of point without the hop gate loses hop_airtime_s, too", LINK
@@ -502,12 +513,25 @@ class Scenario:
             object.__setattr__(self, spec.name, checked(spec, getattr(self, spec.name)))
         check_mix(self)
         object.__setattr__(self, "_knowledge_base", load_knowledge(self.knowledge))
+        grid = None if self.channel is None else load_channel(self.channel)
+        if grid is not None and not (max(grid.origin_m) <= 0 and (grid.end_m >= self.box_m).all()):
+            raise ScenarioError(
+                f"channel {self.channel}: from {grid.origin_m.tolist()} to {grid.end_m.tolist()} m; "
+                f"must hold box_m {self.box_m}"
+            )
+        object.__setattr__(self, "_channel_grid", grid)
 
     @property
     def knowledge_base(self) -> tuple[KnowledgeEntry, ...] | None:
         """The expert knowledge base, an entry per jamming type; None if ``knowledge`` is ``none``."""
         base: tuple[KnowledgeEntry, ...] | None = vars(self)["_knowledge_base"]
         return base
+
+    @property
+    def channel_grid(self) -> Channel | None:
+        """The gains of ``channel``; None if there is no such file."""
+        grid: Channel | None = vars(self)["_channel_grid"]
+        return grid
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -532,6 +556,8 @@ class Scenario:
             for name, value in _as_json(dataclasses.asdict(self)).items()
             if name != "knowledge" and value != released[name]
         }
+        if self.channel_grid is not None:
+            changed["channel"] = self.channel_grid.hash
         base = self.knowledge_base
         played = [{k: v for k, v in vars(entry).items() if k != "advice"} for entry in base or ()]
         content = {
@@ -545,20 +571,17 @@ class Scenario:
     def from_yaml(cls, path: str | Path) -> Scenario:
         """Read a scenario from YAML: a mapping of field names, applied to the preset named ``preset``.
 
-        A relative ``knowledge`` file is looked for beside the YAML file.
+        A relative ``knowledge`` or ``channel`` file is looked for beside the YAML file.
 
         Raises:
             UserError: the file cannot be read or parsed, or holds an unknown key or a bad value.
         """
         path = Path(path)
         changes = read_yaml(path, "scenario")
-        knowledge = changes.get("knowledge")
-        if (
-            isinstance(knowledge, str)
-            and knowledge not in ("expert", "none")
-            and not Path(knowledge).is_absolute()
-        ):
-            changes["knowledge"] = str(path.parent / knowledge)
+        for name in ("knowledge", "channel"):
+            file = changes.get(name)
+            if isinstance(file, str) and file not in ("expert", "none") and not Path(file).is_absolute():
+                changes[name] = str(path.parent / file)
         scenario = cls.from_dict(changes, f"scenario {path}")
         if scenario.bandwidth_mhz > scenario.point_spacing_mhz:
             _logger.warning(

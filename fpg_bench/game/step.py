@@ -21,7 +21,7 @@ from fpg_bench.game.hopping import choose_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
 from fpg_bench.game.link import transmit
 from fpg_bench.game.metrics import count_step
-from fpg_bench.game.propagation import draw_buildings, keep_out, propagate, roof_m
+from fpg_bench.game.propagation import channel_gain, draw_buildings, keep_out, propagate, roof_m
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
 from fpg_bench.game.sensing import (
@@ -36,6 +36,8 @@ from fpg_bench.game.state import Record
 # opponent.
 HOP_GATE, SPREAD_GATE, SPEED = 0, 1, 2
 TUNING, TUNING_REFERENCE = 4, 5
+
+Grid = tuple[np.ndarray, np.ndarray, np.ndarray]  # a channel.Channel
 
 _LOW, _HIGH = np.float32(-1.0), np.float32(1.0)
 
@@ -64,6 +66,7 @@ def play(
     ally_observations: np.ndarray,
     opponent_observations: np.ndarray,
     buildings_array: np.ndarray | None,
+    channel: Grid | None,
     rules_array: np.ndarray,
     radio_array: np.ndarray | None,
 ) -> None:
@@ -83,7 +86,7 @@ def play(
         _choose_frequency(game, ally_action, ally_observations[i], rules, radio)
         speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], buildings, rules, radio)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
-        _transmit(game, fading, speed_m_s, buildings, rules, radio)
+        _transmit(game, fading, speed_m_s, buildings, channel, rules, radio)
         reward(game, speed_m_s, rules, radio)
         run_detection_check(game, buildings, rules, radio)
         update_spectrum_monitor(game, centre_error, rules)
@@ -168,6 +171,7 @@ def _transmit(
     fading: float,
     speed_m_s: float,
     buildings: np.ndarray | None,
+    channel: Grid | None,
     rules: Record,
     radio: Record | None,
 ) -> None:
@@ -192,6 +196,10 @@ def _transmit(
             _fade_jamming(game, kept, radio)
         if buildings is not None:
             propagate(game, distance_to_base_m, buildings, rules, radio)
+        if channel is not None:
+            game.base_gain = channel_gain(
+                channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio
+            )
         transmit(game, distance_to_base_m, rules, radio)
 
 
@@ -224,6 +232,7 @@ def begin(
     opponent_observations: np.ndarray,
     segments: np.ndarray,
     buildings_array: np.ndarray | None,
+    channel: Grid | None,
     rules_array: np.ndarray,
     radio_array: np.ndarray | None,
 ) -> None:
@@ -236,7 +245,7 @@ def begin(
         game = games[i]
         buildings = None if buildings_array is None else buildings_array[i]
         _begin_match(game, rng.match_key(game.seed, game.match), buildings, rules, radio)
-        _begin_round(game, buildings, rules, radio)
+        _begin_round(game, buildings, channel, rules, radio)
         segments[i] = 0.0
         write_ally_observation(ally_observations[i], game, rules, radio)
         write_opponent_observation(opponent_observations[i], game, rules, radio)
@@ -265,7 +274,9 @@ def _begin_match(
 
 
 @compiled
-def _begin_round(game: Record, buildings: np.ndarray | None, rules: Record, radio: Record | None) -> None:
+def _begin_round(
+    game: Record, buildings: np.ndarray | None, channel: Grid | None, rules: Record, radio: Record | None
+) -> None:
     key = game.round_key
     game.step = 0
     game.truncated = False
@@ -292,6 +303,10 @@ def _begin_round(game: Record, buildings: np.ndarray | None, rules: Record, radi
         game.in_sight, game.base_gain, game.opponent_gain = True, 1.0, 1.0
         if buildings is not None:
             propagate(game, distance_to_base_m, buildings, rules, radio)
+        if channel is not None:
+            game.base_gain = channel_gain(
+                channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio
+            )
         transmit(game, distance_to_base_m, rules, radio)
     else:
         signal = rules.base_power - path_loss_db(distance_to_base_m, game.frequency_mhz, rules)

@@ -166,7 +166,7 @@ class ReferenceGame:
         self.fading = chance.fading_before()
         self.jamming_fading = chance.jamming_fading_before()
         self.snr_db = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m) - self._noise()
-        self.snr_db += self._gain_db(self.ally_position, s.base_station_m)
+        self.snr_db += self._base_gain_db()
         self.observe()
 
     def _control_points(self) -> np.ndarray:
@@ -234,6 +234,18 @@ class ReferenceGame:
         loss += 20 * math.log10(self.frequency_mhz / 1000)
         return min(self._loss(a, b) - loss, 0.0)
 
+    def _base_gain_db(self) -> float:
+        grid = self.s.channel_grid
+        if grid is None:
+            return self._gain_db(self.ally_position, self.s.base_station_m)
+        values = grid.gain_db
+        for axis in range(3):  # a line, then a point, of what is left
+            places = np.linspace(grid.origin_m[axis], grid.end_m[axis], grid.gain_db.shape[axis])
+            values = np.apply_along_axis(
+                lambda line, at, of: np.interp(at, of, line), 0, values, self.ally_position[axis], places
+            )
+        return float(values) + self._loss(self.ally_position, self.s.base_station_m)
+
     def _roof_m(self, place) -> float:
         x, y = place[:2]
         return max((top for w, s, e, n, top in self.buildings if w < x < e and s < y < n), default=0.0)
@@ -299,7 +311,7 @@ class ReferenceGame:
     def _link_snr(self, is_jammed: bool) -> float:
         s = self.s
         signal = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m) + self.fading_db
-        signal += self._gain_db(self.ally_position, s.base_station_m)
+        signal += self._base_gain_db()
         signal_mw = 10 ** (signal / 10)
         density_mw_hz = 10 ** (s.noise_density_dbm_hz / 10)
         jamming_mw, passed, density, tooth = 0.0, 0.0, 0.0, (0.0, 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -90,6 +91,7 @@ OTHERWISE = {
     "building_height_m": ((20, 30), CITY),
     "mast_clearance_m": (300, CITY),
     "building_boxes_m": (((0, 0, 700, 700, 60),), dataclasses.replace(CITY, buildings=0)),
+    "channel": (str(Path(__file__).parents[2] / "examples" / "free-space.csv"), LINK),
     "hop_airtime_s": (0.4, LINK),
     "charge_moves": (True, LINK),
     "acquisition_s": (0.2, LINK),

@@ -30,6 +30,7 @@ REFUSED = {
     "reselect_on_despread": [0, "no"],
     "hopping": ["never", 1],
     "charge_moves": [1, "yes"],
+    "channel": [5, ("a.csv",)],
     "building_boxes_m": ["many", (), ((0, 0, 9, 9),), ((0, 0, 9, 9, -1),)],
     "radiometer_wall": ["high", 3],
     "knowledge": [3, None],
