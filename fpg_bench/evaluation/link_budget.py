@@ -151,7 +151,7 @@ def draw_link_budget(scenario: Scenario, path: Path, link_m: float = 500.0) -> N
         UserError: another model than ``link``.
         OSError: the file cannot be written.
     """
-    distances = np.geomspace(max(scenario.minimum_distance_m, 10.0), 2000.0, 60)
+    distances = np.geomspace(max(scenario.minimum_distance_m, 10.0), 2000.0, 60).tolist()
     rows = link_budget(scenario, link_m, distances)
     rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]  # type: ignore[index]
     figure = blank_figure(11, 4, dpi=120)

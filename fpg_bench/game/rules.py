@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from fpg_bench.game.flight import least_power_w
+from fpg_bench.game.flight import rotary_wing_w, thriftiest_m_s
 from fpg_bench.game.link import ratio, snr_wall
 from fpg_bench.game.names import DETECTIONS, JAMMING_TYPES, PATHS
 from fpg_bench.game.scenario import Scenario
@@ -105,7 +105,7 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
         row["tallest"] = max(top for *_, top in s.building_boxes_m)
     row["clearance"] = s.mast_clearance_m
     row["charge_moves"], row["acquisition"] = s.charge_moves, s.acquisition_s
-    row["flight_cost_per_w"], row["least_power"] = s.flight_cost_per_w, least_power_w()
+    row["flight_cost_per_w"], row["least_power"] = s.flight_cost_per_w, rotary_wing_w(thriftiest_m_s())
     row["per_rate_reference"] = 1 / s.rate_reference_mbit_s
     top = s.bandwidth_mhz * s.rate_top_bit_s_hz
     row["reward_scale"] = s.reward_scale / math.log1p(top / s.rate_reference_mbit_s)

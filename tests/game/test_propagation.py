@@ -10,6 +10,7 @@ import pytest
 from check_link import los_shares
 
 from fpg_bench.game.propagation import EAST, NORTH, SOUTH, TOP, WEST, in_sight
+from fpg_bench.game.recording import Recording
 from fpg_bench.game.rules import radio_record
 from fpg_bench.game.scenario import preset
 
@@ -92,6 +93,18 @@ def test_a_hidden_path_loses_what_the_report_says_and_is_seen_as_hidden():
     for name in ("ally_observations", "opponent_observations"):
         assert abs(getattr(free, name)[0, 14]) == 1
         assert abs(getattr(hidden, name)[0, 14]) == 0.5
+
+
+def test_a_recording_has_the_buildings_that_stand():
+    batch = begin(CITY)
+    boxes = Recording(batch).buildings
+    assert len(boxes) == (batch.buildings[0, TOP] > 0).sum()
+    west, south, east, north, height = boxes.T
+    assert (west < east).all()
+    assert (south < north).all()
+    assert (height >= 40).all()
+    assert Recording(begin(ONE)).buildings.tolist() == [[300, 300, 500, 600, 50]]
+    assert not len(Recording(begin(preset("link"))).buildings)
 
 
 def test_an_opponent_climbs_in_front_of_a_wall_and_flies_over_the_roof():
