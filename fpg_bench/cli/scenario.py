@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fpg_bench.cli.options import JsonOption, print_json
+
+if TYPE_CHECKING:
+    from fpg_bench.evaluation.link_budget import Row
+
+_HEADS: tuple[str, ...] = (
+    *("jamming", "waveform", "m", "EIRP dBm", "loss dB", "received dBm", "noise dBm", "gain dB"),
+    *("J/S dB", "passes dB", "SNR dB", "Mbit/s"),
+)
 
 app = typer.Typer(help="Show scenarios, and check files of your own.")
 
@@ -55,13 +63,11 @@ def show(
         typer.echo(f"drawn: {picture}", err=as_json)
 
 
-def _print_table(rows: list) -> None:  # type: ignore[type-arg]
-    heads = ("jamming", "waveform", "m", "EIRP dBm", "loss dB", "received dBm", "noise dBm", "gain dB")
-    heads += ("J/S dB", "passes dB", "SNR dB", "Mbit/s")
-    lines = [heads]
-    for row in rows:
-        first, numbers = row[:2], row[2:]
-        lines.append((*first, f"{numbers[0]:g}", *("-" if x is None else f"{x:.1f}" for x in numbers[1:])))
+def _print_table(rows: list[Row]) -> None:
+    lines = [_HEADS]
+    for jamming, waveform, metres, *levels in rows:
+        texts = ("-" if level is None else f"{level:.1f}" for level in levels)
+        lines.append((jamming, waveform, f"{metres:g}", *texts))
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
         cells = [line[0].ljust(widths[0]), line[1].ljust(widths[1])]
@@ -73,7 +79,7 @@ def _print_table(rows: list) -> None:  # type: ignore[type-arg]
 def check(
     file: Annotated[Path, typer.Argument(help="A YAML file of a scenario.")],
 ) -> None:
-    """Check a scenario's file; print its hash and what it changes.
+    """Check a scenario's file, and print its hash.
 
     Example: fpg-bench scenario check my.yml
     """
