@@ -29,7 +29,7 @@ from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import JAMMING_TYPES, WALLS
 from fpg_bench.game.propagation import in_sight
 from fpg_bench.game.rules import radio_record, rules_record
-from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.game.scenario import Scenario, as_scenario, preset
 
 OF_LENGTH_DB = -55.0  # stop band of the waveforms' filter
 MEAN_DB, WORST_DB = 0.3, 1.0  # bounds of a table
@@ -203,6 +203,17 @@ def los_shares(scenario: Scenario, cities: int) -> Iterator[tuple[float, float, 
         yield metres, height, los_share(metres, height), float(np.mean(seen))
 
 
+def sight_note(scenario: Scenario, cities: int) -> str:
+    """Return how far the share of line of sight in drawn cities is from the report's."""
+    shares = list(los_shares(scenario, cities))
+    errors = np.array([found - wanted for _, _, wanted, found in shares])
+    k = int(np.abs(errors).argmax())
+    return (
+        f"Share of line of sight in {cities} cities of {scenario.name}, against TR 36.777: rms "
+        f"{np.sqrt(np.mean(errors**2)):.3f}, at worst {errors[k]:+.3f} ({shares[k][0]:g} m, {shares[k][1]:g} m high)"
+    )
+
+
 def modulations(scenario: Scenario) -> Iterator[Row]:
     """Yield the SINR of a rate by the game's curve, and by the mutual information of the best QAM."""
     rng = np.random.default_rng(5)
@@ -297,7 +308,7 @@ def main() -> int:
         bounded["Overlap, against Sionna's filters"] = own
     comparisons = bounded | ideal
     text = summary(comparisons)
-    print(f"{cases(comparisons)}\n{text}")
+    print(f"{cases(comparisons)}\n{text}\n{sight_note(preset('link-city'), 300)}")
     if options.page:
         options.page.with_suffix(".csv").write_text(cases(comparisons), encoding="utf-8")
         page = options.page.read_text(encoding="utf-8")
