@@ -208,9 +208,10 @@ def sight_note(scenario: Scenario, cities: int) -> str:
     shares = list(los_shares(scenario, cities))
     errors = np.array([found - wanted for _, _, wanted, found in shares])
     k = int(np.abs(errors).argmax())
+    metres, height, _, _ = shares[k]
     return (
         f"Share of line of sight in {cities} cities of {scenario.name}, against TR 36.777: rms "
-        f"{np.sqrt(np.mean(errors**2)):.3f}, at worst {errors[k]:+.3f} ({shares[k][0]:g} m, {shares[k][1]:g} m high)"
+        f"{np.sqrt(np.mean(errors**2)):.3f}, at worst {errors[k]:+.3f} ({metres:g} m, {height:g} m high)"
     )
 
 
