@@ -1,10 +1,10 @@
 """Check every formula of the radio model ``link`` against waveforms, and against NVIDIA Sionna.
 
-    python scripts/check_link.py [--sionna] [--page docs/reference/link.md]
+    python scripts/check_link.py [--sionna] [--scenario link] [--page docs/reference/link.md]
 
 Prints tables of the closed form beside the simulation, with the difference in dB. ``--sionna`` needs the
-extra ``check-link`` and minutes; ``--page`` puts the tables into a page, between its marks, and all
-cases beside it as CSV.
+extra ``check-link`` and minutes; ``--scenario`` checks another scenario of the model, without buildings;
+``--page`` puts the tables into a page, between its marks, and all cases beside it as CSV.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import argparse
 import csv
 import dataclasses
 import io
+import itertools
 import math
 import re
 import sys
@@ -21,14 +22,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from waveforms import Link, Transmission, array_gain, energy_rate, qam_rate
+from waveforms import SAMPLES_MHZ, Link, Transmission, array_gain, energy_rate, qam_rate
 
 from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
-from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.names import JAMMING_TYPES, WALLS
+from fpg_bench.game.propagation import in_sight
 from fpg_bench.game.rules import radio_record, rules_record
-from fpg_bench.game.scenario import Scenario, preset
+from fpg_bench.game.scenario import Scenario, as_scenario, preset
 
+OF_LENGTH_DB = -55.0  # stop band of the waveforms' filter
 MEAN_DB, WORST_DB = 0.3, 1.0  # bounds of a table
 # Modulation (bits) and code rate x 1024 of 3GPP TS 36.213, Table 7.2.3-1
 CODES = ((2, 308), (2, 602), (4, 378), (4, 616), (6, 466), (6, 666), (6, 873))
@@ -75,6 +78,11 @@ def overlaps(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
         case = f"{JAMMING_TYPES[kind]}, J/S {js:g} dB, {away:.1f} MHz away"
         sent = Transmission(kind, away, 0.0, False, 25.0, js, 5 * symbols)
         yield Row(case, closed_sinr(scenario, sent), waves.sinr_db(sent))
+    scenario = dataclasses.replace(scenario, tooth_tolerance_mhz=1e-6)
+    for point in (4, 10):  # whose comb has a tooth on the band's edge
+        place = point * spacing - (scenario.band_high_mhz - scenario.band_low_mhz) / 2
+        sent = Transmission(3, place, place, False, 25.0, 10.0, 5 * symbols)
+        yield Row(f"comb at point {point}, J/S 10 dB", closed_sinr(scenario, sent), waves.sinr_db(sent))
 
 
 def gains(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
@@ -114,11 +122,14 @@ def played_steps(waves: Link, scenario: Scenario, count: int, symbols: int) -> I
 
         to_base = float(np.linalg.norm(game["ally_position"] - scenario.base_station_m))
         signal = scenario.base_power_dbm - loss(to_base) + scenario.fading_sd_db * float(game["fading"])
-        jamming = scenario.opponent_power_dbm - loss(float(game["distance_m"]))
+        kind = int(game["jamming_type"])
+        jamming = scenario.opponent_power_dbm - scenario.jamming_backoff_db[kind]
+        jamming += scenario.jamming_fading_sd_db * float(game["jamming_fading"])
+        jamming -= loss(float(game["distance_m"]))
         spreads = bool(game["spreading"])
         channel = frequency - middle
         channel = min(max(channel, -room), room) if spreads else channel
-        kind, centre = int(game["jamming_type"]), float(game["jamming_mhz"]) - middle
+        centre = float(game["jamming_mhz"]) - middle
         where = "covered" if game["covered"] else "not covered"
         yield Row(
             f"{JAMMING_TYPES[kind]}, {'spread' if spreads else 'unspread'}, {where}",
@@ -149,12 +160,14 @@ def radiometer(scenario: Scenario, trials: int) -> Iterator[Row]:
     """Yield the SNR at which a radiometer with uncertain noise finds half of the signals."""
     rng = np.random.default_rng(3)
     samples = 50_000
-    for uncertainty in (1.0, scenario.noise_uncertainty_db):
+    for uncertainty, wall in itertools.product((1.0, scenario.noise_uncertainty_db), WALLS):
         threshold = 10 ** (uncertainty / 10)
-        closed = 10 * math.log10(link.snr_wall(uncertainty))
+        power = 1.0 if wall == "nominal" else 1 / threshold
+        closed = 10 * math.log10(link.snr_wall(uncertainty, wall))
         levels = closed + np.linspace(-0.2, 0.2, 9)
-        shares = [energy_rate(rng, level, threshold, samples, trials) for level in levels]
-        yield Row(f"noise uncertain by {uncertainty:g} dB", closed, float(np.interp(0.5, shares, levels)))
+        shares = [energy_rate(rng, level, threshold, samples, trials, power) for level in levels]
+        case = f"noise uncertain by {uncertainty:g} dB, {wall} wall"
+        yield Row(case, closed, float(np.interp(0.5, shares, levels)))
 
 
 def beams(scenario: Scenario) -> Iterator[Row]:
@@ -168,6 +181,38 @@ def beams(scenario: Scenario) -> Iterator[Row]:
         yield Row(
             f"{degrees:g} degrees beside", closed, 10 * math.log10(array_gain(8, np.array([degrees]))[0])
         )
+
+
+def los_share(ground_m: float, height_m: float) -> float:
+    """Return the probability of line of sight by 3GPP TR 36.777, Table B-1, UMi-AV, for 22.5 to 300 m."""
+    p = 233.98 * math.log10(height_m) - 0.95
+    d = max(294.05 * math.log10(height_m) - 432.94, 18.0)
+    return 1.0 if ground_m <= d else d / ground_m + math.exp(-ground_m / p) * (1 - d / ground_m)
+
+
+def los_shares(scenario: Scenario, cities: int) -> Iterator[tuple[float, float, float, float]]:
+    """Yield ground distance, height, the report's share of line of sight, and that of drawn cities."""
+    batch, radio = GameBatch(scenario, cities, threads=1), radio_record(scenario)[0]
+    batch.reset(seeds=0)
+    base = np.array(scenario.base_station_m)
+    angles = np.linspace(0, 2 * math.pi, 24, endpoint=False)
+    around = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
+    for height, metres in itertools.product((80.0, 100.0, 120.0), range(100, 701, 100)):
+        places = base * [1, 1, 0] + metres * around + [0, 0, height]
+        seen = [in_sight(base, place, boxes, radio) for boxes in batch.buildings for place in places]
+        yield metres, height, los_share(metres, height), float(np.mean(seen))
+
+
+def sight_note(scenario: Scenario, cities: int) -> str:
+    """Return how far the share of line of sight in drawn cities is from the report's."""
+    shares = list(los_shares(scenario, cities))
+    errors = np.array([found - wanted for _, _, wanted, found in shares])
+    k = int(np.abs(errors).argmax())
+    metres, height, _, _ = shares[k]
+    return (
+        f"Share of line of sight in {cities} cities of {scenario.name}, against TR 36.777: rms "
+        f"{np.sqrt(np.mean(errors**2)):.3f}, at worst {errors[k]:+.3f} ({metres:g} m, {height:g} m high)"
+    )
 
 
 def modulations(scenario: Scenario) -> Iterator[Row]:
@@ -215,10 +260,24 @@ def main() -> int:
     """Print the tables; returns 1 if one leaves its bounds."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--sionna", action="store_true", help="compare with NVIDIA Sionna, too")
+    parser.add_argument("--scenario", default="link", help="a preset or a YAML file")
     parser.add_argument("--page", type=Path, help="page that the tables are put into")
     parser.add_argument("--steps", type=int, default=400, help="steps of played rounds")
     options = parser.parse_args()
-    scenario, waves, symbols = preset("link"), Link(), 6000
+    scenario, symbols = as_scenario(options.scenario), 6000
+    band = scenario.band_high_mhz - scenario.band_low_mhz
+    waves = Link(
+        chips_mhz=scenario.spread_bandwidth_mhz,
+        spread_symbols_mhz=scenario.spread_rate_mhz,
+        notch_mhz=scenario.notch_width_mhz,
+        band_mhz=band,
+        floor_db=scenario.filter_stopband_db if scenario.filter_stopband_db > OF_LENGTH_DB else -math.inf,
+        teeth_mhz=scenario.comb_spacing_points * scenario.point_spacing_mhz,
+    )
+    if SAMPLES_MHZ % waves.chips_mhz or waves.chips_mhz % waves.spread_symbols_mhz:
+        parser.error(
+            f"--scenario: chips of {waves.chips_mhz:g} MHz divide neither {SAMPLES_MHZ:g} MHz nor symbols"
+        )
     bounded = {
         "Overlap of spectra": list(overlaps(waves, scenario, symbols)),
         "Processing gain and notch": list(gains(waves, scenario, symbols)),
@@ -250,7 +309,7 @@ def main() -> int:
         bounded["Overlap, against Sionna's filters"] = own
     comparisons = bounded | ideal
     text = summary(comparisons)
-    print(f"{cases(comparisons)}\n{text}")
+    print(f"{cases(comparisons)}\n{text}\n{sight_note(preset('link-city'), 300)}")
     if options.page:
         options.page.with_suffix(".csv").write_text(cases(comparisons), encoding="utf-8")
         page = options.page.read_text(encoding="utf-8")

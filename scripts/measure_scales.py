@@ -20,6 +20,7 @@ from fpg_bench.common.ids import ALLIES, OPPONENTS, SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
+from fpg_bench.game.flight import thriftiest_m_s
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.agent import suites_folder
 
@@ -36,10 +37,12 @@ def rewards(name: str, suite: Suite) -> list[float]:
 
 
 def unjammed(scenario: Scenario) -> float:
-    """Return what an ally earns per step that nobody jams: the cap, or at least speed the mean utility."""
+    """Return what an ally earns per step that nobody jams: the cap, or the mean utility at the best speed."""
     if scenario.snr_cap_db is not None:
         return scenario.snr_cap_db - scenario.snr_threshold_db
     slow, fast = scenario.ally_speed_m_s
+    if scenario.flight_cost_per_w:
+        slow = min(max(thriftiest_m_s(), slow), fast)
     quiet = dataclasses.replace(scenario, opponent_power_dbm=-100.0, ally_speed_m_s=(slow, slow))
     saved = scenario.flight_cost * (1 - (slow / fast) ** 3)  # by flying slowly, at the scale of fast
     rivals = (Rival("nobody", ("tone",), quiet),)

@@ -46,6 +46,7 @@ class Link:
     chips_mhz: float = 75.0
     spread_symbols_mhz: float = 2.5
     notch_mhz: float = 6.0
+    floor_db: float = -np.inf  # what the receive filter lets through beside the -55 dB of its length
     band_mhz: float = 100.0
     half_widths_mhz: tuple[float, ...] = (0.05, 10.0, 25.0, 2.5)
     teeth_mhz: float = 400.0 / 14.0
@@ -87,12 +88,13 @@ class Link:
         spectrum = np.sqrt(density * SAMPLES_MHZ * n / 2) * self._normal(n)
         spectrum += 10 ** (jamming_db / 20) * self._jamming(kind, jamming_mhz, f)
         spectrum = signal + np.roll(spectrum, -round(channel_mhz * n / SAMPLES_MHZ))
-        filters = [shape]
+        received_by = np.maximum(shape, 10 ** (self.floor_db / 20))
+        filters = [received_by]
         if is_spreading and self.notch_mhz:
             middle = self._notch(
                 self.jamming_teeth(kind, jamming_mhz) - channel_mhz, self.half_widths_mhz[kind]
             )
-            filters.append(shape * (np.abs(f - middle) > self.notch_mhz / 2))
+            filters.append(received_by * (np.abs(f - middle) > self.notch_mhz / 2))
         received = []
         for each in filters:
             samples = np.fft.ifft(spectrum * each)[::per_pulse] * np.conj(code)
@@ -142,14 +144,17 @@ class Link:
 
 
 def energy_rate(
-    rng: np.random.Generator, snr_db: float, threshold: float, samples: int, trials: int
+    rng: np.random.Generator, snr_db: float, threshold: float, samples: int, trials: int, power: float = 1.0
 ) -> float:
-    """Return how often the mean energy of QPSK in noise of power 1 lies above a threshold."""
+    """Return how often the mean energy of QPSK in noise of a power lies above a threshold.
+
+    The SNR and the threshold are relative to noise of power 1.
+    """
     heard = 0
     for _ in range(trials):
         symbols = rng.choice([-1, 1], samples) + 1j * rng.choice([-1, 1], samples)
         noise = rng.standard_normal(samples) + 1j * rng.standard_normal(samples)
-        received = 10 ** (snr_db / 20) * symbols / np.sqrt(2) + noise / np.sqrt(2)
+        received = 10 ** (snr_db / 20) * symbols / np.sqrt(2) + np.sqrt(power / 2) * noise
         heard += np.mean(np.abs(received) ** 2) > threshold
     return heard / trials
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.cli import evaluation, listing, plan, training
+from fpg_bench.cli import evaluation, listing, plan, scenario, training
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
@@ -37,6 +37,7 @@ _VERBS: dict[str, Any] = {  # in the order of --help; None: a product's, which i
     "envs": listing.envs,
     "players": listing.players,
     "suites": listing.suites,
+    "scenario": scenario.app,
     "zoo": listing.zoo,
     "tune": None,
     "plan": plan.app,

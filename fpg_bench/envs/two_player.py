@@ -145,7 +145,9 @@ class TwoPlayerBatch:
 
     def measures(self, game: int) -> dict[str, float | None]:
         """Return the measures of one game's present round so far."""
-        return measures(pool(self.batch.tallies[game]), self.batch.histograms[game])
+        return measures(
+            pool(self.batch.tallies[game]) | self.batch.clean_sum([game]), self.batch.histograms[game]
+        )
 
     def _remember(self, mask: np.ndarray) -> None:
         """Keep the segments of the rounds that end now, for the plans of their match's next rounds.

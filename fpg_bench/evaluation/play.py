@@ -102,6 +102,7 @@ class _Sums:
     def __init__(self, suite: Suite) -> None:
         self._suite = suite
         self._tallies: list[np.ndarray] = []
+        self._clean: list[dict[str, float]] = []
         self._histogram = np.zeros((2, suite.scenario.frequency_points), np.int64)
         self._lost: list[np.ndarray] = []
         self._plans: list[Plan] = []
@@ -111,6 +112,7 @@ class _Sums:
     def add(self, duel: TwoPlayerBatch, lost: np.ndarray) -> None:
         batch = duel.batch
         self._tallies.append(batch.tallies.copy())
+        self._clean.append(batch.clean_sum())
         self._histogram += batch.histograms.sum(axis=0)
         self._lost.append(lost)
         self.returns.append(batch.tallies[self._suite.return_name].copy())
@@ -126,10 +128,11 @@ class _Sums:
             worst = self._suite.scale.reward(LOST_SCORE) * self._suite.scenario.steps_per_round
             returns[lost] = min([worst, *returns[~lost]])
         tally = pooled_tally(np.concatenate(self._tallies))
+        tally |= {name: sum(each[name] for each in self._clean) for name in self._clean[0]}
         ally_points, jam_points = (tuple(side) for side in self._histogram.tolist())
         return {
             "returns": tuple(np.round(returns.ravel(), _DIGITS).tolist()),
-            "tally": {name: float(f"{tally[name]:.9g}") for name in TALLIES},
+            "tally": {name: float(f"{value:.9g}") for name, value in tally.items()},
             "ally_points": ally_points,
             "jam_points": jam_points,
             "lost": int(lost.sum()),

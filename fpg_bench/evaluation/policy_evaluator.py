@@ -92,18 +92,20 @@ class PolicyEvaluator:
             dataclasses.replace(batch, **{self.suite.side: _Part(shared, k)})  # type: ignore[arg-type]
             for k, batch in enumerate(batches)
         ]
-        returns, tallies = [], []
+        returns, tallies, clean = [], [], []
         points = np.zeros((2, self.suite.scenario.frequency_points), np.int64)
         for number in range(self.suite.rounds_per_match):
             play_round(*batches, seeds=None if number else np.array(tuning_seeds(self.suite.matches)))
             games = [batch.duel.batch for batch in batches]
             returns.append([each.tallies[self.suite.return_name].copy() for each in games])
             tallies += [each.tallies.copy() for each in games]
+            clean += [each.clean_sum() for each in games]
             points += sum(each.histograms.sum(axis=0) for each in games)
         by_round = np.array(returns).transpose(1, 2, 0)  # (rivals, matches, rounds)
         rewards = np.array([self.suite.rewards(each.ravel()) for each in by_round])
         played = np.concatenate(tallies)
-        return rewards, Pooled(pool(played), points, len(played), 0, None).measures
+        tally = pool(played) | {name: sum(each[name] for each in clean) for name in clean[0]}
+        return rewards, Pooled(tally, points, len(played), 0, None).measures
 
 
 def _in_scenario(suite: Suite, scenario: Scenario) -> Suite:

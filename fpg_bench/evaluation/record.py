@@ -15,7 +15,7 @@ from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Expected, parse
-from fpg_bench.game.metrics import GREATEST, measures
+from fpg_bench.game.metrics import CLEAN, GREATEST, measures
 from fpg_bench.game.state import TALLY
 
 TALLIES = tuple(TALLY.names or ())
@@ -82,7 +82,8 @@ class Record:
         fingerprint: the first 16 digits of the hash that tells players of one name apart.
         rival: the rival's name.
         returns: of each round, in the order of seed and round.
-        tally: sums of ``state.TALLY`` over all rounds; the longest outage is the greatest.
+        tally: sums of ``state.TALLY`` over all rounds; the longest outage is the greatest. In the model
+            ``link`` since version 0.3.0 also ``clean_mbit_s``.
         ally_points, jam_points: steps per frequency point of both sides' centres.
         lost: number of rounds lost by an answer that is not a valid action.
         rounds_sha256: of the tallies of all rounds.
@@ -123,13 +124,14 @@ class Record:
         return row
 
     def same_as(self, other: Record) -> bool:
-        """Compare two records; the seconds of planning do not count."""
+        """Compare two records; the seconds of planning do not count, nor what older records lack."""
         return _timeless(self) == _timeless(other)
 
 
 def _timeless(record: Record) -> Record:
     plans = record.plans
-    return dataclasses.replace(record, plans=plans and dataclasses.replace(plans, seconds=0.0))
+    tally = {name: record.tally[name] for name in TALLIES}
+    return dataclasses.replace(record, tally=tally, plans=plans and dataclasses.replace(plans, seconds=0.0))
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,8 @@ class Pooled:
 def pool(records: Sequence[Record]) -> Pooled:
     """Pool one or more records: add their sums, and take the maximum of the longest outage."""
     ordered = sorted(records, key=lambda record: (record.suite, record.rival, str(record.training_seed)))
-    tallies = {name: [record.tally[name] for record in ordered] for name in TALLIES}
+    names = (*TALLIES, CLEAN) if all(CLEAN in record.tally for record in ordered) else TALLIES
+    tallies = {name: [record.tally[name] for record in ordered] for name in names}
     tally = {name: max(values) if name == GREATEST else sum(values) for name, values in tallies.items()}
     histogram = np.sum([[record.ally_points, record.jam_points] for record in ordered], axis=0)
     return Pooled(
@@ -194,7 +197,7 @@ def read_record(row: Row, where: str) -> Record:
     """
     check_keys(row, _KEYS, where, needed=[key for key in _KEYS if key != "plans"])
     tally, plans = row["tally"], row.get("plans")
-    if not isinstance(tally, dict) or tuple(tally) != TALLIES:
+    if not isinstance(tally, dict) or tuple(tally) not in (TALLIES, (*TALLIES, CLEAN)):
         raise UserError(f"{where}: tally: expected a mapping of {TALLIES[0]} to {TALLIES[-1]}, in order")
     if isinstance(plans, dict) and any(_is_long(value) for value in plans.values()):
         raise UserError(f"{where}: plans: more than {_MOST_STATUSES} statuses")

@@ -14,6 +14,7 @@ from fpg_bench.common.checks import integer, is_integer
 from fpg_bench.common.errors import UserError, shown
 from fpg_bench.game import step as kernel
 from fpg_bench.game.flight import LEARNED, PURSUIT
+from fpg_bench.game.metrics import CLEAN
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
@@ -47,6 +48,8 @@ class GameBatch:
             its middle and its mean reward; the history that a path planner may learn from.
         waypoints: ``(N, waypoints, 3)`` float64 in m, flown where the path is ``waypoints``.
         ally_observations, opponent_observations: ``(N, 15)`` float32 in [-1, 1].
+        buildings: ``(N, 5, n)`` float64 in m: west, east, south, north and top of each of a game's buildings;
+            None in scenarios without.
         flown_m: ``(N, T + 1, 3)`` float64, each ally's position after each second of its round; None unless
             :meth:`keep_flown` was called.
 
@@ -64,11 +67,13 @@ class GameBatch:
         self.threads = integer(threads, "threads")
         self._rules = rules_record(scenario)
         self._radio = radio_record(scenario)
+        self._channel = None if scenario.channel_grid is None else tuple(scenario.channel_grid)
         self.games = np.zeros(self.count, GAME)
         self.tallies = np.zeros(self.count, TALLY)
         self.histograms = np.zeros((self.count, 2, scenario.frequency_points), np.int32)
         self.segments = np.zeros((self.count, scenario.waypoints, 4))
         self.waypoints = np.zeros((self.count, scenario.waypoints, 3))
+        self.buildings = self._buildings()
         self.ally_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
         self.opponent_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
         self._ally_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
@@ -77,6 +82,14 @@ class GameBatch:
         self._pool: ThreadPoolExecutor | None = None
         self._begun = False
         self._bind()
+
+    def _buildings(self) -> np.ndarray | None:
+        """Return the scenario's own buildings for each game, or room for those that are drawn."""
+        own = self.scenario.building_boxes_m
+        if own is not None:
+            west, south, east, north, top = np.transpose(own)
+            return np.tile(np.array([west, east, south, north, top]), (self.count, 1, 1))
+        return np.zeros((self.count, 5, self.scenario.buildings)) if self.scenario.buildings else None
 
     def _bind(self) -> None:
         """Collect the kernel's arguments once, as a call takes a few hundred nanoseconds."""
@@ -90,6 +103,8 @@ class GameBatch:
             self._opponent_actions,
             self.ally_observations,
             self.opponent_observations,
+            self.buildings,
+            self._channel,
             self._rules,
             self._radio,
         )
@@ -142,6 +157,8 @@ class GameBatch:
             self.ally_observations,
             self.opponent_observations,
             self.segments,
+            self.buildings,
+            self._channel,
             self._rules,
             self._radio,
         )
@@ -234,6 +251,14 @@ class GameBatch:
                 f"waypoint {index}: {waypoints[index].tolist()} lies outside the box {self.scenario.box_m}"
             )
         self.waypoints[game] = waypoints
+
+    def clean_sum(self, games: Sequence[int] | slice = slice(None)) -> dict[str, float]:
+        """Return the sum of some games' rates without jamming in this round, to go beside their tally.
+
+        Returns:
+            ``clean_mbit_s`` in the model ``link``; nothing in others, which do not compute such rates.
+        """
+        return {} if self._radio is None else {CLEAN: float(self.games["clean_mbit"][games].sum())}
 
     def pursue(self, mask: np.ndarray) -> None:
         """Make opponents pursue the ally in this round instead of flying themselves (path ``learned``).

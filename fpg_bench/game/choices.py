@@ -229,12 +229,14 @@ def _ally_lists(scenario: Scenario) -> list[ChoiceList]:
 def _ally_combinations(lists: Sequence[ChoiceList], scenario: Scenario) -> list[tuple[int, ...]]:
     """Return every hop, and spreading without a hop or with one by the knowledge base.
 
-    All at full speed and, where flying costs, also at the least. Hops to each point while spreading as well
-    make a list of 34, from which PPO learned no more.
+    All at full speed and, where flying costs, also at the least, or at the mean one if a rotary wing is paid
+    for, which needs least power there. Hops to each point while spreading as well make a list of 34, from
+    which PPO learned no more.
     """
     last = len(lists[0]) - 1
+    speeds = (0, 1) if scenario.flight_cost_per_w else (0, 2) if scenario.flight_cost else (0,)
     ways = [*((hop, 0) for hop in range(last + 1)), (0, 1), (last, 1)]
-    return [(*way, speed) for speed in ((0, 2) if scenario.flight_cost else (0,)) for way in ways]
+    return [(*way, speed) for speed in speeds for way in ways]
 
 
 def _opponent_lists(scenario: Scenario) -> list[ChoiceList]:

@@ -35,13 +35,16 @@ def ratio(level_db: float) -> float:
     return exp(level_db / DB)
 
 
-def snr_wall(uncertainty_db: float) -> float:
+def snr_wall(uncertainty_db: float, wall: str) -> float:
     """Return the lowest SNR (as a ratio) that an energy detector finds however long it listens.
 
-    Its threshold lies above the highest noise, ``uncertainty_db`` above the nominal one, so a signal has to
-    lift nominal noise over it. Listening for 10 ms of 5 MHz, and false alarms of 1 in 1000, add 0.1 dB.
+    Its threshold lies above the highest noise, ``uncertainty_db`` above the nominal one. A signal has to lift
+    ``nominal`` noise over it: rho - 1 for a ratio of rho. In a ``robust`` test it has to lift the lowest
+    noise, ``uncertainty_db`` below the nominal one: (rho^2 - 1) / rho (Tandra and Sahai). Listening for 10 ms
+    of 5 MHz, and false alarms of 1 in 1000, add 0.1 dB.
     """
-    return ratio(uncertainty_db) - 1.0
+    rho = ratio(uncertainty_db)
+    return rho - 1.0 if wall == "nominal" else (rho * rho - 1.0) / rho
 
 
 @compiled
@@ -85,13 +88,14 @@ def passed_twice_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
 
 
 @compiled
-def teeth(jamming_type: int, jamming_mhz: float, rules: Record) -> tuple[int, int]:
+def teeth(jamming_type: int, jamming_mhz: float, rules: Record, radio: Record) -> tuple[int, int]:
     """Return the first tooth of a comb in the band and the one after its last, counted from f_j."""
     spacing = rules.tooth_spacing[jamming_type]
     if spacing == 0.0:
         return 0, 1
-    first = math.ceil((rules.band_low - jamming_mhz) / spacing)
-    return first, max(math.floor((rules.band_high - jamming_mhz) / spacing), first) + 1
+    room = radio.tooth_tolerance
+    first = math.ceil((rules.band_low - room - jamming_mhz) / spacing)
+    return first, max(math.floor((rules.band_high + room - jamming_mhz) / spacing), first) + 1
 
 
 @compiled
@@ -108,7 +112,7 @@ def jamming_passed(
     """
     width, rolloff = radio.channel_width[int(spreading)], radio.rolloff
     tooth, spacing = radio.tooth_width[jamming_type], rules.tooth_spacing[jamming_type]
-    first, end = teeth(jamming_type, jamming_mhz, rules)
+    first, end = teeth(jamming_type, jamming_mhz, rules, radio)
     offset = jamming_mhz - frequency_mhz
     passed, most, densest = 0.0, -1.0, offset
     near, far = first, end
@@ -183,12 +187,14 @@ def transmit(game: Record, distance_to_base_m: float, rules: Record, radio: Reco
     """Compute the SNR of the last step, with and without jamming."""
     kind, f, spreading = game.jamming_type, game.frequency_mhz, game.spreading
     fading = exp(rules.fading_sd * game.fading / DB)
-    signal = received_mw(radio.base_mw, distance_to_base_m, f, rules, radio) * fading
+    signal = received_mw(radio.base_mw, distance_to_base_m, f, rules, radio) * fading * game.base_gain
     game.clean_snr_db = DB * log(signal / radio.noise_mw[int(spreading)])
     game.snr_db = game.clean_snr_db
     if kind < 0:  # before the first step
         return
-    jamming = received_mw(radio.jamming_mw, game.distance_m, f, rules, radio)
+    jamming = received_mw(radio.jamming_mw[kind], game.distance_m, f, rules, radio) * game.opponent_gain
+    if radio.jamming_fading_sd > 0.0:
+        jamming *= exp(radio.jamming_fading_sd * game.jamming_fading / DB)
     share, density, centre = jamming_passed(kind, game.jamming_mhz, f, spreading, rules, radio)
     notch = NO_NOTCH
     if spreading and radio.notch_width > 0.0:
@@ -234,17 +240,20 @@ def beam(base: np.ndarray, towards: np.ndarray, place: np.ndarray, radio: Record
 
 @compiled
 def radiometer_detects(
-    game: Record, distance_to_base_m: float, fading: float, rules: Record, radio: Record
+    game: Record, distance_to_base_m: float, base_gain: float, fading: float, rules: Record, radio: Record
 ) -> bool:
     """Return True if the opponent's radiometer detects the link: the ally's signal or the base station's.
 
-    It listens in the ally's present channel, where a part of its own jamming leaks into its receiver.
+    It listens in the ally's present channel, where a part of its own jamming leaks into its receiver, unless
+    it stops jamming to look through. The base station is received over a path of the gain ``base_gain``.
     """
-    f, i = game.frequency_mhz, int(game.spreading)
-    share, _, _ = jamming_passed(game.jamming_type, game.jamming_mhz, f, game.spreading, rules, radio)
-    noise = radio.channel_noise_mw[i] + radio.own_jamming_mw * (share + radio.stopband)
-    ally = received_mw(radio.ally_emission_mw, game.distance_m, f, rules, radio)
+    f, i, kind = game.frequency_mhz, int(game.spreading), game.jamming_type
+    noise = radio.channel_noise_mw[i]
+    if radio.look_through == 0.0:
+        share, _, _ = jamming_passed(kind, game.jamming_mhz, f, game.spreading, rules, radio)
+        noise += radio.own_jamming_mw[kind] * (share + radio.stopband)
+    ally = received_mw(radio.ally_emission_mw, game.distance_m, f, rules, radio) * game.opponent_gain
     towards = beam(rules.base_station, game.ally_position, game.opponent_position, radio)
-    base = received_mw(radio.base_mw * towards, distance_to_base_m, f, rules, radio)
+    base = received_mw(radio.base_mw * towards, distance_to_base_m, f, rules, radio) * base_gain
     level = max(ally, base) * exp(rules.fading_sd * fading / DB)
     return level >= radio.radiometer_threshold * noise

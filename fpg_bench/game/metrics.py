@@ -79,17 +79,21 @@ def pool(tallies: np.ndarray) -> dict[str, float]:
     }
 
 
+CLEAN = "clean_mbit_s"  # of the model link: sum of the rates without jamming, beside a tally
+
+
 def measures(tally: dict[str, Any], histogram: np.ndarray) -> dict[str, float | None]:
     """Return the standard metrics of pooled rounds.
 
     Args:
-        tally: sums by the names of ``state.TALLY``, over one round or many.
+        tally: sums by the names of ``state.TALLY``, over one round or many; and in the model ``link``
+            perhaps ``clean_mbit_s``.
         histogram: ``(2, points)``, the steps of the same rounds per frequency point: the ally's centre,
             and the jammer's to the nearest point.
 
     Returns:
         Shares in [0, 1], levels in dB, rates in Mbit/s, times in s, returns summed over the rounds;
-        None where a measure does not exist (nothing covered, no check heard, no outage).
+        None where a measure does not exist (nothing covered, no check heard, no outage, another model).
     """
 
     def share(name: str, of: str = "steps") -> float | None:
@@ -112,6 +116,7 @@ def measures(tally: dict[str, Any], histogram: np.ndarray) -> dict[str, float | 
         "near_ratio": share("near"),
         "snr_db": share("snr_db"),
         "capacity_mbit_s": share("capacity_mbit_s"),
+        "rate_kept": share("capacity_mbit_s", CLEAN) if CLEAN in tally else None,
         "ally_return": tally["ally_return"],
         "opponent_return": tally["opponent_return"],
     }

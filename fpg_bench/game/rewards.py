@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.flight import rotary_wing_w
 from fpg_bench.game.link import rate_mbit_s, utility
 from fpg_bench.game.radio import capacity_mbit_s
 from fpg_bench.game.state import SPREAD_PIECES, Record
@@ -26,9 +27,9 @@ def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) 
     """Compute the rate and the rewards of the last step (Eq. 5 and 6).
 
     The link's worth is the SNR up to the cap or, in the model ``link``, the utility of its rate. There a hop
-    leaves a part of the step without a link, and flying costs the third power of the speed, as the parasitic
-    drag of a rotary wing does (Zeng, Xu and Zhang, "Energy minimization for wireless communication with
-    rotary-wing UAV", IEEE Transactions on Wireless Communications 18(4), 2019).
+    or a change of the waveform leaves a part of the step without a link, a jammer that looks through leaves a
+    part of a check's step unjammed, and flying costs the third power of the speed or the power of a rotary
+    wing above its least.
     """
     hop = rules.hop_cost if game.hopped else 0.0
     near = rules.distance_reward if game.distance_m < rules.distance_reward_m else 0.0
@@ -38,12 +39,19 @@ def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) 
         game.rate_mbit_s = capacity_mbit_s(game.snr_db, game.spreading, rules)
         game.ally_value, drop, airtime = snr - rules.threshold, clean - snr, 1.0
     else:
-        airtime = 1.0 - radio.hop_airtime if game.hopped else 1.0
+        airtime = game.airtime
         costs += radio.flight_cost * speed_m_s * speed_m_s * speed_m_s
+        if radio.flight_cost_per_w > 0.0:
+            costs += radio.flight_cost_per_w * (rotary_wing_w(speed_m_s) - radio.least_power)
         rate = rate_mbit_s(game.snr_db, game.spreading, rules, radio)
         clean_rate = rate_mbit_s(game.clean_snr_db, game.spreading, rules, radio)
+        value, clean_value = utility(rate, radio), utility(clean_rate, radio)
+        if radio.look_through > 0.0 and game.step + 1 == game.next_check:
+            rate += radio.look_through * (clean_rate - rate)
+            value += radio.look_through * (clean_value - value)
         game.rate_mbit_s = airtime * rate
-        game.ally_value = utility(rate, radio)
-        drop = utility(clean_rate, radio) - game.ally_value
+        game.clean_mbit += airtime * clean_rate
+        game.ally_value = value
+        drop = clean_value - value
     game.ally_reward = airtime * game.ally_value - costs - hop
     game.opponent_reward = near + rules.snr_drop_weight * (airtime * drop)

@@ -20,10 +20,22 @@ import yaml
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml, write_whole
+from fpg_bench.game.channel import Channel, load_channel
 from fpg_bench.game.knowledge import KnowledgeEntry, load_knowledge
-from fpg_bench.game.names import DETECTIONS, HOPPING, JAMMING_TYPES, MOST_PATHS, PATHS, SNR_MODELS
+from fpg_bench.game.names import (
+    DETECTIONS,
+    HOPPING,
+    JAMMING_TYPES,
+    MOST_PATHS,
+    PATHS,
+    PATROLS,
+    SNR_MODELS,
+    WALLS,
+)
 
 RULES_VERSION = 1
+MOST_BUILDINGS, MOST_COVERED = 1000, 0.6  # share of the ground
+MOST_ROTARY_WING_M_S = 30.0  # Zeng, Xu and Zhang (see flight.py) evaluate their model up to here
 _logger = logging.getLogger(__name__)
 # The fields of `standard` as version 1 of the rules was released. The file never changes, except that a new
 # field is added with the value under which the game stays as it was.
@@ -105,6 +117,27 @@ def _checked_curve(name: str, value: object) -> tuple[tuple[float, ...], ...] | 
     return tuple(tuple(_checked_number(name, item, 0, 1e5, False) for item in point) for point in value)
 
 
+def _checked_boxes(name: str, value: object) -> tuple[tuple[float, ...], ...] | None:
+    if value is None or value == "none":
+        return None
+    if not isinstance(value, list | tuple) or not value:
+        raise ScenarioError(f"{name}: expected buildings or null, got {value!r}")
+    if len(value) > MOST_BUILDINGS:
+        raise ScenarioError(f"{name}: at most {MOST_BUILDINGS} buildings, got {len(value)}")
+    for box in value:
+        if not isinstance(box, list | tuple) or len(box) != 5:
+            raise ScenarioError(f"{name}: expected west, south, east, north and height, got {box!r}")
+    return tuple(tuple(_checked_number(name, item, 0, 1e5, False) for item in box) for box in value)
+
+
+def _checked_channel(name: str, value: object) -> str | None:
+    if value is None or value == "none":
+        return None
+    if not isinstance(value, str | Path):
+        raise ScenarioError(f"{name}: expected a CSV file or none, got {value!r}")
+    return os.path.abspath(value)
+
+
 def _checked_cap(name: str, value: object) -> float | None:
     return None if value in (None, "none") else _checked_number(name, value, -1000, 1000, False)
 
@@ -118,10 +151,13 @@ def _checked_knowledge(name: str, value: object) -> str:
 _OTHER_CHECKS = {
     "spread_capacity": _checked_bool,
     "reselect_on_despread": _checked_bool,
+    "charge_moves": _checked_bool,
     "jamming_types": _checked_types,
     "opponent_path": _checked_paths,
     "ally_path_m": _checked_curve,
     "snr_cap_db": _checked_cap,
+    "building_boxes_m": _checked_boxes,
+    "channel": _checked_channel,
     "knowledge": _checked_knowledge,
 }
 
@@ -199,9 +235,70 @@ def _check_link(scenario: Scenario) -> None:
         raise ScenarioError(
             f"notch_width_mhz {s.notch_width_mhz}: not below spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
         )
+    for one, other in (("fading_distance_m", "fading_correlation"), ("flight_cost_per_w", "flight_cost")):
+        if getattr(s, one) and getattr(s, other):
+            raise ScenarioError(
+                f"{one} {getattr(s, one)}, {other} {getattr(s, other)}: one excludes the other; set it to 0"
+            )
+    if s.flight_cost_per_w and s.ally_speed_m_s[1] > MOST_ROTARY_WING_M_S:
+        raise ScenarioError(
+            f"ally_speed_m_s {s.ally_speed_m_s}: at most {MOST_ROTARY_WING_M_S:g} m/s "
+            "with flight_cost_per_w, whose model of a rotary wing ends there"
+        )
+    if s.hop_airtime_s + s.acquisition_s > 1:
+        raise ScenarioError(
+            f"hop_airtime_s {s.hop_airtime_s}, acquisition_s {s.acquisition_s}: "
+            "together at most a step of 1 s"
+        )
+    if s.buildings or s.building_boxes_m is not None:
+        _check_buildings(s)
     if not all(half > 0 for half in s.footprint_half_widths_mhz):
         raise ScenarioError(
             f"footprint_half_widths_mhz {s.footprint_half_widths_mhz}: must be above 0 with snr_model 'link'"
+        )
+
+
+def _check_buildings(scenario: Scenario) -> None:
+    """Refuse buildings outside the box, over the base station, as high as the ally, or that leave no way."""
+    s, area = scenario, scenario.box_m[0] * scenario.box_m[1]
+    for name in ("building_side_m", "building_height_m"):
+        low, high = getattr(s, name)
+        if low > high:
+            raise ScenarioError(f"{name}: its first value {low} must not exceed its second {high}")
+    if s.building_boxes_m is not None:
+        if s.buildings:
+            raise ScenarioError(f"buildings {s.buildings}: not with building_boxes_m; leave one of them out")
+        name, top, covered = "building_boxes_m", 0.0, 0.0
+        x, y = s.base_station_m[:2]
+        for west, south, east, north, height in s.building_boxes_m:
+            box = [west, south, east, north, height]
+            if not (west < east <= s.box_m[0] and south < north <= s.box_m[1] and height > 0):
+                raise ScenarioError(
+                    f"{name}: {box}: west must lie below east, south below north, all within "
+                    f"box_m {s.box_m}, and the height above 0"
+                )
+            if west <= x <= east and south <= y <= north:
+                raise ScenarioError(f"{name}: {box} overlaps the mast, base_station_m {s.base_station_m}")
+            top, covered = max(top, height), covered + (east - west) * (north - south)
+    else:
+        name, side, top = "building_height_m", s.building_side_m[1], s.building_height_m[1]
+        if side > min(s.box_m[:2]):
+            raise ScenarioError(f"building_side_m {s.building_side_m}: does not fit box_m {s.box_m}")
+        covered = s.buildings * (sum(s.building_side_m) / 2) ** 2
+    lowest = {"ally_path_altitude_m": s.ally_path_altitude_m[0]}
+    if s.ally_path_m is not None:
+        lowest = {"ally_path_m": min(point[2] for point in s.ally_path_m)}
+    if set(s.paths) & set(PATROLS):
+        lowest["patrol_centre_m"] = s.patrol_centre_m[2]
+    for other, height in lowest.items():
+        if top >= height:
+            raise ScenarioError(
+                f"{name}: {top:g} m high; must lie below {other}, which begins at {height:g} m"
+            )
+    if covered > area * MOST_COVERED:
+        raise ScenarioError(
+            f"{name}: buildings cover {covered / area:.0%} of box_m {s.box_m} and close all ways; "
+            f"at most {MOST_COVERED:.0%}"
         )
 
 
@@ -221,17 +318,19 @@ def _number(default: float, low: float, high: float, doc: str, needs: tuple[str,
     return field(default=default, metadata={"low": low, "high": high, "doc": doc, "needs": needs})
 
 
-def _numbers(default: tuple[float, ...], low: float, high: float, doc: str) -> Any:
+def _numbers(
+    default: tuple[float, ...], low: float, high: float, doc: str, needs: tuple[str, str] | None = None
+) -> Any:
     limits = {"low": low, "high": high, "length": len(default), "default": default}
-    return field(default=default, metadata={**limits, "doc": doc})
+    return field(default=default, metadata={**limits, "doc": doc, "needs": needs})
 
 
-def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
-    return field(default=default, metadata={"choices": choices, "doc": doc})
+def _choice(default: str, choices: tuple[str, ...], doc: str, needs: tuple[str, str] | None = None) -> Any:
+    return field(default=default, metadata={"choices": choices, "doc": doc, "needs": needs})
 
 
-def _other(default: object, doc: str) -> Any:
-    return field(default=default, metadata={"doc": doc})
+def _other(default: object, doc: str, needs: tuple[str, str] | None = None) -> Any:
+    return field(default=default, metadata={"doc": doc, "needs": needs})
 
 
 @dataclass(frozen=True)
@@ -288,8 +387,37 @@ class Scenario:
     rate_efficiency: float = _number(1.0, 0.01, 1, "share of the Shannon bound that coding reaches", LINK)
     rate_loss_db: float = _number(0.0, 0, 30, "SNR that coding loses against the Shannon bound", LINK)
     rate_top_bit_s_hz: float = _number(1000.0, 0.01, 1000, "rate of the highest modulation, per MHz", LINK)
+    fading_distance_m: float = _number(
+        0.0, 0, 1e5, "distance over which fading decorrelates to 1/e; 0: by fading_correlation", LINK
+    )
+    jamming_fading_sd_db: float = _number(0.0, 0, 50, "standard deviation of the jamming's fading", LINK)
+    jamming_backoff_db: tuple[float, ...] = _numbers(
+        (0.0, 0.0, 0.0, 0.0), 0, 100, "power below the amplifier's, for envelopes that vary", LINK
+    )
+    tooth_tolerance_mhz: float = _number(0.0, 0, 1, "room for teeth beyond the band, against rounding", LINK)
+    buildings: int = _number(0, 0, 1000, "buildings drawn per match, uniform in the box", LINK)
+    building_side_m: tuple[float, ...] = _numbers((120.0, 200.0), 1, 1e4, "shortest and longest side", LINK)
+    building_height_m: tuple[float, ...] = _numbers((40.0, 60.0), 1, 1e4, "lowest and highest building", LINK)
+    mast_clearance_m: float = _number(
+        40.0, 0.1, 1e4, "a drawn building nearer to the base is not built", LINK
+    )
+    building_boxes_m: tuple[tuple[float, ...], ...] | None = _other(
+        None, "buildings of one's own instead: west, south, east, north and height of each", LINK
+    )
+    channel: str | None = _other(None, "CSV file of the gain from base station to ally on a grid", LINK)
     hop_airtime_s: float = _number(0.0, 0, 1, "part of a step in which a hop leaves no link", LINK)
+    charge_moves: bool = _other(
+        False, "a change of point without the hop gate loses hop_airtime_s, too", LINK
+    )
+    acquisition_s: float = _number(0.0, 0, 1, "part of a step that a change of the waveform takes", LINK)
     flight_cost: float = _number(0.0, 0, 1e6, "cost per step of flying at the ally's highest speed", LINK)
+    flight_cost_per_w: float = _number(
+        0.0,
+        0,
+        1e6,
+        "cost per step of a watt above the least that a rotary wing needs; not with flight_cost",
+        LINK,
+    )
     rate_reference_mbit_s: float = _number(
         1.0, 1e-6, 1e9, "rate that earns log 2; one far above the top rate pays throughput", LINK
     )
@@ -316,6 +444,15 @@ class Scenario:
     ally_emission_dbm: float = _number(-12.0, -200, 100, "what the opponent's receiver can hear of the ally")
 
     noise_uncertainty_db: float = _number(3.0, 0.01, 30, "noise that the radiometer cannot tell", RADIOMETER)
+    radiometer_wall: str = _choice(
+        "nominal",
+        WALLS,
+        "noise in which the radiometer finds a signal: nominal, or robust: the lowest there may be",
+        RADIOMETER,
+    )
+    look_through_s: float = _number(
+        0.0, 0, 1, "part of a step with a check in which the jammer is silent and listens", RADIOMETER
+    )
     jammer_isolation_db: float = _number(
         200.0, 0, 200, "isolation of the opponent's receiver from its own jamming", RADIOMETER
     )
@@ -376,12 +513,25 @@ class Scenario:
             object.__setattr__(self, spec.name, checked(spec, getattr(self, spec.name)))
         check_mix(self)
         object.__setattr__(self, "_knowledge_base", load_knowledge(self.knowledge))
+        grid = None if self.channel is None else load_channel(self.channel)
+        if grid is not None and not (max(grid.origin_m) <= 0 and (grid.end_m >= self.box_m).all()):
+            raise ScenarioError(
+                f"channel {self.channel}: from {grid.origin_m.tolist()} to {grid.end_m.tolist()} m; "
+                f"must hold box_m {self.box_m}"
+            )
+        object.__setattr__(self, "_channel_grid", grid)
 
     @property
     def knowledge_base(self) -> tuple[KnowledgeEntry, ...] | None:
         """The expert knowledge base, an entry per jamming type; None if ``knowledge`` is ``none``."""
         base: tuple[KnowledgeEntry, ...] | None = vars(self)["_knowledge_base"]
         return base
+
+    @property
+    def channel_grid(self) -> Channel | None:
+        """The gains of ``channel``; None if there is no such file."""
+        grid: Channel | None = vars(self)["_channel_grid"]
+        return grid
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -406,6 +556,8 @@ class Scenario:
             for name, value in _as_json(dataclasses.asdict(self)).items()
             if name != "knowledge" and value != released[name]
         }
+        if self.channel_grid is not None:
+            changed["channel"] = self.channel_grid.hash
         base = self.knowledge_base
         played = [{k: v for k, v in vars(entry).items() if k != "advice"} for entry in base or ()]
         content = {
@@ -419,20 +571,17 @@ class Scenario:
     def from_yaml(cls, path: str | Path) -> Scenario:
         """Read a scenario from YAML: a mapping of field names, applied to the preset named ``preset``.
 
-        A relative ``knowledge`` file is looked for beside the YAML file.
+        A relative ``knowledge`` or ``channel`` file is looked for beside the YAML file.
 
         Raises:
             UserError: the file cannot be read or parsed, or holds an unknown key or a bad value.
         """
         path = Path(path)
         changes = read_yaml(path, "scenario")
-        knowledge = changes.get("knowledge")
-        if (
-            isinstance(knowledge, str)
-            and knowledge not in ("expert", "none")
-            and not Path(knowledge).is_absolute()
-        ):
-            changes["knowledge"] = str(path.parent / knowledge)
+        for name in ("knowledge", "channel"):
+            file = changes.get(name)
+            if isinstance(file, str) and file not in ("expert", "none") and not Path(file).is_absolute():
+                changes[name] = str(path.parent / file)
         scenario = cls.from_dict(changes, f"scenario {path}")
         if scenario.bandwidth_mhz > scenario.point_spacing_mhz:
             _logger.warning(

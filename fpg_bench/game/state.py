@@ -41,11 +41,13 @@ GAME = np.dtype(
         ("point", "i8"),  # frequency point
         ("frequency_mhz", "f8"),
         ("spreading", "b1"),
+        ("airtime", "f8"),  # share of the step just played in which there is a link; read in the model link
         ("spreading_s", "i8"),  # seconds without a break, the step just played included
         ("hopped", "b1"),  # charged H in the step just played
         # The opponent
         ("opponent_start", "f8", (3,)),
         ("opponent_position", "f8", (3,)),
+        ("flown_m", "f8"),  # in the step just played; known in the model link
         ("known_mhz", "f8"),
         ("age_s", "i8"),
         ("next_check", "i8"),  # number of played steps after which the next check comes
@@ -56,10 +58,15 @@ GAME = np.dtype(
         # The step just played
         ("distance_m", "f8"),
         ("covered", "b1"),
+        ("in_sight", "b1"),  # ally and opponent see each other; in the model link
+        ("base_gain", "f8"),  # of the path from base station to ally, 1 in free space
+        ("opponent_gain", "f8"),  # of the path between opponent and ally
         ("fading", "f8"),  # in standard deviations
+        ("jamming_fading", "f8"),
         ("snr_db", "f8"),
         ("clean_snr_db", "f8"),  # without jamming, same fading
         ("rate_mbit_s", "f8"),
+        ("clean_mbit", "f8"),  # sum of the round's rates without jamming; in the model link
         ("sensed_type", "i8"),  # -1: nothing sensed yet
         ("sensed_mhz", "f8"),
         ("ally_value", "f8"),  # the ally's reward before its costs
@@ -178,9 +185,17 @@ RADIO = np.dtype(
     [
         ("path_gain", "f8"),  # times 1 / (m MHz)^2
         ("base_mw", "f8"),
-        ("jamming_mw", "f8"),
+        ("jamming_mw", "f8", (TYPES,)),
+        ("per_fading_distance", "f8"),  # 0: fading is correlated by the step
+        ("jamming_fading_sd", "f8"),
+        ("tooth_tolerance", "f8"),
         ("noise_mw", "f8", (2,)),  # in a symbol, after despreading
         ("channel_width", "f8", (2,)),
+        ("draws_buildings", "b1"),
+        ("building_side", "f8", (2,)),
+        ("building_height", "f8", (2,)),
+        ("tallest", "f8"),  # building, m
+        ("clearance", "f8"),
         ("rolloff", "f8"),
         ("stopband", "f8"),
         ("spread_points", "i8", (2,)),  # the first and the last at which a spread signal fits into the band
@@ -188,12 +203,17 @@ RADIO = np.dtype(
         ("tooth_width", "f8", (TYPES,)),
         ("notch_width", "f8"),
         ("hop_airtime", "f8"),
+        ("charge_moves", "b1"),
+        ("acquisition", "f8"),
         ("flight_cost", "f8"),  # times the third power of the speed in m/s
+        ("flight_cost_per_w", "f8"),
+        ("least_power", "f8"),  # W
         ("per_rate_reference", "f8"),
         ("reward_scale", "f8"),  # divided by the utility of the highest rate
         ("ally_emission_mw", "f8"),
         ("channel_noise_mw", "f8", (2,)),  # of the opponent's receiver, in the whole channel
-        ("own_jamming_mw", "f8"),
+        ("own_jamming_mw", "f8", (TYPES,)),
+        ("look_through", "f8"),
         ("radiometer_threshold", "f8"),
         ("per_beam", "f8"),  # 1 / rad
         ("side_lobe", "f8"),

@@ -8,6 +8,7 @@ import numpy as np
 
 from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import exp
 from fpg_bench.game.flight import (
     RECTANGLE,
     begin_curve,
@@ -21,6 +22,7 @@ from fpg_bench.game.hopping import choose_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
 from fpg_bench.game.link import transmit
 from fpg_bench.game.metrics import count_step
+from fpg_bench.game.propagation import channel_gain, draw_buildings, keep_out, propagate, roof_m
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
 from fpg_bench.game.sensing import (
@@ -35,6 +37,8 @@ from fpg_bench.game.state import Record
 # opponent.
 HOP_GATE, SPREAD_GATE, SPEED = 0, 1, 2
 TUNING, TUNING_REFERENCE = 4, 5
+
+Grid = tuple[np.ndarray, np.ndarray, np.ndarray]  # a channel.Channel
 
 _LOW, _HIGH = np.float32(-1.0), np.float32(1.0)
 
@@ -62,6 +66,8 @@ def play(
     opponent_actions: np.ndarray,
     ally_observations: np.ndarray,
     opponent_observations: np.ndarray,
+    buildings_array: np.ndarray | None,
+    channel: Grid | None,
     rules_array: np.ndarray,
     radio_array: np.ndarray | None,
 ) -> None:
@@ -75,21 +81,22 @@ def play(
         game, ally_action, opponent_action = games[i], ally_actions[i], opponent_actions[i]
         if game.truncated:
             continue
+        buildings = None if buildings_array is None else buildings_array[i]
         point_before = game.point
         _choose_jamming(game, opponent_action, rules)
         _choose_frequency(game, ally_action, ally_observations[i], rules, radio)
-        speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], rules)
+        speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], buildings, rules, radio)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
-        _transmit(game, fading, rules, radio)
+        _transmit(game, fading, speed_m_s, buildings, channel, rules, radio)
         reward(game, speed_m_s, rules, radio)
-        run_detection_check(game, rules, radio)
+        run_detection_check(game, buildings, rules, radio)
         update_spectrum_monitor(game, centre_error, rules)
         game.truncated = game.step + 1 >= game.horizon
         count_step(game, tallies[i], histograms[i], point_before, rules)
         _record_segment(game, segments[i], rules)
         game.step += 1
         write_ally_observation(ally_observations[i], game, rules, radio)
-        write_opponent_observation(opponent_observations[i], game, rules)
+        write_opponent_observation(opponent_observations[i], game, rules, radio)
 
 
 @compiled
@@ -102,7 +109,7 @@ def _choose_jamming(game: Record, action: np.ndarray, rules: Record) -> None:
 def _choose_frequency(
     game: Record, action: np.ndarray, observation: np.ndarray, rules: Record, radio: Record | None
 ) -> None:
-    spread = action[SPREAD_GATE] > 0.0
+    spread, point_before = action[SPREAD_GATE] > 0.0, game.point
     game.hopped = rules.always_hops or action[HOP_GATE] > 0.0
     despread = rules.reselect and game.spreading and not spread
     if game.hopped or despread:
@@ -111,18 +118,36 @@ def _choose_frequency(
     if radio is not None and spread:  # it moves until its signal fits into the band, and stays there
         game.point = min(max(game.point, radio.spread_points[0]), radio.spread_points[1])
         game.frequency_mhz = point_mhz(game.point, rules)
+    if radio is not None:
+        moved = game.hopped or (radio.charge_moves and game.point != point_before)
+        lost = radio.hop_airtime if moved else 0.0
+        if spread != game.spreading:
+            lost += radio.acquisition
+        game.airtime = 1.0 - lost
     game.spreading = spread
     game.spreading_s = game.spreading_s + 1 if spread else 0
 
 
 @compiled
 def _move(
-    game: Record, ally_action: np.ndarray, opponent_action: np.ndarray, waypoints: np.ndarray, rules: Record
+    game: Record,
+    ally_action: np.ndarray,
+    opponent_action: np.ndarray,
+    waypoints: np.ndarray,
+    buildings: np.ndarray | None,
+    rules: Record,
+    radio: Record | None,
 ) -> float:
     """Move both sides; returns the ally's speed in m/s."""
     slow, fast = rules.ally_speed[0], rules.ally_speed[1]
     speed_m_s: float = slow + (ally_action[SPEED] + 1.0) / 2.0 * (fast - slow)
+    place = game.opponent_position
+    x, y, z = place[0], place[1], place[2]
     fly_opponent(game, opponent_action, waypoints, rules)  # first: pursuit aims at where the ally was
+    if buildings is not None:
+        keep_out(place, x, y, z, rules.opponent_speed, buildings, radio)
+    if radio is not None:
+        game.flown_m = math.sqrt((place[0] - x) ** 2 + (place[1] - y) ** 2 + (place[2] - z) ** 2)
     fly_curve(game, speed_m_s, rules)
     keep_inside(game.ally_position, rules)
     return speed_m_s
@@ -142,12 +167,24 @@ def trace_ally(path: np.ndarray, games: np.ndarray, rules_array: np.ndarray) -> 
 
 
 @compiled
-def _transmit(game: Record, fading: float, rules: Record, radio: Record | None) -> None:
+def _transmit(
+    game: Record,
+    fading: float,
+    speed_m_s: float,
+    buildings: np.ndarray | None,
+    channel: Grid | None,
+    rules: Record,
+    radio: Record | None,
+) -> None:
     """Compute coverage, fading, and the SNR with and without jamming, at the final positions."""
     f = game.frequency_mhz
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
-    game.fading = rules.fading_kept * game.fading + rules.fading_new * fading
+    kept, new = rules.fading_kept, rules.fading_new
+    if radio is not None and radio.per_fading_distance > 0.0:
+        kept = exp(-speed_m_s * radio.per_fading_distance)
+        new = math.sqrt(1.0 - kept * kept)
+    game.fading = kept * game.fading + new * fading
     game.covered = covers(game.jamming_type, game.jamming_mhz, f, game.spreading, rules, radio)
     if radio is None:
         signal = rules.base_power - path_loss_db(distance_to_base_m, f, rules)
@@ -156,7 +193,24 @@ def _transmit(game: Record, fading: float, rules: Record, radio: Record | None) 
         game.snr_db = snr_db(signal, jamming, game.covered, game.spreading, fading_db, rules)
         game.clean_snr_db = snr_db(signal, jamming, False, game.spreading, fading_db, rules)
     else:
+        if radio.jamming_fading_sd > 0.0:
+            _fade_jamming(game, kept, radio)
+        if buildings is not None:
+            propagate(game, distance_to_base_m, buildings, rules, radio)
+        if channel is not None:
+            game.base_gain = channel_gain(
+                channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio
+            )
         transmit(game, distance_to_base_m, rules, radio)
+
+
+@compiled
+def _fade_jamming(game: Record, kept: float, radio: Record) -> None:
+    """Compute the fading from jammer to ally; both ends move, and each decorrelates it."""
+    if radio.per_fading_distance > 0.0:
+        kept *= exp(-game.flown_m * radio.per_fading_distance)
+    drawn, _ = rng.gaussians(game.round_key, game.step, rng.JAMMING_FADING)
+    game.jamming_fading = kept * game.jamming_fading + math.sqrt(1.0 - kept * kept) * drawn
 
 
 @compiled
@@ -178,6 +232,8 @@ def begin(
     ally_observations: np.ndarray,
     opponent_observations: np.ndarray,
     segments: np.ndarray,
+    buildings_array: np.ndarray | None,
+    channel: Grid | None,
     rules_array: np.ndarray,
     radio_array: np.ndarray | None,
 ) -> None:
@@ -188,16 +244,19 @@ def begin(
         if not mask[i]:
             continue
         game = games[i]
-        _begin_match(game, rng.match_key(game.seed, game.match), rules)
-        _begin_round(game, rules, radio)
+        buildings = None if buildings_array is None else buildings_array[i]
+        _begin_match(game, rng.match_key(game.seed, game.match), buildings, rules, radio)
+        _begin_round(game, buildings, channel, rules, radio)
         segments[i] = 0.0
         write_ally_observation(ally_observations[i], game, rules, radio)
-        write_opponent_observation(opponent_observations[i], game, rules)
+        write_opponent_observation(opponent_observations[i], game, rules, radio)
 
 
 @compiled
-def _begin_match(game: Record, key: np.uint64, rules: Record) -> None:
-    """Draw what all rounds of a match share: the ally's path and the opponent's start."""
+def _begin_match(
+    game: Record, key: np.uint64, buildings: np.ndarray | None, rules: Record, radio: Record | None
+) -> None:
+    """Draw what all rounds of a match share: the ally's path, buildings, and the opponent's start."""
     game.round_key = rng.round_key(key, game.round)
     for corner in range(4):
         for axis in range(3):
@@ -209,10 +268,16 @@ def _begin_match(game: Record, key: np.uint64, rules: Record) -> None:
             game.control_points[corner, axis] = drawn if rules.random_curve else rules.curve[corner, axis]
     for axis in range(3):
         game.opponent_start[axis] = rng.uniform(key, 0, rng.OPPONENT_START + axis) * rules.box[axis]
+    if buildings is not None and radio is not None:
+        if radio.draws_buildings:
+            draw_buildings(buildings, key, rules, radio)
+        game.opponent_start[2] = max(game.opponent_start[2], roof_m(game.opponent_start, buildings))
 
 
 @compiled
-def _begin_round(game: Record, rules: Record, radio: Record | None) -> None:
+def _begin_round(
+    game: Record, buildings: np.ndarray | None, channel: Grid | None, rules: Record, radio: Record | None
+) -> None:
     key = game.round_key
     game.step = 0
     game.truncated = False
@@ -233,14 +298,23 @@ def _begin_round(game: Record, rules: Record, radio: Record | None) -> None:
     game.sensed_type, game.sensed_mhz = -1, rules.band_middle
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
     game.covered, game.fading = False, 0.0
+    game.airtime, game.flown_m = 1.0, 0.0
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     if radio is not None:
+        game.in_sight, game.base_gain, game.opponent_gain = True, 1.0, 1.0
+        if buildings is not None:
+            propagate(game, distance_to_base_m, buildings, rules, radio)
+        if channel is not None:
+            game.base_gain = channel_gain(
+                channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio
+            )
         transmit(game, distance_to_base_m, rules, radio)
     else:
         signal = rules.base_power - path_loss_db(distance_to_base_m, game.frequency_mhz, rules)
         game.snr_db = snr_db(signal, 0.0, False, False, 0.0, rules)
         game.clean_snr_db = game.snr_db
     game.fading, _ = rng.gaussians(key, 0, rng.FADING_START)
-    game.rate_mbit_s, game.ally_value = 0.0, 0.0
+    game.jamming_fading, _ = rng.gaussians(key, 0, rng.JAMMING_FADING_START)
+    game.rate_mbit_s, game.clean_mbit, game.ally_value = 0.0, 0.0, 0.0
     game.ally_reward, game.opponent_reward = 0.0, 0.0
     game.outage_run, game.watching, game.recovering = 0, False, 0

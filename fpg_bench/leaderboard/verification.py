@@ -384,7 +384,7 @@ def _tolerances(now: Record, then: Record, span: float) -> dict[str, float]:
     others, a single round decides the longest outage, which may last for all of that round.
     """
     if now.rounds_sha256 == then.rounds_sha256 or now.returns == then.returns:
-        return {name: _SAME_WITHIN * abs(value) for name, value in now.tally.items()}
+        return {name: _SAME_WITHIN * abs(now.tally[name]) for name in TALLIES}
     within = {"steps": 0.0} | dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
     within |= {name: _LEVEL_WITHIN * abs(now.tally[name]) for name in _LEVELS}
     within[GREATEST] = now.tally["steps"] / len(now.returns)

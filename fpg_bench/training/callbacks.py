@@ -23,18 +23,7 @@ from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.models import by_side
 
-LOGGED_MEASURES = (
-    "overlap_ratio",
-    "jamming_success_rate",
-    "outage",
-    "snr_db",
-    "capacity_mbit_s",
-    "hop_rate",
-    "spread_ratio",
-    "near_ratio",
-    "ally_return",
-    "opponent_return",
-)
+_OF_MONITOR = ("r", "l", "t")  # in an episode's information beside its measures
 SAVE_EVERY_S = 60.0
 
 _logger = logging.getLogger(__name__)
@@ -45,9 +34,9 @@ class GameMeasuresCallback(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         infos = self.model.ep_info_buffer or ()
-        for name in LOGGED_MEASURES if infos else ():
+        for name in infos[0] if infos else ():
             values = [info[name] for info in infos if info.get(name) is not None]
-            if values:
+            if values and name not in _OF_MONITOR:
                 self.logger.record(f"game/{name}", float(np.mean(values)))
 
     def _on_step(self) -> bool:

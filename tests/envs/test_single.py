@@ -48,6 +48,17 @@ def test_anything_but_an_action_is_refused_in_one_line(actions, bad):
         games.step(bad)
 
 
+def test_the_radio_of_a_step_is_in_the_info_of_the_model_link_alone():
+    for scenario, expected in (("link", {"snr_db", "rate_mbit_s", "covered"}), ("standard", set())):
+        env = gymnasium.make(ALLY, scenario=scenario)
+        assert set(env.reset(seed=0)[1]) == expected | {"advice"}
+        seen, *_, info = env.step(env.action_space.sample())
+        assert set(info) == expected | {"advice"}
+        if expected:
+            assert type(info["covered"]) is bool
+            assert info["snr_db"] / 40 == pytest.approx(float(seen[8]), abs=1e-6)
+
+
 def test_the_ally_is_shown_what_the_knowledge_base_advises_and_the_opponent_is_not():
     env, other = gymnasium.make(ALLY, opponent="broadband"), gymnasium.make(OPPONENT)
     assert env.reset(seed=0)[1]["advice"] is None

@@ -81,6 +81,15 @@ def test_the_seconds_of_planning_do_not_make_another_line():
     assert not record().same_as(record(returns=(10.0, 20.001)))
 
 
+def test_a_record_without_the_clean_rates_of_later_versions_is_read_and_is_the_same():
+    rates = TALLY | {"capacity_mbit_s": 50.0}
+    later, earlier = record(tally=rates | {"clean_mbit_s": 100.0}), record(tally=rates)
+    assert read_record(json.loads(json.dumps(later.row())), "here") == later
+    assert later.same_as(earlier)
+    assert pool([later, later]).measures["rate_kept"] == 0.5
+    assert pool([later, earlier]).measures["rate_kept"] is None
+
+
 NAN = float("nan")
 
 

@@ -36,6 +36,12 @@ class Chance:
     def fading_before(self) -> float:
         return rng.gaussians(self.round, 0, rng.FADING_START)[0]
 
+    def jamming_fading_before(self) -> float:
+        return rng.gaussians(self.round, 0, rng.JAMMING_FADING_START)[0]
+
+    def jamming_fading(self, step: int) -> float:
+        return rng.gaussians(self.round, step, rng.JAMMING_FADING)[0]
+
     def detection_fading(self, step: int) -> float:
         return rng.gaussians(self.round, step, rng.DETECTION_FADING)[0]
 
@@ -91,6 +97,13 @@ def eq4(t: float) -> float:
     return 39 + 1.5 * (t - 40)
 
 
+def rotary_wing_w(v: float) -> float:
+    """P(v) of Zeng, Xu and Zhang (2019), Eq. 12, with the numbers of Table I."""
+    p0, pi, u_tip, v0, d0, rho, s, a = 79.8563, 88.6279, 120, 4.03, 0.6, 1.225, 0.05, 0.503
+    induced = pi * (math.sqrt(1 + v**4 / (4 * v0**4)) - v**2 / (2 * v0**2)) ** 0.5
+    return p0 * (1 + 3 * v**2 / u_tip**2) + induced + 0.5 * d0 * rho * s * a * v**3
+
+
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
@@ -136,6 +149,9 @@ class ReferenceGame:
         self.ally_position = self.curve.at(0.0)
         share = [chance.of_match(rng.OPPONENT_START + axis) for axis in range(3)]
         self.opponent_position = np.array(share) * s.box_m
+        self.buildings = self._drawn_buildings()
+        roof = self._roof_m(self.opponent_position)
+        self.opponent_position[2] = max(self.opponent_position[2], roof)
         self.path = s.paths[chance.whole(0, rng.PATH_CHOICE, len(s.paths))]
         if self.path in ("circle", "triangle", "rectangle"):
             self.opponent_position = patrol(self.path, 0.0, s.patrol_centre_m, s.patrol_radius_m)
@@ -148,7 +164,9 @@ class ReferenceGame:
         self.jamming_type = self.sensed_type = None
         self.jamming_mhz = self.sensed_mhz = None
         self.fading = chance.fading_before()
+        self.jamming_fading = chance.jamming_fading_before()
         self.snr_db = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m) - self._noise()
+        self.snr_db += self._base_gain_db()
         self.observe()
 
     def _control_points(self) -> np.ndarray:
@@ -173,6 +191,65 @@ class ReferenceGame:
         d_km = max(float(np.linalg.norm(np.subtract(a, b))), self.s.minimum_distance_m) / 1000
         return self.s.path_loss_constant_db + 20 * math.log10(d_km) + 20 * math.log10(self.frequency_mhz)
 
+    def _drawn_buildings(self) -> list[tuple[float, ...]]:
+        """West, south, east, north and height of each building."""
+        s = self.s
+        if s.building_boxes_m is not None:
+            return list(s.building_boxes_m)
+        key = np.uint64(rng.bits(self.chance.match, 0, rng.BUILDINGS))
+        found = []
+        for number in range(s.buildings):
+            u = [rng.uniform(key, number, purpose) for purpose in range(5)]
+            low, high = s.building_side_m
+            sides = [low + share * (high - low) for share in u[:2]]
+            corner = [u[2 + axis] * (s.box_m[axis] - sides[axis]) for axis in range(2)]
+            ends = np.add(corner, sides)
+            nearest = np.clip(s.base_station_m[:2], corner, ends)
+            if np.linalg.norm(nearest - s.base_station_m[:2]) >= s.mast_clearance_m:
+                low, high = s.building_height_m
+                found.append((*corner, *ends, low + u[4] * (high - low)))
+        return found
+
+    def _sees(self, a, b) -> bool:
+        """Cut the line at all walls and roofs; some piece's middle lies in a building that hides it."""
+        a, b = np.asarray(a, float), np.asarray(b, float)
+        for west, south, east, north, top in self.buildings:
+            low, high = np.array([west, south, -1.0]), np.array([east, north, top])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                cuts = np.concatenate([(low - a) / (b - a), (high - a) / (b - a), [0.0, 1.0]])
+            cuts = np.unique(cuts[(cuts >= 0) & (cuts <= 1)])
+            for share in (cuts[1:] + cuts[:-1]) / 2:
+                place = a + share * (b - a)
+                if (low < place).all() and (place < high).all():
+                    return False
+        return True
+
+    def _gain_db(self, a, b) -> float:
+        """By how much a path is better than free space: 0 in sight, else TR 36.777, UMi-AV, NLoS."""
+        if not self.buildings or self._sees(a, b):
+            return 0.0
+        metres = max(float(np.linalg.norm(np.subtract(a, b))), self.s.minimum_distance_m)
+        height = clip(max(a[2], b[2]), 22.5, 300)
+        loss = 32.4 + (43.2 - 7.6 * math.log10(height)) * math.log10(metres)
+        loss += 20 * math.log10(self.frequency_mhz / 1000)
+        return min(self._loss(a, b) - loss, 0.0)
+
+    def _base_gain_db(self) -> float:
+        grid = self.s.channel_grid
+        if grid is None:
+            return self._gain_db(self.ally_position, self.s.base_station_m)
+        values = grid.gain_db
+        for axis in range(3):  # a line, then a point, of what is left
+            places = np.linspace(grid.origin_m[axis], grid.end_m[axis], grid.gain_db.shape[axis])
+            values = np.apply_along_axis(
+                lambda line, at, of: np.interp(at, of, line), 0, values, self.ally_position[axis], places
+            )
+        return float(values) + self._loss(self.ally_position, self.s.base_station_m)
+
+    def _roof_m(self, place) -> float:
+        x, y = place[:2]
+        return max((top for w, s, e, n, top in self.buildings if w < x < e and s < y < n), default=0.0)
+
     def _noise(self) -> float:
         s = self.s
         b_mhz = s.spread_bandwidth_mhz if self.spreading else s.bandwidth_mhz
@@ -191,13 +268,16 @@ class ReferenceGame:
     def _teeth(self, kind: int, centre_mhz: float) -> list[tuple[float, float]]:
         """From where to where a jammer radiates, on equal power per MHz.
 
-        Teeth are numbered from the centre, by division: rounding decides on a tooth on the very edge.
+        Teeth are numbered from the centre, by division: without a tolerance, rounding decides on a tooth on
+        the very edge.
         """
         s, half = self.s, self.s.footprint_half_widths_mhz[kind]
         centres = [centre_mhz]
         if JAMMING_TYPES[kind] == "comb":
             spacing = s.comb_spacing_points * (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
-            low, high = ((edge - centre_mhz) / spacing for edge in (s.band_low_mhz, s.band_high_mhz))
+            room = s.tooth_tolerance_mhz
+            edges = s.band_low_mhz - room, s.band_high_mhz + room
+            low, high = ((edge - centre_mhz) / spacing for edge in edges)
             numbers = range(math.ceil(low), math.floor(high) + 1)
             centres = [centre_mhz + k * spacing for k in numbers] or [centre_mhz]
         return [(f - half, f + half) for f in centres]
@@ -231,12 +311,15 @@ class ReferenceGame:
     def _link_snr(self, is_jammed: bool) -> float:
         s = self.s
         signal = s.base_power_dbm - self._loss(self.ally_position, s.base_station_m) + self.fading_db
+        signal += self._base_gain_db()
         signal_mw = 10 ** (signal / 10)
         density_mw_hz = 10 ** (s.noise_density_dbm_hz / 10)
         jamming_mw, passed, density, tooth = 0.0, 0.0, 0.0, (0.0, 0.0)
         leaked = 10 ** (s.filter_stopband_db / 10)
         if is_jammed:
-            jamming = s.opponent_power_dbm - self._loss(self.ally_position, self.opponent_position)
+            jamming = self._radiated() - self._loss(self.ally_position, self.opponent_position)
+            jamming += self._gain_db(self.ally_position, self.opponent_position)
+            jamming += s.jamming_fading_sd_db * self.jamming_fading
             jamming_mw = 10 ** (jamming / 10)
             passed, density, tooth = self._passed(self.jamming_type, self.jamming_mhz)
         if not self.spreading:
@@ -251,6 +334,9 @@ class ReferenceGame:
             own = signal_mw * noise / chips
             ways.append(signal_mw * (1 - cut) ** 2 / (noise_mw * (1 - cut) + own + left))
         return 10 * math.log10(max(ways))
+
+    def _radiated(self) -> float:
+        return self.s.opponent_power_dbm - self.s.jamming_backoff_db[self.jamming_type]
 
     def _rate(self, snr_db: float) -> float:
         s = self.s
@@ -274,9 +360,10 @@ class ReferenceGame:
         s, f_loss = self.s, self._loss
         width = s.spread_bandwidth_mhz if self.spreading else s.bandwidth_mhz
         passed = self._passed(self.jamming_type, self.jamming_mhz)[0]
-        own = s.opponent_power_dbm - s.jammer_isolation_db
+        own = self._radiated() - s.jammer_isolation_db
         noise_mw = 10 ** (s.noise_density_dbm_hz / 10) * width * 1e6
-        noise_mw += 10 ** (own / 10) * (passed + 10 ** (s.filter_stopband_db / 10))
+        is_silent = s.look_through_s > 0
+        noise_mw += 0.0 if is_silent else 10 ** (own / 10) * (passed + 10 ** (s.filter_stopband_db / 10))
         to_ally, to_opponent = (
             np.subtract(place, s.base_station_m) for place in (self.ally_position, self.opponent_position)
         )
@@ -284,10 +371,17 @@ class ReferenceGame:
         degrees = math.degrees(math.acos(clip(float(cosine))))
         weaker_db = min(12 * (degrees / s.base_beam_deg) ** 2, s.base_side_lobe_db)
         levels = (
-            s.ally_emission_dbm - f_loss(self.ally_position, self.opponent_position),
-            s.base_power_dbm - weaker_db - f_loss(s.base_station_m, self.opponent_position),
+            s.ally_emission_dbm
+            - f_loss(self.ally_position, self.opponent_position)
+            + self._gain_db(self.ally_position, self.opponent_position),
+            s.base_power_dbm
+            - weaker_db
+            - f_loss(s.base_station_m, self.opponent_position)
+            + self._gain_db(s.base_station_m, self.opponent_position),
         )
-        wall = 10 * math.log10(10 ** (s.noise_uncertainty_db / 10) - 1)
+        highest = 10 ** (s.noise_uncertainty_db / 10)
+        lowest = 1 / highest if s.radiometer_wall == "robust" else 1.0
+        wall = 10 * math.log10(highest - lowest)
         return max(levels) + fading_db - 10 * math.log10(noise_mw) >= wall
 
     # -- radio of the other models ----------------------------------------------------------------------
@@ -349,6 +443,9 @@ class ReferenceGame:
                 if s.spread_bandwidth_mhz / 2 <= spacing * min(k, s.frequency_points - 1 - k)
             ]
             self.point = min(fits or [(s.frequency_points - 1) // 2], key=lambda k: abs(k - self.point))
+        moved = self.hopped or (s.charge_moves and self.point != self.point_before)
+        toggled = spread != self.spreading
+        self.off_air_s = (s.hop_airtime_s if moved else 0.0) + (s.acquisition_s if toggled else 0.0)
         self.spreading = spread
         self.spreading_s = self.spreading_s + 1 if spread else 0
 
@@ -378,7 +475,11 @@ class ReferenceGame:
 
     def _move(self, a: list[float], o: list[float]) -> None:
         s = self.s
+        before = self.opponent_position
         self.opponent_position = np.clip(self._opponent_goes(o), 0, s.box_m)
+        if self._roof_m(self.opponent_position) > self.opponent_position[2]:  # a wall: climb before it
+            self.opponent_position = np.add(before, [0, 0, s.opponent_speed_m_s])
+        self.opponent_flown_m = float(np.linalg.norm(self.opponent_position - before))
         slow, fast = s.ally_speed_m_s
         self.speed_m_s = slow + (a[2] + 1) / 2 * (fast - slow)
         self.flown_m += self.speed_m_s
@@ -403,8 +504,13 @@ class ReferenceGame:
 
     def _transmit(self) -> None:
         self.fading_db, self.centre_error = self.chance.fading_and_centre_error(self.step_number)
-        memory = self.s.fading_correlation
+        memory = jamming_memory = self.s.fading_correlation
+        if (reach := self.s.fading_distance_m) > 0:
+            memory = math.exp(-self.speed_m_s / reach)
+            jamming_memory = math.exp(-(self.speed_m_s + self.opponent_flown_m) / reach)
         self.fading = memory * self.fading + math.sqrt(1 - memory**2) * self.fading_db
+        drawn = self.chance.jamming_fading(self.step_number)
+        self.jamming_fading = jamming_memory * self.jamming_fading + math.sqrt(1 - jamming_memory**2) * drawn
         self.fading_db = self.s.fading_sd_db * self.fading
         self.covered = self._covers(self.jamming_type, self.jamming_mhz)
         if self.s.snr_model == "link":
@@ -423,13 +529,19 @@ class ReferenceGame:
     def _reward(self) -> None:
         s = self.s
         worth, clean = self._worth(self.snr_db), self._worth(self.clean_snr_db)
-        on_air = 1 - s.hop_airtime_s if self.hopped else 1.0
+        on_air = 1 - self.off_air_s
+        rate = self._rate(self.snr_db)
+        if self.step_number + 1 == self.next_check:
+            silent = s.look_through_s
+            worth = (1 - silent) * worth + silent * clean
+            rate = (1 - silent) * rate + silent * self._rate(self.clean_snr_db)
         cost = eq4(self.spreading_s) if self.spreading and any(s.spread_cost_per_s) else 0.0
         cost += s.flight_cost * (self.speed_m_s / s.ally_speed_m_s[1]) ** 3
+        cost += s.flight_cost_per_w * (rotary_wing_w(self.speed_m_s) - 126.00272188008806)
         self.ally_reward = on_air * worth - cost - (s.hop_cost if self.hopped else 0.0)
         near = s.distance_reward if self.distance_m < s.distance_reward_m else 0.0
         self.opponent_reward = near + s.snr_drop_weight * on_air * (clean - worth)
-        self.rate_mbit_s = on_air * self._rate(self.snr_db)
+        self.rate_mbit_s = on_air * rate
 
     def _check(self) -> None:
         s = self.s
@@ -470,6 +582,7 @@ class ReferenceGame:
         if self.jamming_type is not None:
             one_hot[0, self.sensed_type] = one_hot[1, self.jamming_type] = 1
         sensed = self.sensed_type is not None
+        hidden = 0.5 if self.buildings and not self._sees(self.ally_position, self.opponent_position) else 1.0
         flag = sensed and self._covers(self.sensed_type, self.sensed_mhz)
         ally = [
             *self._places(self.ally_position, self.opponent_position),
@@ -478,7 +591,7 @@ class ReferenceGame:
             self.snr_db / s.snr_scale_db,
             self._in_band(self.sensed_mhz) if sensed else 0.0,
             *one_hot[0],
-            1.0 if flag else -1.0,
+            hidden * (1.0 if flag else -1.0),
         ]
         opponent = [
             *self._places(self.opponent_position, self.ally_position),
@@ -487,7 +600,7 @@ class ReferenceGame:
             (self.next_check - self.step_number) / s.check_scale_s,
             self._in_band(self.jamming_mhz) if sensed else 0.0,
             *one_hot[1],
-            self.last_check,
+            hidden * self.last_check,
         ]
         self.ally_observation = np.clip(ally, -1, 1).astype(np.float32)
         self.opponent_observation = np.clip(opponent, -1, 1).astype(np.float32)

@@ -47,12 +47,15 @@ def test_the_sinr_is_that_of_a_waveform(kind, jamming, channel, spreading, snr, 
 
 @pytest.mark.parametrize("point", range(LINK.frequency_points))
 def test_a_comb_has_the_teeth_that_lie_in_the_band(point):
-    """Centred on a frequency point, too, where rounding decides on teeth on the band's edge."""
+    """Also at a frequency point. Without a tolerance, rounding decides on teeth on the band's edge."""
     centre = LINK.band_low_mhz + point * LINK.point_spacing_mhz
-    first, end = link.teeth(COMB, centre, RULES)
-    expected = [low for low, _ in ReferenceGame(LINK, 0)._teeth(COMB, centre)]
     spacing, half = LINK.comb_spacing_points * LINK.point_spacing_mhz, LINK.footprint_half_widths_mhz[COMB]
-    assert [centre + k * spacing - half for k in range(first, end)] == pytest.approx(expected)
+    tolerant = dataclasses.replace(LINK, tooth_tolerance_mhz=1e-6)
+    for scenario in (LINK, tolerant):
+        first, end = link.teeth(COMB, centre, RULES, radio_record(scenario)[0])
+        expected = [low for low, _ in ReferenceGame(scenario, 0)._teeth(COMB, centre)]
+        assert [centre + k * spacing - half for k in range(first, end)] == pytest.approx(expected)
+    assert end - first == len(range(point % 4, LINK.frequency_points, 4))
 
 
 def test_bit_errors_after_despreading_are_those_of_gaussian_noise():
@@ -66,10 +69,11 @@ def test_bit_errors_after_despreading_are_those_of_gaussian_noise():
 def test_a_radiometer_finds_what_lies_above_its_wall():
     """With a threshold at the highest noise, signals 0.15 dB above and below the wall (5e4 samples)."""
     rng = np.random.default_rng(0)
-    wall = 10 * math.log10(link.snr_wall(LINK.noise_uncertainty_db))
     threshold = 10 ** (LINK.noise_uncertainty_db / 10)
-    assert waveforms.energy_rate(rng, wall + 0.15, threshold, 50_000, 12) > 0.8
-    assert waveforms.energy_rate(rng, wall - 0.15, threshold, 50_000, 12) < 0.2
+    for kind, noise in (("nominal", 1.0), ("robust", 1 / threshold)):
+        wall = 10 * math.log10(link.snr_wall(LINK.noise_uncertainty_db, kind))
+        assert waveforms.energy_rate(rng, wall + 0.15, threshold, 50_000, 12, noise) > 0.8
+        assert waveforms.energy_rate(rng, wall - 0.15, threshold, 50_000, 12, noise) < 0.2
 
 
 @pytest.mark.parametrize("sinr", [-3.0, 3.0, 9.0, 15.0])
@@ -136,6 +140,83 @@ def test_flying_costs_the_third_power_of_the_speed(speed, cost):
         batch.step(ally(speed=speed), opponent())
     assert free.games["ally_reward"] - dear.games["ally_reward"] == pytest.approx(cost)
     assert free.games["opponent_reward"] == dear.games["opponent_reward"]
+
+
+@pytest.mark.parametrize(
+    ("speed", "watts"),  # of Fig. 2 of Zeng, Xu and Zhang, by its formula
+    [(-1.0, 168.4842), (-0.6, 143.6083), (-0.2, 126.0291), (1.0, 248.9523)],
+)
+def test_flying_costs_the_power_of_a_rotary_wing_above_its_least(speed, watts):
+    base = dataclasses.replace(LINK, flight_cost=0, ally_speed_m_s=(0, 25))
+    free, dear = (begin(dataclasses.replace(base, flight_cost_per_w=c), seed=3) for c in (0, 0.1))
+    for batch in (free, dear):
+        batch.step(ally(speed=speed), opponent())
+    cost = free.games["ally_reward"] - dear.games["ally_reward"]
+    assert cost == pytest.approx(0.1 * (watts - 126.0027), abs=1e-4)
+    assert free.games["opponent_reward"] == dear.games["opponent_reward"]
+
+
+def test_a_move_and_a_change_of_the_waveform_take_airtime():
+    """Spreading moves the ally from point 0 to 6; what the reward loses, the rate loses too."""
+    base = dataclasses.replace(LINK, flight_cost=0, fading_sd_db=0)
+    free, charged = (
+        begin(dataclasses.replace(base, **changes), seed=3)
+        for changes in ({}, {"charge_moves": True, "acquisition_s": 0.2})
+    )
+    for action, share in (
+        (ally(hop=True, preference=-1), 1.0),
+        (ally(spread=True), 0.5),  # moves, and changes the waveform
+        (ally(spread=True), 1.0),
+        (ally(), 0.8),
+        (ally(hop=True, spread=True, preference=0), 0.5 / 0.7),
+    ):
+        for batch in (free, charged):
+            batch.step(action, opponent())
+        for name in ("rate_mbit_s", "ally_reward", "opponent_reward"):
+            assert charged.games[name][0] == pytest.approx(share * free.games[name][0])
+
+
+def test_a_jammer_that_looks_through_is_silent_for_a_part_of_a_check():
+    base = dataclasses.replace(LINK, flight_cost=0, first_check_s=(2, 2), check_interval_s=(3, 3))
+    jammed, gap = (begin(dataclasses.replace(base, look_through_s=s), seed=3) for s in (0, 0.25))
+    for step in range(4):
+        for batch in (jammed, gap):
+            place(batch, batch.games["ally_position"][0])
+            batch.step(ally(), opponent(NARROWBAND))
+        shares = gap.games["opponent_reward"] / jammed.games["opponent_reward"]
+        assert shares == pytest.approx(0.75 if step == 1 else 1.0)
+    assert not hears(TONE, jammer_isolation_db=60)
+    assert hears(TONE, jammer_isolation_db=60, look_through_s=0.1)
+
+
+def test_fading_decorrelates_over_the_distance_flown():
+    scenario = dataclasses.replace(
+        LINK, fading_correlation=0, fading_distance_m=20, jamming_fading_sd_db=1, opponent_speed_m_s=12
+    )
+    batch = begin(scenario, games=3000)
+    place_far = batch.games["opponent_position"]
+    place_far[:, 0] = np.where(batch.games["ally_position"][:, 0] < 750, 1500, 0)
+    actions = ally(speed=0).repeat(3000, 0), opponent().repeat(3000, 0)  # 7.5 m/s
+    values = []
+    for _ in range(8):
+        batch.step(*actions)
+        values.append([batch.games[name].copy() for name in ("fading", "jamming_fading")])
+    for k, flown in enumerate((7.5, 7.5 + 12)):
+        now, before = values[-1][k], values[-2][k]
+        assert now.std() == pytest.approx(1, abs=0.06)
+        assert np.corrcoef(now, before)[0, 1] == pytest.approx(math.exp(-flown / 20), abs=0.06)
+    assert abs(np.corrcoef(*values[-1])[0, 1]) < 0.06
+
+
+def test_back_off_lowers_the_power_of_a_type():
+    for kind, loss in ((TONE, 0.0), (BROADBAND, 4.0)):
+        noise = []
+        for backoff in ((0, 0, 0, 0), (0, 0, 4, 0)):
+            batch = begin(dataclasses.replace(LINK, jamming_backoff_db=backoff), seed=3)
+            place(batch, batch.games["ally_position"][0])
+            batch.step(ally(), opponent(kind))
+            noise.append(batch.games["snr_db"][0])
+        assert noise[1] - noise[0] == pytest.approx(loss, abs=0.01)
 
 
 @pytest.mark.parametrize(("width_mhz", "first", "last"), [(75, 6, 8), (71, 5, 9), (10, 1, 13), (99, 7, 7)])

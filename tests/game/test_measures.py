@@ -9,9 +9,11 @@ import math
 import numpy as np
 import pytest
 
+from fpg_bench.game.link import rate_mbit_s
 from fpg_bench.game.metrics import measures, pool
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.scenario import PAPER, STANDARD
+from fpg_bench.game.rules import radio_record, rules_record
+from fpg_bench.game.scenario import PAPER, STANDARD, preset
 from fpg_bench.game.state import TALLY
 
 from .playing import begin, play, wander
@@ -72,6 +74,7 @@ def slow_measures(scenario, records, point_before: int) -> dict[str, float | Non
         "near_ratio": sum(game["distance_m"] < s.distance_reward_m for game in records) / steps,
         "snr_db": sum(game["snr_db"] for game in records) / steps,
         "capacity_mbit_s": sum(rates) / steps,
+        "rate_kept": None,
         "ally_return": sum(game["ally_reward"] for game in records),
         "opponent_return": sum(game["opponent_reward"] for game in records),
     }
@@ -105,6 +108,23 @@ def test_the_measures_of_a_round(scenario, seed):
 def test_before_the_first_step_nothing_exists():
     batch = begin(STANDARD)
     assert set(measures(pool(batch.tallies[0]), batch.histograms[0]).values()) == {None}
+
+
+def test_the_rate_kept_is_what_jamming_leaves_of_the_rate():
+    """Of the same steps, so hops and spreading take nothing from it; models without such rates have none."""
+    records, scenario = [], preset("link")
+    batch = begin(scenario)
+    for actions in zip(*wander(4, 60), strict=True):
+        batch.step(*actions)
+        records.append(batch.games[0].copy())
+    found = measures(pool(batch.tallies[0]) | batch.clean_sum([0]), batch.histograms[0])["rate_kept"]
+    rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]
+    clean = sum(r["airtime"] * rate_mbit_s(r["clean_snr_db"], r["spreading"], rules, radio) for r in records)
+    assert found == pytest.approx(sum(r["rate_mbit_s"] for r in records) / clean)
+    assert 0.3 < found < 0.95
+    batch.reset()
+    assert batch.games["clean_mbit"][0] == 0
+    assert begin(STANDARD).clean_sum() == {}
 
 
 def test_rounds_are_pooled_and_never_averaged():

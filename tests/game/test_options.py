@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from .playing import begin, wander
 CIRCLE = dataclasses.replace(STANDARD, opponent_path="circle")
 LEARNED = dataclasses.replace(STANDARD, opponent_path="learned")
 PLANNED = dataclasses.replace(STANDARD, opponent_path="waypoints")
-LINK = preset("link")
+LINK, CITY = preset("link"), preset("link-city")
+NEW_LINK = dataclasses.replace(LINK, fading_correlation=0, flight_cost=0)  # two fields that others replace
 
 # field: another value, and where it matters if that is not the standard scenario
 OTHERWISE = {
@@ -80,7 +82,22 @@ OTHERWISE = {
     "rate_efficiency": (0.8, LINK),
     "rate_loss_db": (1, LINK),
     "rate_top_bit_s_hz": (5, LINK),
+    "fading_distance_m": (37, NEW_LINK),
+    "jamming_fading_sd_db": (2, LINK),
+    "jamming_backoff_db": ((0, 0, 3, 3), LINK),
+    "tooth_tolerance_mhz": (1, LINK),
+    "buildings": (10, CITY),
+    "building_side_m": ((50, 60), CITY),
+    "building_height_m": ((20, 30), CITY),
+    "mast_clearance_m": (300, CITY),
+    "building_boxes_m": (((0, 0, 700, 700, 60),), dataclasses.replace(CITY, buildings=0)),
+    "channel": (str(Path(__file__).parents[2] / "examples" / "free-space.csv"), LINK),
     "hop_airtime_s": (0.4, LINK),
+    "charge_moves": (True, LINK),
+    "acquisition_s": (0.2, LINK),
+    "flight_cost_per_w": (0.01, NEW_LINK),
+    "radiometer_wall": ("robust", LINK),
+    "look_through_s": (0.2, LINK),
     "flight_cost": (2, LINK),
     "rate_reference_mbit_s": (0.5, LINK),
     "reward_scale": (11, LINK),

@@ -29,6 +29,10 @@ REFUSED = {
     "ally_path_m": ["straight", ((0, 0, 0),) * 3, ((0, 0),) * 4, ((0, 0, -1),) * 4],
     "reselect_on_despread": [0, "no"],
     "hopping": ["never", 1],
+    "charge_moves": [1, "yes"],
+    "channel": [5, ("a.csv",)],
+    "building_boxes_m": ["many", (), ((0, 0, 9, 9),), ((0, 0, 9, 9, -1),)],
+    "radiometer_wall": ["high", 3],
     "knowledge": [3, None],
     "opponent_path": ["cirle", ("circle", "oval"), (), 7],
     "snr_cap_db": [-1001, 1001, "many"],
@@ -151,11 +155,44 @@ def test_fields_of_another_radio_model_are_each_refused_by_name():
         ({"notch_width_mhz": 75}, ("notch_width_mhz 75.0", "spread_bandwidth_mhz 75.0")),
         ({"footprint_half_widths_mhz": (0, 10, 25, 2.5)}, ("footprint_half_widths_mhz", "above 0")),
         ({"rate_top_bit_s_hz": -1}, ("rate_top_bit_s_hz", "-1", "[0.01, 1000]")),
+        ({"fading_distance_m": 37}, ("fading_distance_m 37.0", "fading_correlation 0.76", "excludes")),
+        ({"flight_cost_per_w": 0.01}, ("flight_cost_per_w 0.01", "flight_cost 0.5", "excludes")),
+        (
+            {"flight_cost_per_w": 0.01, "flight_cost": 0, "ally_speed_m_s": (0, 31)},
+            ("ally_speed_m_s (0.0, 31.0)", "at most 30 m/s", "rotary wing"),
+        ),
+        (
+            {"acquisition_s": 0.8},
+            ("hop_airtime_s 0.3", "acquisition_s 0.8", "together at most a step of 1 s"),
+        ),
     ],
 )
 def test_what_no_radio_has_is_refused_with_its_bound(changes, parts):
     with pytest.raises(ScenarioError) as refused:
         dataclasses.replace(preset("link"), **changes)
+    for part in parts:
+        assert part in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "parts"),
+    [
+        ({"building_side_m": (120, 1501)}, ("building_side_m", "1501", "box_m")),
+        ({"building_side_m": (120, 60)}, ("building_side_m", "120.0", "60.0")),
+        ({"building_height_m": (40, 65)}, ("building_height_m: 65 m", "below ally_path_altitude_m", "65 m")),
+        ({"buildings": 60}, ("buildings cover 68%", "close all ways", "at most 60%")),
+        ({"buildings": 0, "building_boxes_m": ((0, 0, 90, 1501, 9),)}, ("1501.0", "within box_m")),
+        ({"buildings": 0, "building_boxes_m": ((90, 0, 90, 90, 9),)}, ("90.0", "west must lie below east")),
+        ({"buildings": 0, "building_boxes_m": ((700, 700, 800, 800, 9),)}, ("overlaps the mast", "750.0")),
+        ({"buildings": 0, "building_boxes_m": ((0, 0, 90, 90, 70),)}, ("building_boxes_m: 70 m high",)),
+        ({"buildings": 0, "building_boxes_m": ((0, 0, 1500, 740, 9),) * 2}, ("99%", "close all ways")),
+        ({"building_boxes_m": ((0, 0, 90, 90, 9),)}, ("buildings 24", "not with building_boxes_m")),
+        ({"opponent_path": "circle", "patrol_centre_m": (750, 750, 60)}, ("patrol_centre_m", "60 m")),
+    ],
+)
+def test_a_city_that_cannot_be_flown_in_is_refused_by_name(changes, parts):
+    with pytest.raises(ScenarioError) as refused:
+        dataclasses.replace(preset("link-city"), **changes)
     for part in parts:
         assert part in str(refused.value)
 

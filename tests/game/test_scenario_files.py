@@ -33,13 +33,13 @@ def knowledge(folder, name: str, **changes):
 
 @pytest.mark.parametrize("spec", dataclasses.fields(Scenario), ids=lambda spec: spec.name)
 def test_a_changed_default_changes_the_hash(spec):
-    default = dataclasses.field(default=(OTHERWISE | OF_SCRIPTS)[spec.name][0], metadata=spec.metadata)
+    value, base = (*(OTHERWISE | OF_SCRIPTS)[spec.name], STANDARD)[:2]
+    default = dataclasses.field(default=value, metadata=spec.metadata)
     field = (spec.name, object, default)
     changed = dataclasses.make_dataclass("Changed", [field], bases=(Scenario,), frozen=True)
-    others = {}  # a field of the radio model link is tried beside that preset's others
+    others = {}  # a field of the radio model link is tried beside others of that model
     if spec.metadata.get("needs"):
-        link = preset("link")
-        others = {s.name: getattr(link, s.name) for s in dataclasses.fields(Scenario) if s != spec}
+        others = {s.name: getattr(base, s.name) for s in dataclasses.fields(Scenario) if s != spec}
     before = Scenario(**others)
     assert changed(**others).hash != before.hash
     assert changed(**others, **{spec.name: spec.default}).hash == before.hash  # the game of before
