@@ -214,8 +214,8 @@ class GameSpec:
     def from_dict(cls, content: object, where: str = "") -> GameSpec:
         """Return the specification of a mapping that was read from JSON or YAML.
 
-        The code that it names is not trusted: it is opened by ``make_sb3(spec, allow=["package.module:object"])``
-        only.
+        The code that it names is not trusted: only ``make_sb3(spec, allow=["package.module:object"])`` opens
+        such a game.
 
         Raises:
             UserError: not such a mapping; ``where`` begins the message.
@@ -264,7 +264,7 @@ class GameSpec:
 
 
 def option_names() -> tuple[str, ...]:
-    """Return the names of all options of games: what :class:`GameSpec` has beside ``id`` and ``untrusted``."""
+    """Return the names of all options of games: attributes of :class:`GameSpec`, without ``id``."""
     return tuple(each.name for each in dataclasses.fields(GameSpec) if each.name not in ("id", "untrusted"))
 
 

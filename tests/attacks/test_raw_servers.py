@@ -20,6 +20,7 @@ from tests.planning.llm.raw_server import RawServer
 
 BODY = json.dumps(completion("Hello.")).encode()
 OK = b"HTTP/1.1 200 OK\r\n"
+EMPTY = b"Content-Length: 0\r\n\r\n"
 JSON = OK + b"Content-Type: application/json\r\n"
 CHUNKED = JSON + b"Transfer-Encoding: chunked\r\n\r\n"
 MOST_BYTES = 16_000_000  # of memory for one answer
@@ -52,12 +53,12 @@ SHORT = {
     "a status that is no number": b"HTTP/1.1 fine\r\n\r\n",
     "a status of 999": b"HTTP/1.1 999 Odd\r\nContent-Length: 0\r\n\r\n",
     "no content": b"HTTP/1.1 204 No Content\r\n\r\n",
-    "another protocol from here on": b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: x\r\nConnection: upgrade\r\n\r\nhi",
+    "another protocol from here on": b"HTTP/1.1 101 Switch\r\nUpgrade: x\r\nConnection: upgrade\r\n\r\nhi",
     "gzip that is none": sized(b"\x1f\x8b\x08garbage", b"Content-Encoding: gzip\r\n"),
     "packed without being asked": sized(gzip.compress(BODY), b"Content-Encoding: gzip\r\n"),
     "a page in place of an answer": sized(b"<!DOCTYPE html><h1>It works!</h1>"),
-    "a redirect to itself": b"HTTP/1.1 307 Again\r\nLocation: /v1/chat/completions\r\nContent-Length: 0\r\n\r\n",
-    "a redirect to a file": b"HTTP/1.1 302 Found\r\nLocation: file:///etc/passwd\r\nContent-Length: 0\r\n\r\n",
+    "a redirect to itself": b"HTTP/1.1 307 Again\r\nLocation: /v1/chat/completions\r\n" + EMPTY,
+    "a redirect to a file": b"HTTP/1.1 302 Found\r\nLocation: file:///etc/passwd\r\n" + EMPTY,
     "a header that is no text": OK + b"X: \xff\x00\xfe\r\n\r\n",
     "a header without a colon": OK + b"nonsense\r\n\r\n",
     "a long header": OK + b"X: " + b"a" * 200_000 + b"\r\n\r\n",

@@ -145,9 +145,7 @@ class Objective:
         task = self._task
         entry = merge_values(task.hyperparameters, values)
         parameters = load_hyperparameters(task.algorithm, task.game, entry)
-        games = make_sb3(
-            task.game, parameters.n_envs, training_seed(seed), stagger=True, allow=self._allow
-        )
+        games = make_sb3(task.game, parameters.n_envs, training_seed(seed), stagger=True, allow=self._allow)
         return make_model(task.algorithm, games, parameters, seed)
 
 

@@ -4,7 +4,7 @@
         ...  # a client that is pointed at server.url
     assert server.sent < 1_000_000
 
-An answer is bytes, or an iterator's function for what has no end; ``sent`` counts the bytes that the client took.
+An answer is bytes, or a function of an iterator for what has no end; ``sent`` counts what could be sent.
 """
 
 from __future__ import annotations
