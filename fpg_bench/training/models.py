@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -155,7 +154,7 @@ def _schedule(text: str, where: str) -> LinearSchedule:
         if not text.startswith("lin_"):
             raise ValueError
         start = float(text.removeprefix("lin_"))
-        if not 0 < start < math.inf:
+        if not 0 < start <= LARGEST:
             raise ValueError
         return LinearSchedule(start, 0.0, 1.0)
     except ValueError as error:

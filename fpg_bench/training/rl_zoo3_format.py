@@ -21,7 +21,7 @@ _AUTOMATIC = ("ent_coef", "target_entropy")
 _AUTO = re.compile(r"auto(_\d+(\.\d*)?(e-?\d+)?)?")
 _NATURAL = {"learning_starts", "noise_sd", "target_policy_noise", "target_noise_clip", "alpha", "beta"}
 _SIZES = {"n_actions", "lstm_hidden_size", "n_lstm_layers", "n_quantiles", "n_critics"}
-LARGEST = 1e38  # of single precision
+LARGEST = 1e30  # of others; optimizers multiply them in single precision
 _MOST = 10**12  # of whole numbers
 _WIDEST = 16_384  # neurons of a layer; two such layers have 270 million weights
 
