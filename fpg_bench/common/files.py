@@ -139,6 +139,8 @@ def read_bounded(path: Path, what: str, most: int) -> bytes:
         raise UserError(f"{what} {path}: cannot be unpacked: {error}") from error
     except OSError as error:
         raise UserError(f"{what} {path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:  # with a null character, or half a letter
+        raise UserError(f"{what} {path}: cannot be read: is no name of a file") from error
     if len(data) > most:
         raise UserError(
             f"{what} {path}: is longer than {most:,} bytes{', unpacked' * (path.suffix == PACKED)}"
