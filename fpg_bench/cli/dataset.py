@@ -47,7 +47,7 @@ def list_datasets() -> None:
         typer.echo(f"{spec.name}: {spec.description}")
         typer.echo(f"    {spec.env_id}, scenario {spec.scenario}, {spec.steps:,} steps")
         name_all("", spec.players)
-    typer.echo("Your own: a YAML file of the same form, see docs/guides/datasets.md")
+    print_line(f"Your own: a YAML file of the same form, see {page('guides/datasets')}")
 
 
 @app.command()

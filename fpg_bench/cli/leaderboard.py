@@ -108,7 +108,7 @@ def init(
     start_board(folder)
     print_line(
         f"started: {folder}; an entry is a folder in {folder}/submissions/<track>, "
-        "see docs/benchmark/submitting.md"
+        f"see {page('benchmark/submitting')}"
     )
 
 

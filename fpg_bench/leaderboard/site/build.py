@@ -166,7 +166,7 @@ def _environment(board: Board, docs: str) -> Environment:
         "label_of": label_of,
         "few_seeds": views.FEW_SEEDS,
         "doc_link": partial(_doc_link, docs),
-        "board_address": _published().get("Leaderboard", "").rstrip("/"),
+        "board_address": published().get("Leaderboard", "").rstrip("/"),
         "software_links": partial(_software_links, docs),
     }
     return environment
@@ -192,7 +192,7 @@ def _software_links(docs: str, root: str) -> dict[str, str]:
     Repository and documentation are those of ``[project.urls]`` in the package's metadata; the documentation
     that is built beside this site, or the rules in it, takes precedence.
     """
-    published = _published()
+    published = published()
     beside = docs if "://" in docs else root + docs
     links = {
         "Docs": f"{beside}/index.html" if docs else published.get("Documentation", f"{root}rules.html"),
@@ -200,12 +200,6 @@ def _software_links(docs: str, root: str) -> dict[str, str]:
         "Paper": PAPER,
     }
     return {label: address for label, address in links.items() if address}
-
-
-def _published() -> dict[str, str]:
-    """Return the addresses of ``[project.urls]`` by label, as the package's metadata holds them."""
-    lines = metadata("fpg-bench").get_all("Project-URL") or []
-    return dict(line.split(", ", 1) for line in lines)
 
 
 def _static_files() -> dict[str, str | bytes]:

@@ -27,16 +27,9 @@ PAGES = {  # file of the documentation and title, by the name in the site
 
 def render_page(name: str) -> str:
     """Render one of ``PAGES`` as HTML; links lead only to others of them."""
-    text = re.sub(r"<!--.*?-->\n?", "", (_folder() / PAGES[name][0]).read_text("utf-8"))
+    text = re.sub(r"<!--.*?-->\n?", "", (docs_folder() / PAGES[name][0]).read_text("utf-8"))
     parts = re.split(r"^:::(?:\{glossary\})?\n", text, flags=re.MULTILINE)  # outside, inside, outside
     return "".join(_render_terms(part) if k % 2 else _render(part) for k, part in enumerate(parts))
-
-
-def _folder() -> Path:
-    """Return the folder of the documentation: in the installed package, else in the repository."""
-    package = Path(str(resources.files("fpg_bench")))
-    installed = package / "docs"
-    return installed if installed.is_dir() else package.parent / "docs"
 
 
 @cache
