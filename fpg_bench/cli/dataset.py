@@ -28,6 +28,7 @@ from fpg_bench.cli.training import (
     SeedsOption,
     train_runs,
 )
+from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line

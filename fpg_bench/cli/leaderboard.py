@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, share
+from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 

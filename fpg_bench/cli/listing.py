@@ -10,6 +10,7 @@ import typer
 
 from fpg_bench.cli.completion import complete_id, complete_suite
 from fpg_bench.cli.options import JsonOption, PathOption, ScenarioOption, listed, name_all, print_json
+from fpg_bench.common.documentation import page
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line

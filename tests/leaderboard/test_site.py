@@ -249,7 +249,7 @@ def test_every_header_leads_to_docs_source_and_paper_where_their_address_is_know
     message = Message()
     for url in urls:
         message["Project-URL"] = url
-    monkeypatch.setattr(build, "metadata", lambda name: message)
+    monkeypatch.setattr("fpg_bench.common.documentation.metadata", lambda name: message)
     build_site(example_board(2), tmp_path)
     published = {"Docs": "https://docs.example.org", "Source": "https://git.example.org/fpg"}
     assert software(tmp_path / "index.html") == published | known

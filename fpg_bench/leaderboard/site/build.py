@@ -7,10 +7,10 @@ import re
 from collections.abc import Mapping
 from functools import partial
 from importlib import resources
-from importlib.metadata import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fpg_bench.common.documentation import published
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, write_whole
 from fpg_bench.leaderboard.board import Board
@@ -192,11 +192,11 @@ def _software_links(docs: str, root: str) -> dict[str, str]:
     Repository and documentation are those of ``[project.urls]`` in the package's metadata; the documentation
     that is built beside this site, or the rules in it, takes precedence.
     """
-    published = published()
+    addresses = published()
     beside = docs if "://" in docs else root + docs
     links = {
-        "Docs": f"{beside}/index.html" if docs else published.get("Documentation", f"{root}rules.html"),
-        "Source": published.get("Repository"),
+        "Docs": f"{beside}/index.html" if docs else addresses.get("Documentation", f"{root}rules.html"),
+        "Source": addresses.get("Repository"),
         "Paper": PAPER,
     }
     return {label: address for label, address in links.items() if address}

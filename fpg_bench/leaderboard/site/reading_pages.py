@@ -6,10 +6,11 @@ import re
 from collections.abc import Sequence
 from functools import cache
 from html import escape
-from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from fpg_bench.common.documentation import docs_folder
 
 if TYPE_CHECKING:
     from markdown_it import MarkdownIt
