@@ -198,6 +198,23 @@ def check_writable(folder: Path) -> None:
         raise UserError(f"out: {there} cannot be written to; make it writable, or name another")
 
 
+def check_target(file: Path, what: str = "out") -> None:
+    """Raise UserError for a file that cannot be written; nothing is made, its folder neither.
+
+    A folder of results is made where it is missing; one file in a folder that is not there is a slip.
+    """
+    folder = file.absolute().parent
+    if os.path.isdir(file):
+        raise UserError(f"{what}: {file} is a folder; name a file")
+    if not os.path.isdir(folder):
+        raise UserError(f"{what}: {file}: there is no folder {folder}; make it first, or name another")
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return
+    except OSError as error:
+        raise UserError(f"{what}: {file} cannot be written: {error.strerror}") from error
+
+
 def _begun(path: Path) -> str:
     """Return the prefix of this machine's temporary files for a path."""
     return f".{path.name}.{socket.gethostname()}-"

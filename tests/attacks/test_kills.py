@@ -129,6 +129,32 @@ def test_a_read_only_folder_is_one_line_before_anything_begins(words, tmp_path, 
     assert (end.value.code, capsys.readouterr().err) == (2, line)
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "play --out {}/round.html",
+        "table results --out {}/table.png",
+        "curves run --out {}/curves.svg",
+        "plan run --rounds 1 --out {}/match.jsonl",
+        "plan run --rounds 1 --out {}/match.png",
+        "tune export study {}/mine.yml",
+    ],
+)
+def test_a_file_in_a_folder_that_is_not_there_is_refused_by_name_and_nothing_is_made(
+    words, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    for folder, problem in (("slip/here", "there is no folder"), ("file", "there is no folder")):
+        Path("file").touch()
+        monkeypatch.setattr(sys, "argv", ["fpg-bench", *words.format(folder).split()])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        (line,) = capsys.readouterr().err.splitlines()
+        assert end.value.code == 2
+        assert f"{problem} {tmp_path / folder}; make it first, or name another" in line
+    assert os.listdir(tmp_path) == ["file"]
+
+
 def test_what_another_process_is_writing_stays(tmp_path):
     file = tmp_path / "file"
     write_whole(file, "whole")

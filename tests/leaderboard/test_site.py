@@ -22,7 +22,7 @@ from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.state import TALLY
 from fpg_bench.leaderboard.board import Score
-from fpg_bench.leaderboard.site import build, views
+from fpg_bench.leaderboard.site import views
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.reading_pages import PAGES
 from fpg_bench.leaderboard.site.replays import Replay
