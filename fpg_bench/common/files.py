@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import errno
 import functools
@@ -11,11 +12,13 @@ import io
 import json
 import os
 import re
+import shutil
 import socket
 import stat
 import tempfile
 import zlib
 from collections import Counter
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -172,6 +175,18 @@ def write_whole(path: Path, content: str | bytes) -> None:
         raise
 
 
+@contextlib.contextmanager
+def folder_beside(path: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside a path, whose content is renamed to it once it is whole.
+
+    What processes left there that were killed is removed.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _sweep(path)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f"{_begun(path)}{os.getpid()}-") as folder:
+        yield Path(folder)
+
+
 def check_own_folder(folder: Path, description: str, what: str, *others: str) -> None:
     """Raise UserError for a foreign folder: it has files, but not the one that describes its content.
 
@@ -221,11 +236,14 @@ def _begun(path: Path) -> str:
 
 
 def _sweep(path: Path) -> None:
-    """Remove temporary files of processes that were killed while they wrote a path."""
+    """Remove temporary files and folders of processes that were killed while they wrote a path."""
     for left in path.parent.glob(f"{glob.escape(_begun(path))}*"):
         pid = left.name.removeprefix(_begun(path)).partition("-")[0]
         if pid.isdecimal() and not _alive(int(pid)):
-            left.unlink(missing_ok=True)
+            if left.is_dir() and not left.is_symlink():
+                shutil.rmtree(left, ignore_errors=True)
+            else:
+                left.unlink(missing_ok=True)
 
 
 def _alive(pid: int) -> bool:
