@@ -70,7 +70,8 @@ class Killed:
         self._begin(folder)
         for _ in range(rng.randrange(1, _MOST_KILLS + 1)):
             self._run(folder, rng.uniform(0, self._seconds))
-        return self._run(folder, None) and contents(folder) == self._uninterrupted
+        self._run(folder, None)  # a season that was just closed is refused
+        return contents(folder) == self._uninterrupted
 
     def _run(self, folder: Path, moment_s: float | None) -> bool:
         """Run the verb, for so many seconds at most; whether it ended well by itself."""
