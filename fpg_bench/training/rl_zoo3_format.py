@@ -106,7 +106,7 @@ def _arguments(kind: type) -> tuple[dict[str, inspect.Parameter], bool]:
     arguments: dict[str, inspect.Parameter] = {}
     hands_on = None
     for base in (base for base in kind.__mro__ if "__init__" in vars(base)):
-        own = inspect.signature(base.__init__).parameters.values()
+        own = inspect.signature(vars(base)["__init__"]).parameters.values()
         named = (each for each in own if each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD))
         arguments = {each.name: each for each in named} | arguments
         takes_any = any(each.kind == each.VAR_KEYWORD for each in own)
