@@ -201,8 +201,9 @@ def _policy_problems(algorithm: Algorithm, arguments: Mapping[str, Any]) -> list
     if not isinstance(values, Mapping):
         return [f"policy_kwargs: expected a mapping, got {shown(values)}"]
     plain = {name: value for name, value in values.items() if name not in _TRANSLATED}
-    is_class = isinstance(policy, type)
-    problems = argument_problems(plain, policy, _OF_POLICIES, is_custom=True) if is_class else []
+    problems: list[str] = []
+    if isinstance(policy, type):
+        problems = argument_problems(plain, policy, _OF_POLICIES, is_custom=True)
     for name in ("optimizer_kwargs", "features_extractor_kwargs"):
         inner = values.get(name)
         if inner is not None and not isinstance(inner, Mapping):
