@@ -143,7 +143,7 @@ def test_version():
         (("play", "--scenario", "papr"), "did you mean 'paper'"),
         (("play", "--seed", "-1"), "seed"),
         (("play", "--out", "round.xyz"), ".xyz"),
-        (("play", "--out", "/proc/there/round.html"), "cannot be written"),
+        (("play", "--out", "/proc/there/round.html"), "there is no folder /proc/there; make it first"),
         (("leaderboard", "verify", "--sample", "500%"), "at most 100 %, got 500 %"),
         (("leaderboard", "crossplay", "--check", "500%"), "at most 100 %, got 500 %"),
         (("table", "nowhere"), "cannot be read"),

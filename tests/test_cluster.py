@@ -1,5 +1,6 @@
 """Lists of jobs on a Ray cluster: two machines on loopback, one of which is lost."""
 
+import errno
 import os
 import re
 import signal
@@ -96,6 +97,33 @@ def test_results_of_machines_that_do_not_share_the_folder_are_missed(run, tmp_pa
     assert run(jobs, n_jobs=1) == {
         "away": "its files are not here; the machines of a cluster have to share their folder"
     }
+
+
+@pytest.mark.parametrize("error", [BrokenPipeError(), OSError(errno.ENOSPC, "full"), ZeroDivisionError()])
+def test_whatever_the_driver_meets_ends_the_jobs(run, tmp_path, error):
+    def refused(result):
+        raise error
+
+    jobs = [Job("quick", partial(working.square, tmp_path, 1), refused)]
+    jobs += [held(tmp_path, name) for name in "abcd"]  # which would run for ever
+    with pytest.raises(type(error)):
+        run(jobs, n_jobs=2)
+    assert len(begun(tmp_path)) < len(jobs)
+    assert run([Job("next", partial(working.square, tmp_path, 3))]) == {}
+
+
+def test_a_ray_that_does_not_start_is_one_line(monkeypatch):
+    import ray
+
+    def fails(**options):
+        raise RuntimeError("Failed to start GCS. Last 0 lines of error files:\n.Please check /tmp/ray")
+
+    monkeypatch.setattr(ray, "is_initialized", lambda: False)
+    monkeypatch.setattr(ray, "init", fails)
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    with pytest.raises(UserError, match="Ray on this machine: Failed to start GCS") as error:
+        run_jobs([Job("a", int), Job("b", int)], backend="ray")
+    assert "\n" not in str(error.value)
 
 
 def test_ctrl_c_stops_what_runs_there(run, tmp_path):

@@ -137,6 +137,7 @@ EXTRAS = {
         ("tune export nowhere mine.yml",),
     ),
     "supersuit": Extra(("fpg_bench.supersuit_vec_env(n_envs=2).reset()",), base="train"),
+    "dataframe": Extra(("fpg_bench.evaluate(['random'], matches=1).dataframe()",), base="evaluate"),
     "ray": Extra(("evaluate expert --matches 1 --backend ray --out far",), base="evaluate"),
     "postgres": Extra(
         tries=(

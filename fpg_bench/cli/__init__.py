@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from fpg_bench.cli import evaluation, listing, plan, scenario, training
-from fpg_bench.common.errors import UserError, printable
+from fpg_bench.common.errors import UserError, bounded
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
 from fpg_bench.common.products import load, offered
@@ -180,5 +180,5 @@ def _fail(message: str, status: int) -> None:
     if _DEBUG:
         raise
     if sys.stderr is not None:  # print() would take standard output
-        print("fpg-bench: " + printable(" ".join(message.split())), file=sys.stderr)
+        print("fpg-bench: " + bounded(" ".join(message.split())), file=sys.stderr)
     sys.exit(status)

@@ -28,6 +28,7 @@ from fpg_bench.cli.training import (
     SeedsOption,
     train_runs,
 )
+from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
@@ -47,7 +48,7 @@ def list_datasets() -> None:
         typer.echo(f"{spec.name}: {spec.description}")
         typer.echo(f"    {spec.env_id}, scenario {spec.scenario}, {spec.steps:,} steps")
         name_all("", spec.players)
-    typer.echo("Your own: a YAML file of the same form, see docs/guides/datasets.md")
+    print_line(f"Your own: a YAML file of the same form, see {page('guides/datasets')}")
 
 
 @app.command()

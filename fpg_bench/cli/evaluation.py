@@ -30,6 +30,7 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.files import check_target
 from fpg_bench.common.output import is_terminal, wrapped
 
 
@@ -130,6 +131,7 @@ def table(
 
     if out is not None:
         check_figure(out)
+        check_target(out)
     summaries, suite = read_results(folder)
     if out is not None:
         tables.picture(summaries, suite, out)
@@ -158,6 +160,7 @@ def curves(
     from fpg_bench.evaluation.curves import draw_curves, read_runs
 
     check_figure(out)
+    check_target(out)
     write_figure(draw_curves(read_runs(runs)), out)
     typer.echo(f"written: {out}")
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, share
+from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 
@@ -108,7 +109,7 @@ def init(
     start_board(folder)
     print_line(
         f"started: {folder}; an entry is a folder in {folder}/submissions/<track>, "
-        "see docs/benchmark/submitting.md"
+        f"see {page('benchmark/submitting')}"
     )
 
 

@@ -10,6 +10,7 @@ import typer
 
 from fpg_bench.cli.completion import complete_id, complete_suite
 from fpg_bench.cli.options import JsonOption, PathOption, ScenarioOption, listed, name_all, print_json
+from fpg_bench.common.documentation import page
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
@@ -66,7 +67,7 @@ def _print_all_envs() -> None:
     for config in ENVS.values():
         _print_env(config)
     typer.echo(_BOTH_SIDES)
-    typer.echo("A round: 300 steps of 1 s. All numbers lie in [-1, 1]; scales: docs/reference/rules.md")
+    print_line(f"A round: 300 steps of 1 s. All numbers lie in [-1, 1]; scales: {page('reference/rules')}")
     for side in SIDES:
         name_all(f"{side} sees", (f"{k} {name}" for k, name in enumerate(OBSERVED[side])))
         name_all(f"{side} chooses", (f"{k} {name}" for k, name in enumerate(CHOSEN[side])))
@@ -228,7 +229,7 @@ def suites(
         typer.echo(f"{suite.name}: {_described(suite)}")
         name_all("", [rival.name for rival in suite.rivals])
     if name is None:
-        typer.echo("Your own: a YAML file of the same form, see docs/benchmark/protocol.md")
+        print_line(f"Your own: a YAML file of the same form, see {page('benchmark/protocol')}")
 
 
 def _described(suite: Suite) -> str:

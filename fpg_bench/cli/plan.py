@@ -30,6 +30,7 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.files import check_target
 from fpg_bench.common.output import wrapped
 from fpg_bench.common.products import load, offered
 
@@ -225,6 +226,7 @@ def _targets(out: Path | None, name: str) -> tuple[Path, Path, Path]:
 
     path = Path("runs", "plan", name.replace("/", "_").replace(":", "_")) if out is None else out
     if path.suffix in (".jsonl", *FIGURES):
+        check_target(path)
         picture = path.with_suffix(".png") if path.suffix == ".jsonl" else path
         file, page = path.with_suffix(".jsonl"), path.with_suffix(".html")
         is_free = not (picture.exists() or page.exists())

@@ -11,12 +11,16 @@ _UNIT = 3  # letters of the longest unit that ends a name
 _MOST = 30  # names in a line
 _PART = re.compile("[_-]")
 _LONGEST = 80  # characters of a refused value in a message
+_LONGEST_WORD = 300  # of anything in a message; paths may be long
+_LAST = 20  # characters that are kept of its end
+_LONG_WORD = re.compile(rf"\S{{{_LONGEST_WORD + 2 * _LAST},}}")
 
 
 class UserError(ValueError):
     """Bad input. The message says in one line what is wrong, where, and what to write instead.
 
-    The command line prints the message and exits with 2; every other exception is a bug.
+    The command line prints the message and exits with 2; every other exception is a bug. What a file or a
+    caller put into the message is made printable, and cut where it is long.
 
     >>> import fpg_bench
     >>> fpg_bench.preset("figure")
@@ -24,6 +28,9 @@ class UserError(ValueError):
     ...
     fpg_bench.game.scenario.ScenarioError: unknown scenario 'figure'; did you mean 'figures'?
     """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(bounded(str(message)))
 
 
 class UnknownOptionError(UserError, TypeError):
@@ -39,6 +46,12 @@ def other_content(where: object, content: str, remedy: str = "") -> UserError:
         remedy: what else than another folder would help.
     """
     return UserError(f"{where}: holds {content}; {f'{remedy}, or ' if remedy else ''}choose another folder")
+
+
+def bounded(text: str) -> str:
+    """Return a text as one printable line, with words such as names and numbers cut where they are long."""
+    line = printable(" ".join(text.splitlines()))
+    return _LONG_WORD.sub(lambda word: f"{word[0][:_LONGEST_WORD]}...{word[0][-_LAST:]}", line)
 
 
 def printable(text: str) -> str:

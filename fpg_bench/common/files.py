@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import errno
 import functools
@@ -11,11 +12,13 @@ import io
 import json
 import os
 import re
+import shutil
 import socket
 import stat
 import tempfile
 import zlib
 from collections import Counter
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -139,6 +142,8 @@ def read_bounded(path: Path, what: str, most: int) -> bytes:
         raise UserError(f"{what} {path}: cannot be unpacked: {error}") from error
     except OSError as error:
         raise UserError(f"{what} {path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:  # with a null character, or half a letter
+        raise UserError(f"{what} {path}: cannot be read: is no name of a file") from error
     if len(data) > most:
         raise UserError(
             f"{what} {path}: is longer than {most:,} bytes{', unpacked' * (path.suffix == PACKED)}"
@@ -157,7 +162,11 @@ def write_whole(path: Path, content: str | bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     data = content.encode() if isinstance(content, str) else content
     _sweep(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{_begun(path)}{os.getpid()}-")
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{_begun(path)}{os.getpid()}-")
+    except OSError as error:  # in a folder of somebody else's
+        error.filename = str(path)
+        raise
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -168,6 +177,18 @@ def write_whole(path: Path, content: str | bytes) -> None:
         if isinstance(error, OSError) and error.filename is None:  # a full disk names no file
             error.filename = str(path)
         raise
+
+
+@contextlib.contextmanager
+def folder_beside(path: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside a path, whose content is renamed to it once it is whole.
+
+    What processes left there that were killed is removed.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _sweep(path)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f"{_begun(path)}{os.getpid()}-") as folder:
+        yield Path(folder)
 
 
 def check_own_folder(folder: Path, description: str, what: str, *others: str) -> None:
@@ -196,17 +217,37 @@ def check_writable(folder: Path) -> None:
         raise UserError(f"out: {there} cannot be written to; make it writable, or name another")
 
 
+def check_target(file: Path, what: str = "out") -> None:
+    """Raise UserError for a file that cannot be written; nothing is made, its folder neither.
+
+    A folder of results is made where it is missing; one file in a folder that is not there is a slip.
+    """
+    folder = file.absolute().parent
+    if os.path.isdir(file):
+        raise UserError(f"{what}: {file} is a folder; name a file")
+    if not os.path.isdir(folder):
+        raise UserError(f"{what}: {file}: there is no folder {folder}; make it first, or name another")
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return
+    except OSError as error:
+        raise UserError(f"{what}: {file} cannot be written: {error.strerror}") from error
+
+
 def _begun(path: Path) -> str:
     """Return the prefix of this machine's temporary files for a path."""
     return f".{path.name}.{socket.gethostname()}-"
 
 
 def _sweep(path: Path) -> None:
-    """Remove temporary files of processes that were killed while they wrote a path."""
+    """Remove temporary files and folders of processes that were killed while they wrote a path."""
     for left in path.parent.glob(f"{glob.escape(_begun(path))}*"):
         pid = left.name.removeprefix(_begun(path)).partition("-")[0]
         if pid.isdecimal() and not _alive(int(pid)):
-            left.unlink(missing_ok=True)
+            if left.is_dir() and not left.is_symlink():
+                shutil.rmtree(left, ignore_errors=True)
+            else:
+                left.unlink(missing_ok=True)
 
 
 def _alive(pid: int) -> bool:

@@ -56,9 +56,14 @@ def check_allowed(content: object, allow: Collection[str], where: str) -> None:
         UserError: the content names code (``package.module:object``) or an agent of the Hub that is not
             allowed.
     """
-    for text in _texts(content):
-        if (is_code(text) or text.startswith(HUB)) and text not in (*_OWN, *allow):
+    for text in code_named(content):
+        if text not in allow:
             raise UserError(f"{where}: would run {text}; if you trust it, add --allow {text}")
+
+
+def code_named(content: object) -> list[str]:
+    """Return the code (``package.module:object``) and the agents of the Hub that a content names."""
+    return [text for text in _texts(content) if (is_code(text) or text.startswith(HUB)) and text not in _OWN]
 
 
 def is_code(name: str) -> bool:

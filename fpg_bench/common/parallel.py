@@ -384,7 +384,8 @@ def _join_cluster(address: str | None, n_jobs: int) -> None:
     import ray
 
     if address is None:
-        ray.init(address="local", num_cpus=n_jobs, include_dashboard=False, logging_level=logging.ERROR)
+        with _ray_errors("Ray on this machine"):
+            ray.init(address="local", num_cpus=n_jobs, include_dashboard=False, logging_level=logging.ERROR)
         return
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit():
@@ -395,7 +396,14 @@ def _join_cluster(address: str | None, n_jobs: int) -> None:
         raise UserError(
             f"address: no Ray cluster answers at {address}; is it started there (ray start --head)?"
         ) from error
-    try:
+    with _ray_errors(f"Ray cluster {address}"):
         ray.init(address=address, logging_level=logging.ERROR)
-    except (ConnectionError, RuntimeError, ValueError) as error:  # another version of Ray, most of all
-        raise UserError(f"Ray cluster {address}: {one_line(error)}") from error
+
+
+@contextlib.contextmanager
+def _ray_errors(what: str) -> Iterator[None]:
+    """Turn what Ray raises where it does not start into a UserError: another version, or a full disk."""
+    try:
+        yield
+    except (OSError, RuntimeError, ValueError) as error:
+        raise UserError(f"{what}: {one_line(error)}") from error

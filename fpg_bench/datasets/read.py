@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,6 +56,8 @@ def find_datasets(folder: str | Path) -> list[Path]:
         UserError: there is none.
     """
     folder = Path(folder)
+    if folder.is_dir() and not os.access(folder, os.R_OK):
+        raise UserError(f"data set {folder}: cannot be read: Permission denied")
     found = sorted(path.parent for path in folder.rglob(METADATA))
     finished = [
         path for path in found if not any(part.startswith(".") for part in path.relative_to(folder).parts)

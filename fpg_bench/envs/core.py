@@ -141,6 +141,7 @@ class SingleAgentGame(Core):
     """
 
     def __init__(self, game: GameSpec, games: int = 1, threads: int | None = None) -> None:
+        game.check_trusted()
         self.game_spec = game
         self.config = config = game.config
         self.side, other_side = config.side, config.other_side

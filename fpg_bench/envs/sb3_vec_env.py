@@ -184,7 +184,8 @@ def make_sb3(
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
-        **options: attributes of :class:`fpg_bench.game.spec.GameSpec`, which replace those of ``game``.
+        **options: attributes of :class:`fpg_bench.game.spec.GameSpec`, which replace those of ``game``, and
+            ``allow``, the code that a game out of a file may name: see :meth:`GameSpec.of`.
 
     Raises:
         UserError: something unknown, out of range, or impossible together.

@@ -213,6 +213,7 @@ def make_duel(
     spec = GameSpec.of(DUEL if game is None else game, **options)
     if not spec.is_duel:
         raise UserError(f"game: expected one of {DUEL}, got {spec.id}")
+    spec.check_trusted()
     played = spec.resolve()
     planner = None if spec.planner is None else as_planner(spec.planner, played)
     duel = TwoPlayerBatch(played, games, planner, threads, spec.actions or "continuous")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fpg_bench.common.canvas import blank_figure, write_figure
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import wrapped
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, difference, mean_interval, rank_ranges
@@ -265,10 +265,9 @@ class Results(list[Summary]):
         Raises:
             UserError: pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise UserError("dataframe: needs pandas (pip install pandas)") from error
+        require_extra("dataframe", "pandas")
+        import pandas
+
         return pandas.DataFrame(flat_lines(self))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.files import check_target
 from fpg_bench.common.ids import DUEL
 from fpg_bench.common.products import load
 from fpg_bench.envs.two_player import make_duel
@@ -131,8 +131,7 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise UserError(f"out: unknown suffix {path.suffix!r} of {str(path)!r}{nearest(suffix, SUFFIXES)}")
-    if path.is_dir():
-        raise UserError(f"out: {path} is a folder")
+    check_target(path)
     if path.exists() and not overwrite:
         raise UserError(
             f"out: {path} exists already; choose another name, or use --overwrite (overwrite=True)"
@@ -142,12 +141,7 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
     load("film", suffix)
     if suffix == ".mp4":
         load("film", "check of .mp4")()
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path.parent):
-            return path
-    except OSError as error:
-        raise UserError(f"out: {path} cannot be written: {error.strerror}") from error
+    return path
 
 
 def _record_round(match: MatchBatch) -> Recording:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import functools
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.checks import check_keys, flag, is_integer
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, shown
 from fpg_bench.common.files import read_yaml
 from fpg_bench.game.names import JAMMING_TYPES
 
 EXPERT_FILE = Path(__file__).with_name("knowledge.yml")
 _KEYS = ("spectrum", "guard_mhz", "strategy", "candidates", "spread", "advice")
+_MOST = 1_000_000  # MHz, and candidates
+_LONGEST = 500  # characters of a text
 _SPECTRUM = ("half_width_mhz", "spacing_mhz")
 
 
@@ -64,8 +65,14 @@ def _entry(where: str, content: dict[str, Any]) -> KnowledgeEntry:
     check_keys(content, _KEYS, where, needed=_KEYS)
     spectrum, candidates = content["spectrum"], content["candidates"]
     check_keys(spectrum, _SPECTRUM, f"{where}: spectrum", needed=_SPECTRUM)
-    if candidates != "all" and not is_integer(candidates):
-        raise UserError(f"{where}: candidates: expected 'all' or a whole number above 0, got {candidates!r}")
+    if candidates != "all" and not (is_integer(candidates) and candidates <= _MOST):
+        raise UserError(
+            f"{where}: candidates: expected 'all' or a whole number above 0, got {shown(candidates)}"
+        )
+    for name in ("strategy", "advice"):
+        text = content[name]
+        if not isinstance(text, str) or not text.isprintable() or len(text) > _LONGEST:
+            raise UserError(f"{where}: {name}: expected a line of text, got {shown(text)}")
     spacing = spectrum["spacing_mhz"]
     return KnowledgeEntry(
         half_width_mhz=_positive(f"{where}: half_width_mhz", spectrum["half_width_mhz"]),
@@ -73,11 +80,11 @@ def _entry(where: str, content: dict[str, Any]) -> KnowledgeEntry:
         guard_mhz=_positive(f"{where}: guard_mhz", content["guard_mhz"]),
         candidates=0 if candidates == "all" else candidates,
         spread=flag(content["spread"], f"{where}: spread"),
-        advice=str(content["advice"]),
+        advice=content["advice"],
     )
 
 
 def _positive(where: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < 0:
-        raise UserError(f"{where}: expected a number of at least 0, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= _MOST:
+        raise UserError(f"{where}: expected a number of at least 0, got {shown(value)}")
     return float(value)

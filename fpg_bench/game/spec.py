@@ -6,13 +6,14 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from fpg_bench.common.checks import mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
+from fpg_bench.common.imports import check_allowed, code_named
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
@@ -52,6 +53,8 @@ class GameSpec:
             from sides to modes.
         observation: what the ally sees, its 15 ``numbers`` or a spectrum ``waterfall``.
         history: number of rows of the waterfall.
+        untrusted: the ``package.module:object`` and agents of the Hub that a file named and the user has not
+            allowed. A game that has such a player or planner is not opened.
 
     Raises:
         UserError: no such id, an action mode that contradicts the id, or an option that the duel lacks.
@@ -69,6 +72,7 @@ class GameSpec:
     actions: str | Mapping[str, str] | None = None
     observation: str | None = None
     history: int | None = None
+    untrusted: frozenset[str] = dataclasses.field(default=frozenset(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         changes: dict[str, Any] = {"id": plain_id(self.id)}
@@ -91,13 +95,17 @@ class GameSpec:
             object.__setattr__(self, name, value)
 
     @classmethod
-    def of(cls, game: str | GameSpec, *, against: Any = None, **options: Any) -> GameSpec:
+    def of(
+        cls, game: str | GameSpec, *, against: Any = None, allow: Collection[str] = (), **options: Any
+    ) -> GameSpec:
         """Return the specification of an id, or another one with some options replaced.
 
         Args:
             game: an environment id, or a specification.
             against: the other side's player or players, whichever side that is.
-            **options: the attributes but ``id``.
+            allow: the ``package.module:object`` and agents of the Hub that you trust, of those that a file
+                named.
+            **options: the attributes but ``id`` and ``untrusted``.
 
         Raises:
             UnknownOptionError: an option that does not exist; the message names the nearest.
@@ -116,7 +124,14 @@ class GameSpec:
             if options.get(other, getattr(game, other)) is not None:
                 raise UserError(f"against: names the {other}, and so does {other}; give only one of them")
             options[other] = against
-        return dataclasses.replace(game, **options)
+        untrusted = game.untrusted.difference(allow, code_named(options))  # what the caller names is meant
+        return dataclasses.replace(game, **options, untrusted=untrusted)
+
+    def check_trusted(self) -> None:
+        """Raise UserError if a player or a planner was named by a file, and its code is not allowed."""
+        if self.untrusted:
+            named = code_named(self.options())
+            check_allowed(named, [name for name in named if name not in self.untrusted], "game")
 
     @property
     def is_duel(self) -> bool:
@@ -199,6 +214,9 @@ class GameSpec:
     def from_dict(cls, content: object, where: str = "") -> GameSpec:
         """Return the specification of a mapping that was read from JSON or YAML.
 
+        The code that it names is not trusted: only ``make_sb3(spec, allow=["package.module:object"])`` opens
+        such a game.
+
         Raises:
             UserError: not such a mapping; ``where`` begins the message.
         """
@@ -212,7 +230,7 @@ class GameSpec:
                 _check_json(name, value)
             if isinstance(fields := content.get("scenario"), Mapping):
                 content["scenario"] = Scenario.from_dict(fields)
-            return cls(**content)
+            return cls(**content, untrusted=frozenset(code_named(content)))
         except UserError as error:
             raise UserError(f"{where}: {error}" if where else str(error)) from error
 
@@ -246,8 +264,8 @@ class GameSpec:
 
 
 def option_names() -> tuple[str, ...]:
-    """Return the names of all options of games: the attributes of :class:`GameSpec` but ``id``."""
-    return tuple(each.name for each in dataclasses.fields(GameSpec) if each.name != "id")
+    """Return the names of all options of games: attributes of :class:`GameSpec`, without ``id``."""
+    return tuple(each.name for each in dataclasses.fields(GameSpec) if each.name not in ("id", "untrusted"))
 
 
 def _listed(name: str, value: Any) -> tuple[Any, ...] | None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import check_own_folder, check_writable, read_json, write_json
+from fpg_bench.common.files import check_own_folder, check_writable, folder_beside, read_json, write_json
 from fpg_bench.hub.download import Snapshot
 from fpg_bench.leaderboard.playing import smoke_test
 from fpg_bench.leaderboard.submission import read_policy
@@ -41,10 +40,8 @@ def keep(snapshot: Snapshot, out: Path) -> bool:
     if (out / PULLED).exists():
         _check_same(out, origin)
         return False
-    beside = out.absolute().parent
-    beside.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=beside, prefix=f".{out.name}-") as temporary:
-        agent = Path(temporary) / "agent"
+    with folder_beside(out.absolute()) as temporary:
+        agent = temporary / "agent"
         copy_checked(snapshot.folder, agent, snapshot.name)
         write_json(agent / PULLED, origin)
         os.replace(agent, out)

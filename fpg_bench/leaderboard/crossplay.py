@@ -287,12 +287,13 @@ def play_missing(
     _logger.info(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
     with at_work(board):
         played, failed = _play(board, missing, n_jobs, backend, address)
-    results |= {pair.key: pair for pair in played}
-    failed += [f"{record}; replaced, commit this one" for record in _differences(played, pairs)]
-    if missing or not pairs.is_clean:
-        rows = [results[key].model_dump() for key, _, _ in pairs.every() if key in results]
-        records = [json.dumps(row, separators=(",", ":")) + "\n" for row in rows]
-        write_whole(crossplay_file(board), "".join(records))
+        results |= {pair.key: pair for pair in played}
+        failed += [f"{record}; replaced, commit this one" for record in _differences(played, pairs)]
+        if missing or not pairs.is_clean:
+            rows = [results[key].model_dump() for key, _, _ in pairs.every() if key in results]
+            records = [json.dumps(row, separators=(",", ":")) + "\n" for row in rows]
+            write_whole(crossplay_file(board), "".join(records))
+        shutil.rmtree(_work(board), ignore_errors=True)  # all that was played is on the board now
     return failed
 
 
@@ -326,6 +327,7 @@ def check_pairs(
         drawn += rng.sample(there, math.ceil(share * len(there)))
     with at_work(board):
         played, failed = _play(board, drawn, n_jobs, backend, address)
+        shutil.rmtree(_work(board), ignore_errors=True)
     return failed + _differences(played, pairs)
 
 
@@ -365,21 +367,26 @@ def _play(
     backend: str,
     address: str | None,
 ) -> tuple[list[Pair], list[str]]:
-    """Play pairs, one job per ally; return their results, and what failed."""
-    work = work_folder(board) / "crossplay"
+    """Play pairs, one job per ally; return their results, and what failed.
+
+    What was played stays in the folder of unfinished work until the caller removes it.
+    """
     jobs, folders = [], []
     for ally in {a.slug: a for a, _ in pairs}.values():
         opponents = [o for a, o in pairs if a is ally]
-        folder, keys = work / ally.slug, {pair_key(ally, o) for o in opponents}
+        folder, keys = _work(board) / ally.slug, {pair_key(ally, o) for o in opponents}
         run, done = partial(_fill, ally, opponents), partial(_is_done, folder, keys)
         jobs.append(folder_job(ally.slug, folder, run, done))
         folders.append((folder, keys))
     failed = run_jobs(jobs, n_jobs, backend, address, level=logging.DEBUG)
     rows = [row for folder, keys in folders for row in _rows(folder) if row["key"] in keys]
-    shutil.rmtree(work, ignore_errors=True)
     lost = [f"{row['ally']} - {row['opponent']}: {row[FAILED]}" for row in rows if FAILED in row]
     played = [pair for pair in map(read_pair, rows) if pair is not None]
     return played, lost + [f"{name}: {error}" for name, error in failed.items()]
+
+
+def _work(board: Path) -> Path:
+    return work_folder(board) / "crossplay"
 
 
 def _rows(folder: Path) -> list[Row]:

@@ -622,10 +622,13 @@ class _Verification:
             return
         played = outcome_of(partial(_played_parts, case))
         judged = played if played.error is not None else outcome_of(partial(_judge, case, played.result))
-        shutil.rmtree(case.work, ignore_errors=True)
-        if case.claimed is not None:
-            remove(case.claimed)
-        good, line = judged.result if judged.error is None else (False, judged.error)
+        if played.error is None and judged.error is not None:  # a full disk, or a folder of somebody else's
+            good, line = False, f"{judged.error}; what was played is kept, run it again"
+        else:
+            shutil.rmtree(case.work, ignore_errors=True)
+            if case.claimed is not None:
+                remove(case.claimed)
+            good, line = judged.result if judged.error is None else (False, judged.error)
         if others := self._shared.get(case.name):
             line += f"; it has a policy of {', '.join(others)}, too: ask whose it is"
         self._add(case.name, good, line + _missing_isolation(played.result or ()))

@@ -88,7 +88,7 @@ _HOP_COSTS = {"paper": (0, 200), "standard": (0, 200), "figures": (100,)}  # bes
 def sensitivity(preset: str) -> tuple[Condition, ...]:
     """Return the conditions that resolve one open point of the paper differently from the scenario.
 
-    ``docs/reference/open-points.md`` explains those of ``paper`` and ``standard``.
+    The page on open points (``reference/open-points``) explains those of ``paper`` and ``standard``.
     """
     others: dict[str, dict[str, Any]] = {
         "k-power": {"jamming_coefficients": POWER_FACTORS},

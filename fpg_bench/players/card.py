@@ -67,8 +67,8 @@ class AgentCard(Strict):
 
     Attributes:
         algorithm: name of the algorithm.
-        game: the game of the training. Opening it imports the code that it names: read somebody else's card
-            before you open its game.
+        game: the game of the training. Code that it names is imported only if you allow it:
+            ``make_sb3(card.game, allow=["package.module:object"])``.
         side: the side that the agent plays.
         scenario: hash of the scenario of the training.
         scenario_fields: the fields of that scenario that differ from ``standard``.

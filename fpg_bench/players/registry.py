@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -86,7 +85,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         raise _of_other_side(name, side)
     from fpg_bench.players.agent import agent_folder, baselines_folder
 
-    if name and (baselines_folder() / "agents" / name).is_dir():
+    if name and os.path.isdir(baselines_folder() / "agents" / name):
         agent_folder(name)  # says which agents the group has
     raise UserError(f"unknown {side} {name!r}{nearest(name, [*NAMED[side], *ORACLES])}")
 
@@ -150,7 +149,7 @@ def _is_agent(name: str, side: str) -> bool:
     """Return True if a name is that of an agent or a folder."""
     if _VARIANT.fullmatch(name) or name in NAMED[side] or name in ORACLES:
         return False
-    is_path = bool({"/", "\\"} & set(name)) or (bool(name) and Path(name).is_dir())
+    is_path = bool({"/", "\\"} & set(name)) or os.path.isdir(name)
     return is_remote(name) or (is_path and not names_object(name))
 
 

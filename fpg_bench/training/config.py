@@ -37,8 +37,8 @@ class RunConfig:
         transcript: transcript of a run with a language model; its plans are replayed without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
             the endpoint.
-        allow: the ``package.module:object`` and agents of the Hub that the files of the hyper-parameters
-            and of the suite may name; neither is run on a file's word.
+        allow: the ``package.module:object`` and agents of the Hub that the files of the hyper-parameters, of
+            the suite and of a game may name; neither is run on a file's word.
         dataset: data set of an offline algorithm, a :class:`fpg_bench.datasets.read.Dataset`; see
             :meth:`offline`.
     """
@@ -56,7 +56,8 @@ class RunConfig:
     allow: Collection[str] = ()
 
     def __post_init__(self) -> None:
-        spec = GameSpec.of(self.game)
+        spec = GameSpec.of(self.game, allow=self.allow)
+        spec.check_trusted()
         pins = {side: pinned(getattr(spec, side)) for side in SIDES}
         object.__setattr__(self, "game", dataclasses.replace(spec, **pins))
 

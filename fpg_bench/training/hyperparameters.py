@@ -8,19 +8,28 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest, shown
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import DUEL, ENVS
 from fpg_bench.common.imports import check_allowed
-from fpg_bench.common.schema import Expected, PositiveInt, Strict, problems_of
+from fpg_bench.common.schema import Expected, Strict, problems_of
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.card import MOST_STEPS
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.rl_zoo3_format import argument_problems, read_entry, whole_arguments
 
 # Arguments of algorithms that the runner sets itself.
 _RESERVED = {"env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}
+_NOISE = ("noise_type", "noise_std")  # rl-zoo3's form of action_noise
+_TRANSLATED = ("log_std_init", "net_arch")  # of policies; checked where the model is made
+_OF_POLICIES = {"observation_space", "action_space", "lr_schedule"}  # given by the algorithm
+MOST_ENVS, MOST_FRAMES, MOST_EPOCHS = 100_000, 1000, 1_000_000
 CUSTOM_N_ENVS = 64  # of a custom class without hyper-parameters
+
+
+def _at_most(most: int) -> Expected:
+    return Expected(f"a whole number above 0, at most {most:,}")
 
 
 class ImitationConfig(Strict):
@@ -35,10 +44,10 @@ class ImitationConfig(Strict):
     """
 
     teacher: str
-    steps: PositiveInt = 400_000
+    steps: Annotated[int, Field(ge=1, le=MOST_STEPS), _at_most(MOST_STEPS)] = 400_000
     learning_rate: Annotated[float, Field(gt=0, lt=1), Expected("a number between 0 and 1")] = 0.001
     batch_size: Annotated[int, Field(ge=2), Expected("a whole number, 2 or more")] = 1024
-    n_epochs: PositiveInt = 5
+    n_epochs: Annotated[int, Field(ge=1, le=MOST_EPOCHS), _at_most(MOST_EPOCHS)] = 5
 
 
 class Hyperparameters(Strict):
@@ -54,10 +63,10 @@ class Hyperparameters(Strict):
 
     model_config = ConfigDict(extra="allow", allow_inf_nan=True)
 
-    n_envs: PositiveInt = 1
-    n_timesteps: PositiveInt = 0
+    n_envs: Annotated[int, Field(ge=1, le=MOST_ENVS), _at_most(MOST_ENVS)] = 1
+    n_timesteps: Annotated[int, Field(ge=1, le=MOST_STEPS), _at_most(MOST_STEPS)] = 0
     normalize: dict[str, Any] | None = None
-    frame_stack: PositiveInt | None = None
+    frame_stack: Annotated[int | None, Field(ge=1, le=MOST_FRAMES), _at_most(MOST_FRAMES)] = None
     imitate: ImitationConfig | None = None
 
     @property
@@ -151,7 +160,7 @@ def _shipped_file(algorithm: Algorithm, game: GameSpec) -> Path:
 
 def _parse(algorithm: Algorithm, content: dict[str, Any], where: str) -> Hyperparameters:
     content, unreadable = read_entry(content)
-    content = whole_arguments(content, algorithm.kind.__init__)
+    content = whole_arguments(content, algorithm.kind)
     parameters, invalid = problems_of(Hyperparameters, content)
     if problems := [*unreadable, *invalid, *_argument_problems(algorithm, parameters)]:
         raise UserError(f"{where}: {'; '.join(problems)}")
@@ -164,10 +173,42 @@ def _parse(algorithm: Algorithm, content: dict[str, Any], where: str) -> Hyperpa
 
 
 def _argument_problems(algorithm: Algorithm, parameters: Hyperparameters) -> list[str]:
-    """Return a line per invalid argument of the algorithm or of ``VecNormalize``."""
+    """Return a line per invalid argument of the algorithm, of its policy, or of ``VecNormalize``."""
     from stable_baselines3.common.vec_env import VecNormalize
 
-    arguments = {name: value for name, value in parameters.algorithm.items() if not name.startswith("noise_")}
-    normalize = argument_problems(parameters.normalize or {}, VecNormalize.__init__, {"venv"})
-    own = argument_problems(arguments, algorithm.kind.__init__, _RESERVED)
-    return [*own, *(f"normalize: {problem}" for problem in normalize)]
+    arguments = {name: value for name, value in parameters.algorithm.items() if name not in _NOISE}
+    normalize = argument_problems(parameters.normalize or {}, VecNormalize, {"venv"})
+    own = argument_problems(arguments, algorithm.kind, _RESERVED, algorithm.custom)
+    return [
+        *own,
+        *_policy_problems(algorithm, arguments),
+        *(f"normalize: {problem}" for problem in normalize),
+    ]
+
+
+def _policy_problems(algorithm: Algorithm, arguments: Mapping[str, Any]) -> list[str]:
+    """Return a line per problem of ``policy`` and ``policy_kwargs``."""
+    from torch.optim import Adam
+
+    known = getattr(algorithm.kind, "policy_aliases", {})
+    policy = arguments.get("policy")
+    if "policy" in arguments and known and not isinstance(policy, type):
+        if not isinstance(policy, str) or policy not in known:
+            hint = nearest(policy, known) if isinstance(policy, str) else ""
+            return [f"policy: expected one of {', '.join(known)}, got {shown(policy)}{hint}"]
+        policy = known[policy]
+    values = arguments.get("policy_kwargs", {})
+    if not isinstance(values, Mapping):
+        return [f"policy_kwargs: expected a mapping, got {shown(values)}"]
+    plain = {name: value for name, value in values.items() if name not in _TRANSLATED}
+    problems: list[str] = []
+    if isinstance(policy, type):
+        problems = argument_problems(plain, policy, _OF_POLICIES, is_custom=True)
+    for name in ("optimizer_kwargs", "features_extractor_kwargs"):
+        inner = values.get(name)
+        if inner is not None and not isinstance(inner, Mapping):
+            problems.append(f"{name}: expected a mapping, got {shown(inner)}")
+        elif inner and name == "optimizer_kwargs" and "optimizer_class" not in values:
+            found = argument_problems(inner, Adam, {"params", "lr"})
+            problems += [f"{name}: {problem}" for problem in found]
+    return [f"policy_kwargs: {problem}" for problem in problems]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,13 +15,13 @@ from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 from torch import nn
 
 from fpg_bench.common.checks import mapping
-from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, first_line, nearest, one_line, shown
 from fpg_bench.common.imports import imported, reason
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
-from fpg_bench.training.rl_zoo3_format import SCHEDULED, net_arch
+from fpg_bench.training.rl_zoo3_format import LARGEST, SCHEDULED, net_arch
 
 # Elementwise activations of torch that ONNX also has, without weights and randomness.
 # LogSigmoid is left out because its export differs by 8e-4.
@@ -65,9 +64,14 @@ def make_model(
     except AssertionError as error:
         raise _misfit(algorithm, games, error) or UserError(f"{where}: {error}") from error
     except Exception as error:
+        if isinstance(error, MemoryError) or "can't allocate memory" in str(error):
+            raise UserError(
+                f"{where}: too little memory ({first_line(error)}); lower buffer_size, n_steps, n_envs or "
+                "net_arch"
+            ) from error
         if not algorithm.custom and not isinstance(error, TypeError | ValueError):
             raise
-        raise UserError(f"{where}: {reason(error) if algorithm.custom else error}") from error
+        raise UserError(f"{where}: {reason(error) if algorithm.custom else one_line(error)}") from error
     model.action_space.seed(seed)
     return model
 
@@ -110,13 +114,16 @@ def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: 
     if (noise_type, noise_std) != (None, None):
         if noise_type != "normal":
             raise UserError(
-                f"{where}: expected noise_type: normal with a noise_std, got {noise_type}, {noise_std}"
+                f"{where}: expected noise_type: normal with a noise_std, got {shown(noise_type)}, "
+                f"{shown(noise_std)}"
             )
-        sigma = np.array(_per_action(noise_std, f"{where}: noise_std"))
+        sigma = np.array(_per_action(noise_std, f"{where}: noise_std", least=0))
         arguments["action_noise"] = NormalActionNoise(np.zeros(ACTION_SIZE), sigma)
     policy: Any = mapping(arguments.get("policy_kwargs", {}), f"{where}: policy_kwargs")
-    if isinstance(policy.get("log_std_init"), list):  # one per action
-        policy["log_std_init"] = torch.tensor(_per_action(policy["log_std_init"], f"{where}: log_std_init"))
+    if "log_std_init" in policy:
+        numbers = _per_action(policy["log_std_init"], f"{where}: log_std_init")
+        if isinstance(policy["log_std_init"], list):  # one per action
+            policy["log_std_init"] = torch.tensor(numbers)
     if isinstance(name := policy.get("features_extractor_class"), str):
         policy["features_extractor_class"] = imported(name, f"{where}: features_extractor_class")
     if "net_arch" in policy:
@@ -131,12 +138,13 @@ def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: 
     return arguments
 
 
-def _per_action(value: Any, where: str) -> list[float]:
+def _per_action(value: Any, where: str, least: float = -LARGEST) -> list[float]:
     """Return one number per action, from a single number or a list."""
     values = value if isinstance(value, list) else [value] * ACTION_SIZE
-    are_numbers = all(isinstance(each, int | float) and not isinstance(each, bool) for each in values)
+    are_numbers = all(type(each) in (int, float) and least <= each <= LARGEST for each in values)
     if len(values) != ACTION_SIZE or not are_numbers:
-        raise UserError(f"{where}: expected a number, or {ACTION_SIZE} of them, got {value}")
+        kind = "a number, 0 or more" if least == 0 else "a number"
+        raise UserError(f"{where}: expected {kind}, or {ACTION_SIZE} of them, got {shown(value)}")
     return [float(each) for each in values]
 
 
@@ -146,12 +154,12 @@ def _schedule(text: str, where: str) -> LinearSchedule:
         if not text.startswith("lin_"):
             raise ValueError
         start = float(text.removeprefix("lin_"))
-        if not 0 < start < math.inf:
+        if not 0 < start <= LARGEST:
             raise ValueError
         return LinearSchedule(start, 0.0, 1.0)
     except ValueError as error:
         raise UserError(
-            f"{where}: expected a number (1.0e-4, not 1e-4) or lin_<number>, got {text!r}"
+            f"{where}: expected a number (1.0e-4, not 1e-4) or lin_<number>, got {shown(text)}"
         ) from error
 
 
@@ -164,10 +172,10 @@ def as_activation(value: object, where: str) -> type[nn.Module]:
     if isinstance(value, type) and issubclass(value, nn.Module):
         return value
     if not isinstance(value, str):
-        raise UserError(f"{where}: expected the name of an activation such as ReLU, got {value!r}")
+        raise UserError(f"{where}: expected the name of an activation such as ReLU, got {shown(value)}")
     value = value.rpartition("nn.")[2]  # as rl-zoo3 writes it
     if value not in ACTIVATIONS:
-        raise UserError(f"{where}: unknown activation {value!r}{nearest(value, ACTIVATIONS)}")
+        raise UserError(f"{where}: unknown activation {shown(value)}{nearest(value, ACTIVATIONS)}")
     return ACTIVATIONS[value]
 
 

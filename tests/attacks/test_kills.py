@@ -2,6 +2,8 @@
 
 import errno
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +16,9 @@ from fpg_bench import cli
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
-from fpg_bench.leaderboard.folders import at_work
+from fpg_bench.evaluation.evaluate import evaluate
+from fpg_bench.leaderboard import crossplay, verification
+from fpg_bench.leaderboard.folders import at_work, crossplay_file, work_folder
 from fpg_bench.leaderboard.verification import verify
 from fpg_bench.training.checkpoint import load_checkpoint
 from tests.leaderboard.entering import enter
@@ -44,7 +48,9 @@ import sys
 from pathlib import Path
 import platformdirs
 platformdirs.user_cache_path = lambda name: Path(sys.argv[2])
-from fpg_bench.leaderboard.folders import at_work
+from fpg_bench.evaluation.evaluate import evaluate
+from fpg_bench.leaderboard import crossplay, verification
+from fpg_bench.leaderboard.folders import at_work, crossplay_file, work_folder
 with at_work(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
@@ -127,6 +133,107 @@ def test_a_read_only_folder_is_one_line_before_anything_begins(words, tmp_path, 
         cli.main()
     line = f"fpg-bench: out: {tmp_path} cannot be written to; make it writable, or name another\n"
     assert (end.value.code, capsys.readouterr().err) == (2, line)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "play --out {}/round.html",
+        "table results --out {}/table.png",
+        "curves run --out {}/curves.svg",
+        "plan run --rounds 1 --out {}/match.jsonl",
+        "plan run --rounds 1 --out {}/match.png",
+        "tune export study {}/mine.yml",
+    ],
+)
+def test_a_file_in_a_folder_that_is_not_there_is_refused_by_name_and_nothing_is_made(
+    words, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    for folder, problem in (("slip/here", "there is no folder"), ("file", "there is no folder")):
+        Path("file").touch()
+        monkeypatch.setattr(sys, "argv", ["fpg-bench", *words.format(folder).split()])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        (line,) = capsys.readouterr().err.splitlines()
+        assert end.value.code == 2
+        assert f"{problem} {tmp_path / folder}; make it first, or name another" in line
+    assert os.listdir(tmp_path) == ["file"]
+
+
+def test_a_result_that_cannot_be_written_is_kept_where_it_was_played(board, in_process, monkeypatch):
+    enter(board, "ally", "wise", script="expert")
+    enter(board, "ally", "pupil", seeds=(0,))
+
+    def refused(path, result):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    with monkeypatch.context() as somebody:
+        somebody.setattr(verification, "write_result", refused)
+        lines = [verdict.line for verdict in verify(board)]
+    assert all(line.endswith("Permission denied; what was played is kept, run it again") for line in lines)
+    monkeypatch.setattr(verification, "fill", lambda *part: pytest.fail("is played again"))
+    assert [verdict.is_good for verdict in verify(board)] == [True, True]
+    assert not [path for path in work_folder(board).rglob("*") if path.is_file() and path.name != "at-work"]
+
+
+def test_pairs_that_cannot_be_written_are_kept_where_they_were_played(board, in_process, monkeypatch):
+    enter(board, "ally", "wise", script="expert")
+    enter(board, "opponent", "tone", script="tone")
+    verify(board)
+
+    def full(path, content):
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    with monkeypatch.context() as disk:
+        disk.setattr(crossplay, "write_whole", full)
+        with pytest.raises(OSError, match="No space left"):
+            crossplay.play_missing(board)
+    monkeypatch.setattr(crossplay, "play_pair", lambda *pair: pytest.fail("is played again"))
+    assert crossplay.play_missing(board) == []
+    assert len(crossplay_file(board).read_text().splitlines()) == 1
+    assert not (work_folder(board) / "crossplay").exists()
+
+
+# Root may read and write everything, unless it gives up this right.
+AS_OTHERS = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"] if os.geteuid() == 0 else []
+
+
+@pytest.mark.process
+@pytest.mark.skipif(bool(AS_OTHERS) and not shutil.which("setpriv"), reason="needs setpriv")
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("evaluate expert --matches 1 --out results", "results/records.jsonl"),
+        ("evaluate expert --matches 1 --out new", "new"),
+        ("evaluate expert --suite hidden.yml --out {own}/new", "hidden.yml"),
+        ("table results", "results/table.md"),
+        ("play --out round.html", "round.html"),
+        ("plan run --planner circle --rounds 1 --out new", "new"),
+        ("leaderboard init new", "new"),
+        ("dataset check hidden", "hidden"),
+        ("curves results", "curves.svg"),
+    ],
+)
+def test_files_of_another_user_are_one_line_that_names_them(words, named, tmp_path):
+    shared, own = tmp_path / "shared", tmp_path / "own"
+    for folder in (own, shared / "hidden"):
+        folder.mkdir(parents=True)
+    evaluate(["idle"], "ally-v1", shared / "results", matches=1)
+    (shared / "hidden.yml").touch()
+    for path in (shared / "hidden", shared / "hidden.yml"):
+        path.chmod(0)
+    for path in (shared / "results/records.jsonl", shared / "results", shared):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    code = [*AS_OTHERS, sys.executable, "-m", "fpg_bench", *words.format(own=own).split()]
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
+    done = subprocess.run(code, cwd=shared, env=env, text=True, capture_output=True, timeout=300)
+    for path in (shared, shared / "results"):
+        path.chmod(0o755)  # to be removed
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("fpg-bench: ")]
+    assert done.returncode in (1, 2)
+    assert named in line.replace("'", "")
+    assert re.search("ermission denied|not readable|cannot be written", line), line
 
 
 def test_what_another_process_is_writing_stays(tmp_path):

@@ -1,5 +1,7 @@
 """Files of strangers name code; none of it is imported unless the user allows it by name."""
 
+import contextlib
+import pickle
 import sys
 
 import pytest
@@ -8,12 +10,16 @@ from typer.testing import CliRunner
 
 from fpg_bench.cli import app
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import write_json
+from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.imports import check_allowed, imported
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import evaluate, read_results
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.suite import load_suite, read_suite
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.card import AgentCard
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.league.best_responses import _teacher, best_responses
@@ -139,6 +145,43 @@ def test_a_run_and_a_file_of_champions_run_no_code(tmp_path, ran):
     with pytest.raises(UserError, match=REFUSED):
         load_champions(tmp_path / "champions.yml")
     assert not ran.exists()
+
+
+GAMES = {
+    "opponent": {"id": "FPG/AllyVsPolicy-v0", "opponent": CODE},
+    "opponents": {"id": "FPG/AllyVsPolicy-v0", "opponent": ["tone", CODE]},
+    "planner": {"id": "FPG/AllyVsPlanner-v0", "planner": CODE},
+    "planner of the duel": {"id": "FPG/duel_v0", "planner": CODE},
+}
+
+
+@pytest.mark.parametrize("content", GAMES.values(), ids=GAMES)
+def test_a_game_out_of_a_file_runs_no_code_that_is_not_allowed(content, ran):
+    shipped = read_json(baselines_folder() / "agents/ally-scripted/ppo/seed_0/agent.json", "agent")
+    card = AgentCard.parse({**shipped, "format": 2, "game": content}, "agent")
+    for game in (GameSpec.from_dict(content), card.game, pickle.loads(pickle.dumps(card.game))):
+        for use in (
+            make_sb3,
+            lambda game: make_sb3(GameSpec.of(game, path=game.path), allow=["mine:Player"]),
+            lambda game: RunConfig("ppo", game),
+        ):
+            with pytest.raises(UserError, match=f"game: {REFUSED}"):
+                use(game)
+    assert not ran.exists()
+    with contextlib.suppress(UserError):  # as a planner it has no plan
+        make_sb3(card.game, allow=[CODE])
+    assert ran.exists()
+
+
+def test_a_name_that_the_caller_gives_takes_the_place_of_a_file_s(ran):
+    game = GameSpec.from_dict(GAMES["opponent"])
+    make_sb3(game, opponent="tone")
+    assert not ran.exists()
+    for mine in (GameSpec(game.id, opponent=CODE), GameSpec.of(game, opponent=CODE)):
+        make_sb3(mine)
+        assert ran.exists()
+        ran.unlink()
+        sys.modules.pop("friend.evil")
 
 
 def test_names_of_data_need_no_leave():

@@ -8,8 +8,11 @@ import math
 import multiprocessing
 import os
 import random
+import shutil
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +20,25 @@ import pytest
 
 from fpg_bench import cli
 from fpg_bench.common.ids import policy_env
+from fpg_bench.leaderboard.season import candidates, recipes
 from fpg_bench.paper import reproduce
 from fpg_bench.paper.experiment import Budget
 from fpg_bench.players.player import SIDES
 from fpg_bench.training import callbacks
 from tests.attacks import SCALE, SEED
+from tests.hub.conftest import hub
+from tests.leaderboard.entering import enter
+from tests.leaderboard.making import write_seed
 from tests.training.tiny import settings
 
+__all__ = ["hub"]
+
 VERBS = {
-    "evaluate": "evaluate expert idle --suite ally-v1 --matches 2 --out",
-    "compare": "plan compare hold hill-climb --suite planner-v1 --matches 2 --out",
-    "match": "plan run --planner hill-climb --ally expert --seed 1 --rounds 6 --out",
-    "selfplay": "selfplay ppo --generations 2 --steps 800 --hyperparams {scratch}/tiny.yml --out",
-    "reproduce": "reproduce fig4 --n-seeds 1 --n-jobs 1 --out",
+    "evaluate": "evaluate expert idle --suite ally-v1 --matches 2 --out FOLDER",
+    "compare": "plan compare hold hill-climb --suite planner-v1 --matches 2 --out FOLDER",
+    "match": "plan run --planner hill-climb --ally expert --seed 1 --rounds 6 --out FOLDER",
+    "selfplay": "selfplay ppo --generations 2 --steps 800 --hyperparams {scratch}/tiny.yml --out FOLDER",
+    "reproduce": "reproduce fig4 --n-seeds 1 --n-jobs 1 --out FOLDER",
 }
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
 _MOST_KILLS = 3
@@ -37,13 +46,20 @@ _TIMES = ("seconds", "steps_per_s")  # how long planning or training took
 
 
 class Killed:
-    """A verb that was run to its end once, to be killed as often as one likes."""
+    """A command that was run to its end once, to be killed as often as one likes.
 
-    def __init__(self, verb: str, scratch: Path) -> None:
-        values = settings("ppo", normalize={"norm_obs": False})
-        (scratch / "tiny.yml").write_text(json.dumps({policy_env(side).id: values for side in SIDES}))
-        self._words = VERBS[verb].format(scratch=scratch).split()
-        folder, start = scratch / verb, time.perf_counter()
+    Args:
+        words: the command; ``FOLDER`` stands for the folder that it fills.
+        folder: the folder of the run to the end.
+        begin: makes what the command finds in a folder; by default nothing.
+    """
+
+    def __init__(
+        self, words: str, folder: Path, begin: Callable[[Path], object] = lambda folder: None
+    ) -> None:
+        self._words, self._begin = words.split(), begin
+        begin(folder)
+        start = time.perf_counter()
         assert self._run(folder, None)
         self._seconds = time.perf_counter() - start
         self._uninterrupted = contents(folder)
@@ -51,14 +67,16 @@ class Killed:
     def same(self, folder: Path, seed: int) -> bool:
         """Return True if a run that is killed up to three times comes to what the uninterrupted one did."""
         rng = random.Random(seed)
+        self._begin(folder)
         for _ in range(rng.randrange(1, _MOST_KILLS + 1)):
             self._run(folder, rng.uniform(0, self._seconds))
-        return self._run(folder, None) and contents(folder) == self._uninterrupted
+        self._run(folder, None)  # a season that was just closed is refused
+        return contents(folder) == self._uninterrupted
 
     def _run(self, folder: Path, moment_s: float | None) -> bool:
         """Run the verb, for so many seconds at most; whether it ended well by itself."""
         process = multiprocessing.get_context("fork").Process(
-            target=_verb, args=([*self._words, str(folder)],)
+            target=_verb, args=([word.replace("FOLDER", str(folder)) for word in self._words],)
         )
         process.start()
         process.join(moment_s)
@@ -104,6 +122,44 @@ def _verb(words: list[str]) -> None:
 @pytest.mark.process
 @pytest.mark.parametrize("verb", ["match"] if SCALE == 1 else VERBS)  # the others' own tests interrupt them
 def test_a_killed_command_resumes_to_the_same_result(verb, tmp_path):
-    killed = Killed(verb, tmp_path)
+    values = settings("ppo", normalize={"norm_obs": False})
+    (tmp_path / "tiny.yml").write_text(json.dumps({policy_env(side).id: values for side in SIDES}))
+    check(Killed(VERBS[verb].format(scratch=tmp_path), tmp_path / verb), tmp_path)
+
+
+def check(killed, scratch):
+    """Kill a command from as many seeds as are tried; nothing but its folders is left."""
+    before = set(os.listdir(scratch))
     for seed in range(SEED, SEED + SCALE):
-        assert killed.same(tmp_path / f"killed-{seed}", seed=seed)
+        assert killed.same(scratch / f"killed-{seed}", seed=seed)
+    assert set(os.listdir(scratch)) - before == {f"killed-{seed}" for seed in range(SEED, SEED + SCALE)}
+
+
+@pytest.mark.process
+def test_a_killed_verification_resumes_to_the_same_results(board, in_process, tmp_path):
+    enter(board, "ally", "wise", script="expert")
+    enter(board, "ally", "pupil", seeds=(0, 1))
+    enter(board, "opponent", "tone", script="tone")
+    words = "leaderboard verify --update --folder FOLDER"
+    check(Killed(words, tmp_path / "whole", partial(shutil.copytree, board)), tmp_path)
+
+
+@pytest.mark.process
+@pytest.mark.skipif(SCALE == 1, reason="its own tests leave it as a kill does")
+def test_a_killed_closing_resumes_to_the_same_season(board, in_process, tmp_path, monkeypatch):
+    for side, names in (("ally", ("expert", "idle")), ("opponent", ("tone", "sweep"))):
+        for name in names:
+            enter(board, side, name, script=name)
+    steps = {name: tuple(n // 2000 for n in each) for name, each in recipes.STEPS.items()}
+    monkeypatch.setattr(recipes, "STEPS", steps)
+    monkeypatch.setattr(candidates, "ROUNDS", 2)
+    words = f"leaderboard close-season 1 --folder {board} --n-candidates 2 --size 2 --n-jobs 1"
+    check(Killed(f"{words} --work FOLDER/work --out FOLDER/season-1", tmp_path / "whole"), tmp_path)
+
+
+@pytest.mark.process
+def test_a_killed_download_leaves_nothing_beside_the_agent(hub, tmp_path):
+    write_seed(tmp_path / "first", 0, None)
+    hub.add("me/mine", {path.name: path.read_bytes() for path in (tmp_path / "first").iterdir()})
+    (tmp_path / "agents").mkdir()
+    check(Killed("hub pull me/mine --out FOLDER", tmp_path / "whole"), tmp_path / "agents")

@@ -227,7 +227,7 @@ def test_a_dataframe_has_a_row_per_entry_and_needs_pandas_alone(suite, monkeypat
     assert [row["entry"] for row in found] == ["idle", "random"]
     assert {"score", "score_low", "return_per_step sweep/circle", "hop_rate"} <= found[0].keys()
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(UserError, match="needs pandas"):
+    with pytest.raises(UserError, match=r"pandas is not installed: pip install .*\[dataframe\]"):
         results.dataframe()
 
 

@@ -106,3 +106,16 @@ def test_an_unwritable_cache_still_plays_and_says_so(tmp_path, monkeypatch, capf
         assert compiling.compiled(mix.py_func)(numpy.uint64(1)) == mix(numpy.uint64(1))
     assert f"{NOTICE}the game, about ten seconds" in (message := capfd.readouterr().err)
     assert "cannot be kept: no writable cache folder" in message
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("damage", [b"", b"\x80", b"garbage" * 9])
+def test_a_damaged_file_of_the_cache_is_compiled_anew(damage, tmp_path):
+    before = use(tmp_path).stdout
+    files = [path for path in tmp_path.rglob("*") if path.suffix in (".nbi", ".nbc")]
+    assert files
+    for file in files:
+        file.write_bytes(damage)
+    again = use(tmp_path)
+    assert (again.stdout, NOTICE in again.stderr) == (before, True)
+    assert NOTICE not in use(tmp_path).stderr

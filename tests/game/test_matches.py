@@ -91,3 +91,8 @@ def test_bad_seeds_are_refused(seeds):
 def test_a_batch_is_reset_before_its_first_step():
     with pytest.raises(UserError, match="reset before its first step"):
         GameBatch(TEN).step(ally(), opponent())
+
+
+def test_a_seed_in_the_place_of_the_mask_is_told_how_seeds_are_given():
+    with pytest.raises(UserError, match=r"seeds are named: reset\(seeds=0\)"):
+        GameBatch(TEN).reset(0)

@@ -22,7 +22,7 @@ from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.state import TALLY
-from fpg_bench.leaderboard.site import build, views
+from fpg_bench.leaderboard.site import views
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.reading_pages import PAGES
 from fpg_bench.leaderboard.site.replays import Replay
@@ -249,7 +249,7 @@ def test_every_header_leads_to_docs_source_and_paper_where_their_address_is_know
     message = Message()
     for url in urls:
         message["Project-URL"] = url
-    monkeypatch.setattr(build, "metadata", lambda name: message)
+    monkeypatch.setattr("fpg_bench.common.documentation.metadata", lambda name: message)
     build_site(example_board(2), tmp_path)
     published = {"Docs": "https://docs.example.org", "Source": "https://git.example.org/fpg"}
     assert software(tmp_path / "index.html") == published | known

@@ -154,7 +154,7 @@ def test_invalid_hyperparameters_are_refused_before_anything_is_written(tmp_path
         ({"noise_std": 0.1}, "noise_type"),
         ({"noise_type": "normal", "noise_std": [1, 2]}, "noise_std: expected a number"),
         ({"frame_stack": 0}, "frame_stack: expected a whole number"),
-        ({"n_envs": "four"}, "n_envs: expected a whole number above 0, got 'four'"),
+        ({"n_envs": "four"}, "n_envs: expected a whole number above 0, at most 100,000, got 'four'"),
     ):
         with pytest.raises(UserError, match=message):
             train_tiny("ppo", tmp_path / "run", changes)

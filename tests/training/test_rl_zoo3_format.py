@@ -132,7 +132,7 @@ def test_all_that_cannot_be_read_is_named_at_once(tmp_path):
         load(entry, tmp_path)
     parts = (
         "policy_kwargs: 'Adam' is no literal",
-        "n_envs: expected a whole number above 0, got 2.5",
+        "n_envs: expected a whole number above 0, at most 100,000, got 2.5",
         "unknown key 'n_step'; did you mean 'n_steps'?",
         "unknown key 'env_wrapper'",
         "gamma: expected a number from 0 to 1, got 1.5",

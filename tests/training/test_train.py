@@ -151,9 +151,9 @@ def test_a_finished_run_is_not_repeated_and_no_other_is_overwritten(run, hyperpa
 @pytest.mark.parametrize(
     ("changes", "evaluations"),
     [
-        ({"learning_rate": float("inf")}, 2),
+        ({"learning_rate": 1e30}, 2),
         ({"learning_rate": 30.0, "policy_kwargs": SMALL | {"log_std_init": -100.0}}, 0),
-        ({"learning_rate": float("inf"), "n_steps": 300}, 0),
+        ({"learning_rate": 1e30, "n_steps": 300}, 0),
     ],
     ids=["evaluation", "spread", "last update"],
 )
@@ -164,10 +164,9 @@ def test_training_that_diverges_is_one_line(changes, evaluations, tmp_path):
 
 def test_a_policy_that_cannot_act_is_refused_before_anything_is_written(tmp_path):
     torch.distributions.Distribution.set_default_validate_args(False)  # as torch.onnx.export leaves it
-    for spread in (-200.0, float("nan")):
-        changes = {"policy_kwargs": SMALL | {"log_std_init": spread}}
-        with pytest.raises(UserError, match="of ppo: the new policy draws no finite actions"):
-            train_tiny("ppo", tmp_path / "run", changes)
+    changes = {"policy_kwargs": SMALL | {"log_std_init": -200.0}}
+    with pytest.raises(UserError, match="of ppo: the new policy draws no finite actions"):
+        train_tiny("ppo", tmp_path / "run", changes)
     assert not (tmp_path / "run").exists()
 
 

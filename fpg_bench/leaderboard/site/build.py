@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from functools import partial
 from importlib import resources
-from importlib.metadata import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fpg_bench.common.documentation import published
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, write_whole
 from fpg_bench.leaderboard.board import Board
@@ -146,7 +146,7 @@ def _environment(board: Board, docs: str) -> Environment:
         "label_of": label_of,
         "few_seeds": views.FEW_SEEDS,
         "doc_link": partial(_doc_link, docs),
-        "board_address": _published().get("Leaderboard", "").rstrip("/"),
+        "board_address": published().get("Leaderboard", "").rstrip("/"),
         "software_links": partial(_software_links, docs),
     }
     return environment
@@ -172,20 +172,14 @@ def _software_links(docs: str, root: str) -> dict[str, str]:
     Repository and documentation are those of ``[project.urls]`` in the package's metadata; the documentation
     that is built beside this site, or the rules in it, takes precedence.
     """
-    published = _published()
+    addresses = published()
     beside = docs if "://" in docs else root + docs
     links = {
-        "Docs": f"{beside}/index.html" if docs else published.get("Documentation", f"{root}rules.html"),
-        "Source": published.get("Repository"),
+        "Docs": f"{beside}/index.html" if docs else addresses.get("Documentation", f"{root}rules.html"),
+        "Source": addresses.get("Repository"),
         "Paper": PAPER,
     }
     return {label: address for label, address in links.items() if address}
-
-
-def _published() -> dict[str, str]:
-    """Return the addresses of ``[project.urls]`` by label, as the package's metadata holds them."""
-    lines = metadata("fpg-bench").get_all("Project-URL") or []
-    return dict(line.split(", ", 1) for line in lines)
 
 
 def _static_files() -> dict[str, str | bytes]:

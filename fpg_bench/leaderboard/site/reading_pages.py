@@ -6,10 +6,11 @@ import re
 from collections.abc import Sequence
 from functools import cache
 from html import escape
-from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from fpg_bench.common.documentation import docs_folder
 
 if TYPE_CHECKING:
     from markdown_it import MarkdownIt
@@ -27,16 +28,9 @@ PAGES = {  # file of the documentation and title, by the name in the site
 
 def render_page(name: str) -> str:
     """Render one of ``PAGES`` as HTML, without pictures; links lead only to others of them."""
-    text = re.sub(r"<!--.*?-->\n?|(?m:^!\[.*\n)", "", (_folder() / PAGES[name][0]).read_text("utf-8"))
+    text = re.sub(r"<!--.*?-->\n?|(?m:^!\[.*\n)", "", (docs_folder() / PAGES[name][0]).read_text("utf-8"))
     parts = re.split(r"^:::(?:\{glossary\})?\n", text, flags=re.MULTILINE)  # outside, inside, outside
     return "".join(_render_terms(part) if k % 2 else _render(part) for k, part in enumerate(parts))
-
-
-def _folder() -> Path:
-    """Return the folder of the documentation: in the installed package, else in the repository."""
-    package = Path(str(resources.files("fpg_bench")))
-    installed = package / "docs"
-    return installed if installed.is_dir() else package.parent / "docs"
 
 
 @cache

@@ -42,6 +42,7 @@ _ADVICE = {
     403: ", the key is refused (FPG_LLM_API_KEY)",
     404: ", no such address or model (FPG_LLM_BASE_URL, FPG_LLM_MODEL)",
 }
+_ADVICE |= dict.fromkeys((301, 302, 303, 307, 308), ", the address leads elsewhere (FPG_LLM_BASE_URL)")
 _WEB_PAGE = "a web page"
 _TEXTS = ("text", "output_text")  # types of a message's parts; others hold what the model thinks
 

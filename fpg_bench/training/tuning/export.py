@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import re
 import textwrap
 from collections.abc import Collection
@@ -20,7 +19,7 @@ import yaml
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_yaml, write_whole
+from fpg_bench.common.files import check_target, read_yaml, write_whole
 from fpg_bench.common.imports import check_allowed, reason
 from fpg_bench.common.parallel import Job, run_jobs
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
@@ -118,7 +117,7 @@ def export_values(
     for name, value in (("n_best", n_best), ("n_seeds", n_seeds), ("steps", steps)):
         if value is not None:
             integer(value, name)
-    check_writable(Path(file))
+    _check_file(Path(file))
     opened = open_storage(Path(out), storage, must_exist=True)
     study, task = load_study(opened, study_name)
     check_allowed(task.model_dump(), allow, f"study {study.study_name!r} in {opened.where}")
@@ -222,13 +221,11 @@ def _has_score(storage: Storage, study: optuna.Study, name: str) -> bool:
         return name in study.user_attrs
 
 
-def check_writable(file: Path) -> None:
+def _check_file(file: Path) -> None:
     """Raise UserError if a hyper-parameter file cannot be written, before anything is trained for it."""
     if file.exists() and file.read_text(encoding="utf-8").strip():
         read_yaml(file, "hyper-parameters")
-    folder = next(parent for parent in file.absolute().parents if parent.exists())
-    if not (folder.is_dir() and os.access(file if file.exists() else folder, os.W_OK)):
-        raise UserError(f"hyper-parameters {file}: cannot be written")
+    check_target(file, "hyper-parameters")
 
 
 def write_values(file: Path, best: Confirmed) -> None:

@@ -44,7 +44,7 @@ class Objective:
     Args:
         task: what is tuned.
         check_stop: called in each training step; raises KeyboardInterrupt to end the trial.
-        allow: the code and agents of the Hub that the suite's file may name.
+        allow: the code and agents of the Hub that the study's game and the suite's file may name.
 
     Raises:
         UserError: the search space names something that the algorithm does not have.
@@ -54,7 +54,7 @@ class Objective:
         self, task: Task, check_stop: Callable[[], None] = lambda: None, allow: Collection[str] = ()
     ) -> None:
         torch.set_num_threads(1)
-        self._task, self._check_stop = task, check_stop
+        self._task, self._check_stop, self._allow = task, check_stop, allow
         self._sides = task.game.sides
         first = {name: values.first() for name, values in task.space.items()}
         games = self._model(first, task.seeds[0]).get_env()
@@ -145,7 +145,7 @@ class Objective:
         task = self._task
         entry = merge_values(task.hyperparameters, values)
         parameters = load_hyperparameters(task.algorithm, task.game, entry)
-        games = make_sb3(task.game, parameters.n_envs, training_seed(seed), stagger=True)
+        games = make_sb3(task.game, parameters.n_envs, training_seed(seed), stagger=True, allow=self._allow)
         return make_model(task.algorithm, games, parameters, seed)
 
 

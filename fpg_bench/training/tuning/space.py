@@ -22,7 +22,9 @@ _SHARED = {
     "qr-dqn": "dqn",
 }  # algorithms that use another one's space
 
-Number = Annotated[float, Expected("a number (1.0e-4, not 1e-4)")]
+_MOST = 10**12
+Number = Annotated[float, Field(ge=-_MOST, le=_MOST), Expected("a number (1.0e-4, not 1e-4)")]
+Whole = Annotated[int, Field(ge=-_MOST, le=_MOST), Expected("a whole number")]
 
 
 class _Interval(Strict):
@@ -65,8 +67,8 @@ class IntRange(_Interval):
     """An integer from ``low`` to ``high``, with ``log`` on a logarithmic scale."""
 
     kind: Literal["int"]
-    low: int
-    high: int
+    low: Whole
+    high: Whole
 
     def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> int:
         """Suggest a value."""

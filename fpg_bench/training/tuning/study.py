@@ -126,7 +126,7 @@ def make_task(
     for name, value in (("n_seeds", n_seeds), ("steps", steps), ("rounds", rounds)):
         if value is not None:
             integer(value, name)
-    game = GameSpec.of(game)
+    game = GameSpec.of(game, allow=allow)
     registered, sides = find_algorithm(algorithm), game.sides
     registered.check_sides(game.id, sides)
     game.to_dict()  # refuses objects, which a study cannot store
