@@ -226,7 +226,7 @@ class SingleAgentGame(Core):
         else:
             self.duel.batch.step(other, actions)
         if self.waterfall is not None:
-            self._windows[:] = self.waterfall.pushed(self._windows, self._numbers)
+            self.waterfall.push(self._windows, self._numbers)
 
     def action_masks(self, game: int = 0) -> np.ndarray:
         """Return the choices that the scenario allows, ``(n,)`` bool, as sb3-contrib's MaskablePPO asks.
