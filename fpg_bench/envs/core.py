@@ -125,6 +125,7 @@ class SingleAgentGame(Core):
         game: the game: which side the caller plays, against whom, and where.
         games: number of games, N.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
+        stacked: see :class:`fpg_bench.players.policy_runner.PolicyRunner`.
 
     Attributes:
         game_spec: the game.
@@ -140,7 +141,9 @@ class SingleAgentGame(Core):
         UserError: an unknown option, a value or side that does not fit, or options that exclude each other.
     """
 
-    def __init__(self, game: GameSpec, games: int = 1, threads: int | None = None) -> None:
+    def __init__(
+        self, game: GameSpec, games: int = 1, threads: int | None = None, stacked: bool = False
+    ) -> None:
         self.game_spec = game
         self.config = config = game.config
         self.side, other_side = config.side, config.other_side
@@ -158,7 +161,7 @@ class SingleAgentGame(Core):
         self.waterfall = self._waterfall(game.observation, game.history)
         self.observation_space = observation_space(self.waterfall)
         self.action_space = action_space(self.choices)
-        self._runner = PolicyRunner(other_side, self._others(), self.duel.batch)
+        self._runner = PolicyRunner(other_side, self._others(), self.duel.batch, stacked=stacked)
         if self.waterfall is not None:
             self._windows = self.waterfall.empty(self.count)
         self._bind()
