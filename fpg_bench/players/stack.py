@@ -108,7 +108,8 @@ def network_of(player: Player) -> Network | None:
 
     graph = plain_model(player.model).graph
     constants = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
-    flowing, sizes, flags, parameters = "observation", [], [], []
+    flowing, sizes, flags = "observation", list[int](), list[int]()
+    parameters: list[np.ndarray] = []
     for node in graph.node:
         inputs, attributes = list(node.input), {each.name: each for each in node.attribute}
         if not inputs or inputs[0] != flowing or not all(name in constants for name in inputs[1:]):
