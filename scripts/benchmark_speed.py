@@ -54,7 +54,8 @@ def interleaved(repeats: int, **runs: Callable[[], float]) -> dict[str, np.ndarr
 
 
 def rate(step: Callable[[int], Any], steps: int) -> float:
-    """Return the calls per second of a function of the number of the step."""
+    """Return the calls per second of a function of the number of the step, after a call that warms up."""
+    step(0)
     begin = time.perf_counter()
     for number in range(steps):
         step(number)
@@ -200,12 +201,17 @@ def memory() -> list[Figure]:
 def main() -> None:
     """Measure and print the figures."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="few repeats, only to see that everything runs")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="a few steps, only to see that everything runs: speeds have no verdict",
+    )
     quick = parser.parse_args().quick
     warnings.filterwarnings("ignore", module="stable_baselines3")
     torch.set_num_threads(1)
     for figure in (*stepping(quick), *memory(), *learning(quick), *choosing(quick)):
-        print(figure, flush=True)
+        is_timed = not figure.name.startswith("bytes")
+        print(f"{figure.name}: runs" if quick and is_timed else figure, flush=True)
 
 
 if __name__ == "__main__":

@@ -13,9 +13,8 @@ SCRIPT = Path(__file__).parents[1] / "scripts" / "benchmark_speed.py"
 def test_every_figure_is_shown_and_memory_keeps_its_bounds():
     report = python(SCRIPT, "--quick")
     assert report.returncode == 0, report.stderr
-    lines = [line for line in report.stdout.splitlines() if line.endswith("reached")]
-    assert len(lines) == 11
-    for line in lines:
-        if line.startswith("bytes"):  # which do not depend on the load of the machine
-            assert line.endswith(" reached")
-            assert "NOT" not in line
+    lines = report.stdout.splitlines()
+    timed = [line for line in lines if line.endswith(": runs")]  # too short for a verdict
+    measured = [line for line in lines if line.startswith("bytes")]  # whatever the load of the machine
+    assert (len(timed), len(measured)) == (9, 2)
+    assert all(line.endswith(" reached") and "NOT" not in line for line in measured)

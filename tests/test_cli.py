@@ -45,6 +45,32 @@ def test_help_names_every_verb_and_loads_nothing_heavy():
         assert verb in result.stdout
 
 
+LISTS = ("listed", "zoo"), ("listed", "suites"), ("completed", "ally-scripted/"), ("completed", "")
+LIST = """
+import sys
+from fpg_bench.cli import main
+from fpg_bench.cli.completion import complete_algorithm, complete_id, complete_player, complete_suite
+if sys.argv[1] == "completed":
+    for complete in (complete_algorithm, complete_id, complete_player, complete_suite):
+        complete(sys.argv[2])
+else:
+    del sys.argv[1]
+    try:
+        main()
+    except SystemExit as end:
+        assert not end.code
+heavy = {"fpg_bench.game.step", "numba", "scipy", "torch", "matplotlib", "onnxruntime"} & set(sys.modules)
+sys.exit(str(heavy) if heavy else 0)
+"""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("words", LISTS, ids=" ".join)
+def test_lists_and_completion_load_neither_the_kernel_nor_numba_nor_scipy(words):
+    result = subprocess.run([sys.executable, "-c", LIST, *words], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+
+
 def verbs(command, words=("fpg-bench",)):
     """All verbs below a command, with their words."""
     if not hasattr(command, "commands"):

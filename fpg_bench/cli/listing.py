@@ -110,7 +110,7 @@ def zoo(
     Example: fpg-bench zoo
     """
     require_extra("evaluate", "scipy")
-    from fpg_bench.evaluation.suite import load_suite
+    from fpg_bench.evaluation.suite import read_suite
     from fpg_bench.evaluation.summary import summarise
     from fpg_bench.evaluation.table import number
     from fpg_bench.evaluation.zoo import load_zoo
@@ -123,7 +123,7 @@ def zoo(
         return
     rows: list[dict[str, Any]] = []
     for group in shipped.groups:
-        suite = load_suite(group.suites[0])
+        suite = read_suite(group.suites[0])
         summaries = {s.entry: s for s in summarise(shipped.read_records(group, suite), suite)}
         for algorithm in group.steps:
             own = [m for m in members if m.group == group and m.algorithm == algorithm]

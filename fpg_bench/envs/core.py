@@ -125,6 +125,7 @@ class SingleAgentGame(Core):
         game: the game: which side the caller plays, against whom, and where.
         games: number of games, N.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
+        stacked: see :class:`fpg_bench.players.policy_runner.PolicyRunner`.
 
     Attributes:
         game_spec: the game.
@@ -140,7 +141,9 @@ class SingleAgentGame(Core):
         UserError: an unknown option, a value or side that does not fit, or options that exclude each other.
     """
 
-    def __init__(self, game: GameSpec, games: int = 1, threads: int | None = None) -> None:
+    def __init__(
+        self, game: GameSpec, games: int = 1, threads: int | None = None, stacked: bool = False
+    ) -> None:
         game.check_trusted()
         self.game_spec = game
         self.config = config = game.config
@@ -159,7 +162,7 @@ class SingleAgentGame(Core):
         self.waterfall = self._waterfall(game.observation, game.history)
         self.observation_space = observation_space(self.waterfall)
         self.action_space = action_space(self.choices)
-        self._runner = PolicyRunner(other_side, self._others(), self.duel.batch)
+        self._runner = PolicyRunner(other_side, self._others(), self.duel.batch, stacked=stacked)
         if self.waterfall is not None:
             self._windows = self.waterfall.empty(self.count)
         self._bind()
@@ -227,7 +230,7 @@ class SingleAgentGame(Core):
         else:
             self.duel.batch.step(other, actions)
         if self.waterfall is not None:
-            self._windows[:] = self.waterfall.pushed(self._windows, self._numbers)
+            self.waterfall.push(self._windows, self._numbers)
 
     def action_masks(self, game: int = 0) -> np.ndarray:
         """Return the choices that the scenario allows, ``(n,)`` bool, as sb3-contrib's MaskablePPO asks.

@@ -162,6 +162,7 @@ def make_sb3(
     stagger: bool = False,
     render_mode: str | None = None,
     threads: int | None = None,
+    stacked: bool = False,
     **options: Any,
 ) -> FPGVecEnv:
     """Make a native SB3 ``VecEnv`` of N games.
@@ -184,6 +185,8 @@ def make_sb3(
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
+        stacked: compute trained rivals of equal layer sizes together, faster and equal to their ONNX policies
+            to 1e-5, as ``fpg-bench train`` does; False: play them exactly as in evaluations.
         **options: attributes of :class:`fpg_bench.game.spec.GameSpec`, which replace those of ``game``, and
             ``allow``, the code that a game out of a file may name: see :meth:`GameSpec.of`.
 
@@ -191,5 +194,7 @@ def make_sb3(
         UserError: something unknown, out of range, or impossible together.
     """
     spec = GameSpec.of(game, **options)
-    core = (JointGame if spec.is_duel else SingleAgentGame)(spec, n_envs, threads)
+    core = (
+        JointGame(spec, n_envs, threads) if spec.is_duel else SingleAgentGame(spec, n_envs, threads, stacked)
+    )
     return FPGVecEnv(core, seed, stagger, render_mode)

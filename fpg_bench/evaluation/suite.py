@@ -24,9 +24,7 @@ from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.planning import as_planner
 from fpg_bench.players.agent import read_card, suites_folder
-from fpg_bench.players.registry import as_player
 from fpg_bench.players.remote import is_remote
 
 MOST_ROUNDS = 1_000_000  # per rival
@@ -379,6 +377,9 @@ def _check_players(
     side: str, rival: Rival, identities: tuple[str, ...], flier: str | None, flier_identity: str
 ) -> None:
     """Load all players and planners once, as a board reads the same suites many times."""
+    from fpg_bench.planning import as_planner  # here, so that reading a suite does not load the game
+    from fpg_bench.players.registry import as_player
+
     for player in rival.players:
         as_player(player, side, rival.scenario)
     if flier is not None:

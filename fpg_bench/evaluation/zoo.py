@@ -12,9 +12,10 @@ from pydantic import Field as Constraint
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import SCRIPTED, sides_of
+from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
-from fpg_bench.evaluation.record import Record
-from fpg_bench.evaluation.suite import Suite, load_suite
+from fpg_bench.evaluation.record import Record, read_records
+from fpg_bench.evaluation.suite import Suite, read_suite
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder, load_agent, read_card
 from fpg_bench.players.card import AgentCard
@@ -185,8 +186,8 @@ class Zoo:
         }
         return [
             record
-            for store in (self.store(suite), self.store(group))
-            for record in store.records()
+            for file in (self.records_file(suite), self.records_file(group))
+            for record in read_records(RowFile(file).read(), f"records {file}")
             if record.suite_hash == suite.hash[:16]
             and record.fingerprint == prints.get((record.entry, record.training_seed))
         ]
@@ -209,6 +210,6 @@ def load_zoo(folder: Path | None = None) -> Zoo:
     groups = []
     for name, entry in content.groups.items():
         sides = sides_of(entry.id)
-        side = sides[0] if len(sides) == 1 else load_suite(entry.suites[0]).side
+        side = sides[0] if len(sides) == 1 else read_suite(entry.suites[0]).side
         groups.append(ZooGroup(name=name, side=side, **dict(entry)))
     return Zoo(folder, content.seeds, tuple(groups))

@@ -8,6 +8,7 @@ import numpy as np
 
 from fpg_bench.game import rng
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.counting import count_step
 from fpg_bench.game.elementary import exp
 from fpg_bench.game.flight import (
     RECTANGLE,
@@ -21,7 +22,6 @@ from fpg_bench.game.flight import (
 from fpg_bench.game.hopping import choose_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
 from fpg_bench.game.link import transmit
-from fpg_bench.game.metrics import count_step
 from fpg_bench.game.propagation import channel_gain, draw_buildings, keep_out, propagate, roof_m
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward

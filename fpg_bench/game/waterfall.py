@@ -13,6 +13,7 @@ import numpy as np
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
+from fpg_bench.game.compiling import compiled
 from fpg_bench.game.elementary import DB, log
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import (
@@ -23,12 +24,13 @@ from fpg_bench.game.sensing import (
     SNR,
     SPREADING_TIME,
 )
-from fpg_bench.game.state import TYPES
+from fpg_bench.game.state import OBSERVATION_SIZE, TYPES
 
 HISTORY = 16  # rows
 RANGE_DB = 30.0  # from level 1 (all the jamming power in one bin) to level 0
 SPREAD_LEVEL = 0.25  # of the ally's signal while it spreads, outside its own bin
 MOST_BINS = 1000
+_SPREAD_LEVEL = np.float32(SPREAD_LEVEL)
 _TOLERANCE, _NO_TEETH = 1e-5, 1e9  # in halves of the band
 
 
@@ -118,10 +120,18 @@ class Waterfall:
             seen: ``(n, 15)`` float32, the ally's numbers of this step.
             starts: ``(n,)`` bool, true where a round starts: earlier rows are zero there.
         """
-        kept = windows[:, 1:]
+        pushed = np.array(windows, np.float32, order="C")
         if starts is not None:
-            kept = np.where(np.asarray(starts)[:, None, None], np.float32(0), kept)
-        return np.concatenate((kept, waterfall_rows(seen, self.table)[:, None]), axis=1)
+            pushed[np.asarray(starts, bool)] = 0
+        self.push(pushed, seen)
+        return pushed
+
+    def push(self, windows: np.ndarray, seen: np.ndarray) -> None:
+        """Add the rows of a step to windows in place; arguments as in :meth:`pushed`."""
+        numbers = np.ascontiguousarray(seen, np.float32)
+        if len(windows) != len(numbers) or numbers.shape[1:] != (OBSERVATION_SIZE,):
+            raise ValueError(f"windows of {len(windows)} games, observations {numbers.shape}")
+        _push(windows, numbers, self.table)
 
     def empty(self, count: int) -> np.ndarray:
         """Return windows ``(count, history, bins)`` before any step: zeros."""
@@ -131,8 +141,8 @@ class Waterfall:
 def waterfall_rows(seen: Any, table: Table) -> Any:
     """Return the rows ``(n, bins)`` of observations ``(n, 15)``; arrays or tensors, as those of the table.
 
-    Only operators that NumPy and PyTorch share are used, so environments, players and exported agents have
-    the same rows.
+    Only operators that NumPy and PyTorch share are used; exported agents compute them. Environments and
+    players have the same rows, bit by bit, from a compiled loop.
     """
     centre = seen[:, SENSED_CENTRE, None, None]
     away = table.edges - centre
@@ -149,3 +159,46 @@ def waterfall_rows(seen: Any, table: Table) -> Any:
     mark = (seen[:, SENSED_COVERS, None] - seen[:, SNR, None] - 2) / 4
     is_own = (frequency >= table.low) & (frequency < table.high)
     return is_own * mark + ~is_own * others
+
+
+@compiled
+def _push(windows: np.ndarray, seen: np.ndarray, table: Table) -> None:
+    """Move the rows of all windows up, and write the newest: the float32 operations of `waterfall_rows`."""
+    zero, half, one, two, four = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(4)
+    spread, bins = table.spread[()], len(table.low)
+    bin_width = table.edges[1] - table.edges[0]
+    for game in range(len(windows)):
+        for age in range(windows.shape[1] - 1):
+            for k in range(bins):
+                windows[game, age, k] = windows[game, age + 1, k]
+        row, numbers = windows[game, windows.shape[1] - 1], seen[game]
+        row[:] = zero
+        centre, frequency = numbers[SENSED_CENTRE], numbers[OWN_FREQUENCY]
+        for kind in range(TYPES):
+            share = numbers[SENSED_TYPE + kind]
+            if share == zero:
+                continue
+            width, spacing, reach = table.half[kind, 0], table.spacing[kind, 0], table.reach[kind, 0]
+            level = table.level[kind, 0]
+            first, last = -np.floor((centre + reach) / spacing), np.floor((reach - centre) / spacing)
+            before = zero
+            for k in range(bins + 1):
+                away = table.edges[k] - centre
+                tooth = _clip(np.floor(away / spacing + half), first, last)
+                below = two * width * tooth + _clip(away - tooth * spacing, -width, width)
+                if k > 0:
+                    row[k - 1] += (below - before) * level * share
+                before = below
+        mark = (numbers[SENSED_COVERS] - numbers[SNR] - two) / four
+        spreads = np.float32(numbers[SPREADING_TIME] > zero)
+        before = _clip(table.edges[0] - frequency, -spread, spread)
+        for k in range(bins):
+            below = _clip(table.edges[k + 1] - frequency, -spread, spread)
+            others = _clip(row[k], zero, one) - spreads * ((below - before) / bin_width) * _SPREAD_LEVEL
+            before = below
+            row[k] = mark if frequency >= table.low[k] and frequency < table.high[k] else others
+
+
+@compiled
+def _clip(x: np.float32, low: np.float32, high: np.float32) -> np.float32:
+    return min(max(x, low), high)

@@ -14,6 +14,7 @@ from fpg_bench.game.full_state import full_state
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.player import Abilities, Memory, Player
 from fpg_bench.players.scripted import player_seeds
+from fpg_bench.players.stack import PolicyStack, stacks
 
 
 class PolicyRunner:
@@ -29,6 +30,8 @@ class PolicyRunner:
         batch: the games.
         purpose: of the draws of players, in :mod:`fpg_bench.game.rng`; sides that draw for the same purpose
             draw the same numbers.
+        stacked: compute agents of equal layer sizes together, equal to onnxruntime to 1e-5
+            (:mod:`fpg_bench.players.stack`); for training, never for results.
 
     Attributes:
         observations: ``(N, 15)`` float32 of the side, the batch's buffer.
@@ -36,7 +39,12 @@ class PolicyRunner:
     """
 
     def __init__(
-        self, side: str, players: Sequence[Player], batch: GameBatch, purpose: int = rng.PLAYER_CHOICE
+        self,
+        side: str,
+        players: Sequence[Player],
+        batch: GameBatch,
+        purpose: int = rng.PLAYER_CHOICE,
+        stacked: bool = False,
     ) -> None:
         self.side = side
         self.players = tuple(players)
@@ -50,6 +58,8 @@ class PolicyRunner:
         self._starts = np.ones(batch.count, bool)
         self._has_starts = True
         self._calls: list[tuple[int, np.ndarray]] = []
+        self._stacks = stacks(self.players, side, batch.scenario) if stacked else []
+        self._stack_calls: list[tuple[PolicyStack, np.ndarray, np.ndarray]] = []
 
     def begin(self, mask: np.ndarray) -> None:
         """Draw and reset players for the rounds that the batch has just begun.
@@ -63,6 +73,7 @@ class PolicyRunner:
             rng.derived_integers(drawn, keys, self._purpose, len(self.players))
             self.choice[mask] = drawn[mask]
             self._calls = self._rows_by_player()
+            self._stack_calls = self._rows_by_stack()
         for index, abilities in enumerate(self._abilities):
             if abilities.pursues:
                 self._batch.pursue(mask & (self.choice == index))
@@ -86,6 +97,8 @@ class PolicyRunner:
             for index, rows in self._calls:
                 answer = self._predict(index, rows)
                 actions[rows] = answer if len(answer) == len(rows) else answer[rows]
+            for stack, rows, members in self._stack_calls:
+                actions[rows] = stack.actions(self.observations[rows], members)
         if self._has_starts:
             self._starts = np.zeros(self._batch.count, bool)
             self._has_starts = False
@@ -98,15 +111,25 @@ class PolicyRunner:
         return next(k for k, player in enumerate(self.players) if player is self.players[index])
 
     def _rows_by_player(self) -> list[tuple[int, np.ndarray]]:
-        """Return the players to call, each with the games that it plays."""
+        """Return the players to call outside stacks, each with the games that it plays."""
+        inside = {index for _, indices in self._stacks for index in indices}
         callers = self._callers[self.choice]
         order = np.argsort(callers, kind="stable")
         cuts = np.searchsorted(callers[order], np.arange(1, len(self.players)))
         return [
             (index, rows)
             for index, rows in enumerate(np.split(order, cuts))
-            if len(rows) or self._abilities[index].predict_rows is None
+            if index not in inside and (len(rows) or self._abilities[index].predict_rows is None)
         ]
+
+    def _rows_by_stack(self) -> list[tuple[PolicyStack, np.ndarray, np.ndarray]]:
+        """Return the stacks to call, each with the games that it plays and its member in each."""
+        callers, calls = self._callers[self.choice], []
+        for stack, indices in self._stacks:
+            rows = np.flatnonzero(np.isin(callers, indices))
+            if len(rows):
+                calls.append((stack, rows, np.searchsorted(indices, callers[rows])))
+        return calls
 
     def _predict(self, index: int, rows: np.ndarray | None) -> np.ndarray:
         """Call a player for the games ``rows`` if it has ``predict_rows``, otherwise for all games."""

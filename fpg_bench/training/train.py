@@ -294,7 +294,7 @@ class _Run:
             planner = make_planner(planner, self.folder.path, config.transcript, config.llm)
         game = dataclasses.replace(config.spec, planner=planner)
         first_seed = training_seed(config.seed)
-        self.games = make_sb3(game, self.parameters.n_envs, first_seed, stagger=True)
+        self.games = make_sb3(game, self.parameters.n_envs, first_seed, stagger=True, stacked=True)
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about["training_seed"])
         if config.start is not None:
             start = Path(config.start)

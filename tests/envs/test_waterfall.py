@@ -120,6 +120,27 @@ def test_a_window_holds_the_rows_of_the_last_steps(scenario):
         rows = [*rows, waterfall_rows(seen_now, table)]
 
 
+@pytest.mark.parametrize("bandwidth_mhz", [5.0, 12.0, 100.0])
+@pytest.mark.parametrize("name", ["standard", "paper", "link"])
+def test_the_compiled_rows_have_the_bits_of_array_operations(name, bandwidth_mhz):
+    """Any numbers, those of channels' centres, and types that are mixed, as no sensor reports them."""
+    waterfall = Waterfall(dataclasses.replace(preset(name), bandwidth_mhz=bandwidth_mhz), history=3)
+    rng = np.random.default_rng(0)
+    numbers = rng.uniform(-1, 1, (5000, 15)).astype(np.float32)
+    numbers[:4000, 10:14] = np.eye(5)[rng.integers(0, 5, 4000), :4]
+    numbers[::2, 7] = 0
+    for index in (6, 9):
+        numbers[index::5, index] = rng.integers(0, 15, len(numbers[index::5])) / 7 - 1
+    windows = rng.uniform(-1, 1, (5000, *waterfall.shape)).astype(np.float32)
+    starts = rng.random(5000) < 0.1
+    pushed, rows = waterfall.pushed(windows, numbers, starts), waterfall_rows(numbers, waterfall.table)
+    assert np.array_equal(pushed[:, -1].view(np.uint32), rows.view(np.uint32))
+    assert np.array_equal(pushed[:, :-1], np.where(starts[:, None, None], 0, windows[:, 1:]))
+    windows[starts] = 0
+    waterfall.push(windows, numbers)
+    assert np.array_equal(windows, pushed)
+
+
 def test_the_checkers_pass():
     env = gymnasium.make("FPG/AllyVsScriptedDiscrete-v0", observation="waterfall").unwrapped
     assert env.observation_space == gymnasium.spaces.Box(-1, 1, (16, 20), np.float32)
