@@ -9,10 +9,11 @@ import typer
 
 from fpg_bench.cli.completion import complete_dataset, complete_offline
 from fpg_bench.cli.evaluation import shown_progress
+from fpg_bench.cli.fields import with_fields
 from fpg_bench.cli.options import (
     AllowOption,
     HyperparamsOption,
-    JobsOption,
+    LocalWorkersOption,
     name_all,
     share,
     steps_option,
@@ -31,6 +32,7 @@ from fpg_bench.cli.training import (
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
+from fpg_bench.common.parallel import Workers
 
 app = typer.Typer(help="Make and check data sets for offline reinforcement learning.")
 
@@ -51,6 +53,7 @@ def list_datasets() -> None:
 
 
 @app.command()
+@with_fields
 def make(
     name: Annotated[str, typer.Argument(help="A data set, or a YAML file.", autocompletion=complete_dataset)],
     out: Annotated[
@@ -64,7 +67,7 @@ def make(
             help="Number of transitions, such as 1e6. Default: that of its specification.",
         ),
     ] = None,
-    n_jobs: JobsOption = 1,
+    workers: LocalWorkersOption = Workers(1),
 ) -> None:
     """Make a data set in Minari's format; run it again to resume.
 
@@ -79,7 +82,7 @@ def make(
         folder = make_dataset(
             spec,
             out,
-            n_jobs=n_jobs,
+            workers=workers,
             progress=lambda done, total: show(f"{spec.name}: {done:,} of {total:,} rounds"),
         )
     print_line(f"written: {folder}")
@@ -139,7 +142,7 @@ def offline(
     seeds: SeedsOption = None,
     suite: ScoringSuiteOption = None,
     n_evals: EvaluationsOption = 5,
-    n_jobs: JobsOption = 2,
+    workers: LocalWorkersOption = Workers(2),
     allow: AllowOption = None,
 ) -> None:
     """Train an offline algorithm on a data set without interacting with the environment; export the agent.
@@ -160,4 +163,4 @@ def offline(
         suite=suite,
         allow=allow or (),
     )
-    train_runs(config, out, seed, seeds, n_evals, resume, restart, n_jobs)
+    train_runs(config, out, seed, seeds, n_evals, resume, restart, workers)

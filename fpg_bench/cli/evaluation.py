@@ -14,10 +14,7 @@ import typer
 from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.options import (
     OUTPUT,
-    AddressOption,
     AllowOption,
-    BackendOption,
-    JobsOption,
     JsonOption,
     PathOption,
     PlannerOption,
@@ -25,12 +22,14 @@ from fpg_bench.cli.options import (
     ScenarioOption,
     SuiteOption,
     WideOption,
+    WorkersOption,
     listed,
     print_json,
 )
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import is_terminal
+from fpg_bench.common.parallel import Workers
 
 
 def play(
@@ -87,9 +86,7 @@ def evaluate(
     ] = None,
     name: Annotated[str | None, typer.Option(help="Name of the agents in the table.")] = None,
     wide: WideOption = False,
-    n_jobs: JobsOption = 1,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    workers: WorkersOption = Workers(1),
     allow: AllowOption = None,
 ) -> None:
     """Evaluate players on a suite; existing records are kept and not played again.
@@ -106,9 +103,7 @@ def evaluate(
             matches=matches,
             name=name,
             progress=lambda entry, rival, rounds: show(f"{entry.name} - {rival.name}"),
-            n_jobs=n_jobs,
-            backend=backend,
-            address=address,
+            workers=workers,
             allow=allow or (),
         )
     table(out, wide)

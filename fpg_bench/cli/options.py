@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import textwrap
@@ -13,7 +14,9 @@ from typing import Annotated, Any
 import typer
 
 from fpg_bench.cli.completion import complete_player, complete_suite
+from fpg_bench.cli.fields import Fields
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.parallel import Workers
 
 # Panels of long lists of options, in the order in which they are shown.
 GAME = "Game"
@@ -127,23 +130,9 @@ AllowOption = Annotated[
     ),
 ]
 WideOption = Annotated[bool, typer.Option("--wide", help="Print all columns, for a wide terminal.")]
-JobsOption = Annotated[
-    int,
-    typer.Option(
-        "--n-jobs", min=1, help="Number of parallel processes, one core each.", rich_help_panel=PARALLEL
-    ),
-]
-BackendOption = Annotated[
-    str,
-    typer.Option(help="loky (processes on this machine) or ray (a cluster).", rich_help_panel=PARALLEL),
-]
-AddressOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Address of the Ray cluster, host:port. Default: RAY_ADDRESS, else this machine.",
-        rich_help_panel=PARALLEL,
-    ),
-]
+_WORKERS = Fields(Workers, panel=PARALLEL, details={"n_jobs": {"min": 1}})
+WorkersOption = Annotated[Workers, _WORKERS]
+LocalWorkersOption = Annotated[Workers, dataclasses.replace(_WORKERS, names=("n_jobs",))]
 
 # Options of the planner llm; the defaults are those of LLMPlanner.
 PromptOption = Annotated[

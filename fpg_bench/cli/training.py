@@ -22,15 +22,12 @@ from fpg_bench.cli.options import (
     OUTPUT,
     TRAINING,
     ActionsOption,
-    AddressOption,
     AllowOption,
-    BackendOption,
     CallsOption,
     DeadlineOption,
     HistoryOption,
     HyperparamsOption,
     JammingTypesOption,
-    JobsOption,
     KnowledgeOption,
     ObservationOption,
     PathOption,
@@ -41,12 +38,14 @@ from fpg_bench.cli.options import (
     SecondsOption,
     ServerOption,
     TokensOption,
+    WorkersOption,
     listed,
     llm_options,
     steps_option,
 )
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_writable
+from fpg_bench.common.parallel import Workers
 
 if TYPE_CHECKING:
     from fpg_bench.training.config import RunConfig
@@ -147,9 +146,7 @@ def train(
     actions: ActionsOption = None,
     observation: ObservationOption = None,
     history: HistoryOption = None,
-    n_jobs: JobsOption = 2,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    workers: WorkersOption = Workers(2),
     transcript: Annotated[
         Path | None,
         typer.Option(
@@ -204,9 +201,9 @@ def train(
         llm=llm,
         allow=allow or (),
     )
-    if seeds is None and (backend, address) != ("loky", None):
-        raise UserError("backend, address: need several runs; list their --seeds")
-    train_runs(config, out, seed, seeds, n_evals, resume, restart, n_jobs, backend, address)
+    if seeds is None and workers.backend != "loky":
+        raise UserError("backend: needs several runs; list their --seeds")
+    train_runs(config, out, seed, seeds, n_evals, resume, restart, workers)
 
 
 def train_runs(
@@ -217,9 +214,7 @@ def train_runs(
     n_evals: int,
     resume: bool,
     restart: bool,
-    n_jobs: int,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers,
 ) -> None:
     """Train one run, or one for each of several seeds, and print the scores and files."""
     from fpg_bench.training.run_folder import RunFolder
@@ -238,9 +233,7 @@ def train_runs(
             listed_seeds,
             evaluations=n_evals,
             restart=restart,
-            n_jobs=n_jobs,
-            backend=backend,
-            address=address,
+            workers=workers,
         )
         for each in listed_seeds:
             print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")

@@ -24,7 +24,7 @@ from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure, write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
-from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
+from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import policies_of
@@ -155,9 +155,7 @@ def train_seeds(
     *,
     evaluations: int = EVALUATIONS,
     restart: bool = False,
-    n_jobs: int = 2,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 2,
 ) -> None:
     """Train several seeds of a run in parallel; finished ones are not repeated.
 
@@ -167,8 +165,7 @@ def train_seeds(
         seeds: the training seeds.
         evaluations: number of evaluations during each training.
         restart: discard unfinished runs and start them over; otherwise they are resumed.
-        n_jobs, backend, address: number of parallel trainings, one thread each, and where they run; see
-            :func:`fpg_bench.common.parallel.run_jobs`.
+        workers: number of parallel trainings, one thread each, or :class:`fpg_bench.common.parallel.Workers`.
 
     Raises:
         UserError: something unknown or out of range, folders that hold other runs, a language model as the
@@ -185,7 +182,7 @@ def train_seeds(
             train, run, evaluations=evaluations, restart=restart, resume=not restart, progress=False
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
-    check_all_done(run_jobs(jobs, n_jobs, backend, address))
+    check_all_done(run_jobs(jobs, workers))
 
 
 MOST_SEEDS = 1000  # of one list

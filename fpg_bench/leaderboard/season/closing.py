@@ -18,7 +18,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_json, read_yaml, write_whole
 from fpg_bench.common.ids import other_side
-from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
+from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Pairing, Store
@@ -133,9 +133,7 @@ def close_season(
     out: Path,
     sides: Sequence[str] = SIDES,
     *,
-    n_jobs: int = 2,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 2,
 ) -> Season | None:
     """Close a season, or resume its closing with the same result.
 
@@ -143,7 +141,7 @@ def close_season(
         closing: settings of the closing.
         out: the season's folder; ``season.yml`` is written last.
         sides: train candidates of these sides only; the season is closed once those of both are trained.
-        n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
+        workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
         The season; None while candidates of the other side are missing.
@@ -163,7 +161,7 @@ def close_season(
         jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
         done = sum(job.done() for job in jobs)
         _logger.info(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
-        check_all_done(run_jobs(jobs, n_jobs, backend, address))
+        check_all_done(run_jobs(jobs, workers))
         missing = [
             side
             for side in SIDES
