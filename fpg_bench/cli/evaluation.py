@@ -12,18 +12,16 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.completion import complete_player
+from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import (
     OUTPUT,
     AllowOption,
     JsonOption,
-    PathOption,
-    PlannerOption,
     PlayerOption,
-    ScenarioOption,
     SuiteOption,
     WideOption,
     WorkersOption,
-    listed,
+    game_options,
     print_json,
 )
 from fpg_bench.common.errors import printable
@@ -35,9 +33,8 @@ from fpg_bench.common.parallel import Workers
 def play(
     ally: PlayerOption = "expert",
     opponent: PlayerOption = "adaptive",
-    scenario: ScenarioOption = None,
-    path: PathOption = None,
-    planner: PlannerOption = None,
+    *,
+    game: Annotated[Given, game_options("scenario", "path", "planner")],
     seed: Annotated[int, typer.Option(help="Seed of the match.")] = 0,
     every: Annotated[
         int, typer.Option(min=1, help="Print only every n-th step.", rich_help_panel=OUTPUT)
@@ -61,13 +58,11 @@ def play(
     watch(
         ally,
         opponent,
-        scenario=scenario,
-        path=listed(path),
-        planner=planner,
         seed=seed,
         out=out,
         every=every,
         overwrite=overwrite,
+        **game,
     )
 
 

@@ -15,30 +15,23 @@ from fpg_bench.cli.completion import (
     complete_id,
     complete_suite,
 )
+from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import (
     EVALUATION,
     GAME,
     LLM,
     OUTPUT,
     TRAINING,
-    ActionsOption,
     AllowOption,
     CallsOption,
     DeadlineOption,
-    HistoryOption,
     HyperparamsOption,
-    JammingTypesOption,
-    KnowledgeOption,
-    ObservationOption,
-    PathOption,
-    PlannerOption,
-    PlayersOption,
     PromptOption,
-    ScenarioOption,
     SecondsOption,
     ServerOption,
     TokensOption,
     WorkersOption,
+    game_options,
     listed,
     llm_options,
     steps_option,
@@ -120,12 +113,6 @@ def train(
             rich_help_panel=TRAINING,
         ),
     ] = None,
-    reward: Annotated[
-        str | None,
-        typer.Option(
-            help="Reward: own (default), zero_sum, jamming, overlap or ally_cost.", rich_help_panel=TRAINING
-        ),
-    ] = None,
     suite: ScoringSuiteOption = None,
     n_evals: EvaluationsOption = 20,
     against: Annotated[
@@ -136,16 +123,8 @@ def train(
             rich_help_panel=GAME,
         ),
     ] = None,
-    scenario: ScenarioOption = None,
-    opponent: PlayersOption = None,
-    ally: PlayersOption = None,
-    path: PathOption = None,
-    planner: PlannerOption = None,
-    knowledge: KnowledgeOption = None,
-    jamming_types: JammingTypesOption = None,
-    actions: ActionsOption = None,
-    observation: ObservationOption = None,
-    history: HistoryOption = None,
+    *,
+    game: Annotated[Given, game_options()],
     workers: WorkersOption = Workers(2),
     transcript: Annotated[
         Path | None,
@@ -170,28 +149,14 @@ def train(
     from fpg_bench.game.spec import GameSpec
     from fpg_bench.training.config import RunConfig
 
-    from_zoo = against == ZOO and opponent is None and ally is None
-    game = GameSpec.of(
-        env_id,
-        against=None if from_zoo else listed(against),
-        scenario=scenario,
-        opponent=listed(opponent),
-        ally=listed(ally),
-        path=listed(path),
-        planner=planner,
-        knowledge=knowledge,
-        jamming_types=listed(jamming_types),
-        reward=reward,
-        actions=actions,
-        observation=observation,
-        history=history,
-    )
+    from_zoo = against == ZOO and not {"opponent", "ally"} & set(game)
+    spec = GameSpec.of(env_id, against=None if from_zoo else listed(against), **game)
     if from_zoo:
-        game = load_zoo().mixture(game)
+        spec = load_zoo().mixture(spec)
     llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
     config = RunConfig(
         algorithm,
-        game,
+        spec,
         seed or 0,
         steps,
         hyperparams,

@@ -8,16 +8,11 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.completion import complete_algorithm, complete_id
-from fpg_bench.cli.fields import with_fields
+from fpg_bench.cli.fields import Given, with_fields
 from fpg_bench.cli.options import (
-    ActionsOption,
     AllowOption,
-    PathOption,
-    PlannerOption,
-    PlayersOption,
-    ScenarioOption,
     WorkersOption,
-    listed,
+    game_options,
     steps_option,
 )
 from fpg_bench.common.extras import require_extra
@@ -66,12 +61,8 @@ def run(
     rounds: Annotated[int, typer.Option(min=1, help="Number of rounds per rival.")] = 100,
     storage: StorageOption = None,
     study_name: StudyNameOption = None,
-    scenario: ScenarioOption = None,
-    opponent: PlayersOption = None,
-    ally: PlayersOption = None,
-    path: PathOption = None,
-    planner: PlannerOption = None,
-    actions: ActionsOption = None,
+    *,
+    game: Annotated[Given, game_options()],
     workers: WorkersOption = Workers(1),
     allow: AllowOption = None,
 ) -> None:
@@ -83,18 +74,9 @@ def run(
     from fpg_bench.game.spec import GameSpec
     from fpg_bench.training.tuning.tune import tune
 
-    game = GameSpec.of(
-        env_id,
-        scenario=scenario,
-        opponent=listed(opponent),
-        ally=listed(ally),
-        path=listed(path),
-        planner=planner,
-        actions=actions,
-    )
     tune(
         algorithm,
-        game,
+        GameSpec.of(env_id, **game),
         out,
         n_trials=n_trials,
         workers=workers,

@@ -174,6 +174,22 @@ def best_responses(
     return result
 
 
+def full_search(agent: str, out: str | Path, **options: Any) -> dict[str, Any]:
+    """Find the lowest return of a player with four kinds of responses, which takes about half an hour.
+
+    Args:
+        agent, out: see :func:`best_responses`, which is called for each kind.
+        **options: its ``side``, ``scenario``, ``path``, ``reward``, ``progress`` and ``allow``.
+
+    Returns:
+        The content of ``best_responses.json`` after the last of them.
+    """
+    result: dict[str, Any] = {}
+    for kind in FULL_SEARCH:
+        result = best_responses(agent, out, **options | {"actions": None} | kind)
+    return result
+
+
 def response_folder(response: Row) -> str:
     """Return the folder of a response's run, relative to the folder of all responses."""
     parts = [response["start"], response["algorithm"], response["steps"]]
