@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import read_json, read_yaml, write_whole
+from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Pairing, Store
 from fpg_bench.leaderboard.season.candidates import (
@@ -291,7 +292,7 @@ def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember,
         candidates=dict.fromkeys(SIDES, closing.candidates),
         entries={entry.name: list(entry.hashes) for entry in closing.entries},
         members=members,
-        versions=read_json(first / "run.json", "run")["versions"],
+        versions=RunDescription.read(first).versions,
         scenario=closing.scenario,
     )
     for side in SIDES:
