@@ -48,7 +48,8 @@ class Fields:
             kinds = str(field.type).split(" | ")
             kind: Any = next((_TYPES[name] for name in kinds if name in _TYPES), str)
             value = field.default if isinstance(default, type) else getattr(default, field.name)
-            annotation = Annotated[kind | None if value in (None, ()) else kind, typer.Option(**details)]
+            of = kind | None if value in (None, ()) else kind
+            annotation: Any = Annotated[of, typer.Option(**details)]
             parameters.append(_keyword(field.name, annotation, None if value == () else value))
         return parameters
 
@@ -86,7 +87,7 @@ def with_fields(verb: Callable[..., None]) -> Callable[..., None]:
 def first_sentences(kind: type) -> dict[str, str]:
     """Return the first sentence on each attribute in a class's docstring, as the help of an option."""
     _, _, section = (inspect.getdoc(kind) or "").partition("Attributes:\n")
-    sentences = {}
+    sentences: dict[str, str] = {}
     for names, text in re.findall(
         r"^    ([\w, ]+): (.*(?:\n {8}.*)*)", section.split("\n\n")[0], re.MULTILINE
     ):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 import shlex
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,7 +34,7 @@ from fpg_bench.cli.options import (
     llm_options,
     steps_option,
 )
-from fpg_bench.common.errors import UserError, other_content
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.parallel import Workers
 
@@ -267,68 +265,15 @@ def export(
 
     Example: fpg-bench export runs/ppo_0 --out leaderboard/submissions/ally/my-agent/seed_0
     """
-    from fpg_bench.common.files import write_whole
-    from fpg_bench.players.agent import seed_folders
+    from fpg_bench.training.run import check_free, export_runs
 
-    seeds = seed_folders(source)
-    targets = [out / seed.name for seed in seeds] or [out]
-    if taken := next((target for target in targets if (target / "agent.json").exists()), None):
-        raise other_content(f"export: {taken}", "an agent already", "remove it")
     if source.is_dir():
-        agents = [_agent_of(run, side) for run in seeds or [source]]  # all of them, before any is written
-        for (agent, difference), target in zip(agents, targets, strict=True):
-            for name in ("policy.onnx", "agent.json"):
-                write_whole(target / name, (agent / name).read_bytes())
-            _print_exported(target, difference)
-        return
-    _print_exported(out, _from_zip(source, out, algo, env_id, seed, not_normalized))
+        exported = export_runs(source, out, side)
+    else:
+        from fpg_bench.training.sb3_zip import export_zip
 
-
-def _print_exported(agent: Path, difference: float | None) -> None:
-    shown = "unknown" if difference is None else f"{difference:.2g}"
-    typer.echo(f"agent: {agent}\nlargest difference from predict(): {shown}")
-
-
-def _agent_of(run: Path, side: str | None) -> tuple[Path, float | None]:
-    """Return the folder of a run's agent, and the difference from the model, measured at the export."""
-    from fpg_bench.players.agent import load_agent, read_card
-
-    agent = run / "agent" if (run / "agent").is_dir() else run
-    if side is not None and (agent / side).is_dir():
-        agent = agent / side
-    if not (agent / "agent.json").is_file():
-        both = (agent / "ally").is_dir()
-        hint = "; add --side ally or --side opponent" if both else "; is the run finished?"
-        raise UserError(f"export: {run} holds no agent{hint}")
-    load_agent(agent, side)  # refuses a damaged one
-    return agent, read_card(agent).largest_difference
-
-
-def _from_zip(
-    path: Path, out: Path, algorithm: str | None, env_id: str, seed: int | None, not_normalized: bool
-) -> float:
-    from fpg_bench.training.export import export_agent
-    from fpg_bench.training.sb3_zip import INSTEAD, load_zip
-
-    if not path.is_file():
-        raise UserError(f"export: {path} does not exist; expected the folder of a run, or a zip")
-    if not zipfile.is_zipfile(path):
-        raise UserError(f"export: {path} is not a zip written by save() of SB3; that of a run is model.zip")
-    if algorithm is None:
-        raise UserError("export: a zip does not name its algorithm; add --algo ppo, a2c, sac or td3")
-    if not not_normalized:
-        raise UserError(
-            "export: a zip does not show whether VecNormalize was used, and its statistics are a pickle, "
-            f"which is never opened; add --not-normalized if it was not used, else {INSTEAD}"
-        )
-    training_seed = _seed(out, seed)
-    return export_agent(
-        load_zip(path, algorithm, env_id), out, training_seed=training_seed, algorithm=algorithm
-    )
-
-
-def _seed(out: Path, seed: int | None) -> int:
-    named = re.fullmatch(r"seed_(\d+)", out.name)
-    if seed is None and named is None:
-        raise UserError("export: add --seed, the training seed, or name the folder seed_<k>")
-    return int(named[1]) if seed is None and named else int(seed or 0)
+        check_free(out)
+        exported = {out: export_zip(source, out, algo, env_id, seed, is_plain=not_normalized)}
+    for agent, difference in exported.items():
+        shown = "unknown" if difference is None else f"{difference:.2g}"
+        typer.echo(f"agent: {agent}\nlargest difference from predict(): {shown}")

@@ -90,8 +90,8 @@ class RunDescription(Strict):
         if "game" not in content and isinstance(env_id := content.get("id"), str):  # of version 0.2.0
             game, options = GameSpec.from_options(env_id, content.get("options") or {})
             return {k: v for k, v in content.items() if k != "id"} | {"game": game, "options": options}
-        if isinstance(game := content.get("game"), dict):
-            return content | {"game": GameSpec.from_dict(game, "game")}
+        if isinstance(fields := content.get("game"), dict):
+            return content | {"game": GameSpec.from_dict(fields, "game")}
         return content
 
     @classmethod
