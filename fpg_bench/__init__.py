@@ -27,7 +27,10 @@ if TYPE_CHECKING:
     from fpg_bench.game.scenario import Scenario, preset
     from fpg_bench.game.spec import GameSpec
     from fpg_bench.players.agent import load_agent, write_agent
+    from fpg_bench.training.config import RunConfig
     from fpg_bench.training.export import export_agent
+    from fpg_bench.training.run import Run
+    from fpg_bench.training.train import train
 
 _HOMES = {
     "Scenario": "fpg_bench.game.scenario",
@@ -42,11 +45,16 @@ _HOMES = {
     "load_agent": "fpg_bench.players.agent",
     "write_agent": "fpg_bench.players.agent",
     "export_agent": "fpg_bench.training.export",
+    "Run": "fpg_bench.training.run",
+    "RunConfig": "fpg_bench.training.config",
+    "train": "fpg_bench.training.train",
 }
 
 __all__ = [
     "GameSpec",
     "PolicyEvaluator",
+    "Run",
+    "RunConfig",
     "Scenario",
     "UserError",
     "__version__",
@@ -58,6 +66,7 @@ __all__ = [
     "make_sb3",
     "preset",
     "supersuit_vec_env",
+    "train",
     "write_agent",
 ]
 

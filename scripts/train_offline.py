@@ -87,8 +87,8 @@ def agent_row(data: Dataset, algorithm: str, seed: int, steps: int | None, out: 
     return {
         "score": round(summary.score.value, 2),
         "rivals": {name: round(reward.value, 3) for name, reward in summary.by_rival.items()},
-        "steps": about["training_steps"],
-        "seconds": about["seconds"],
+        "steps": about.training_steps,
+        "seconds": about.seconds,
         "content_sha256": data.sha256,
         "policy_sha256": entry.fingerprint,
     }

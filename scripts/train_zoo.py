@@ -20,12 +20,11 @@ from pathlib import Path
 
 from zoo_page import keep_curve, write_page
 
-from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import DUEL, SCRIPTED, sides_of
 from fpg_bench.common.output import print_messages
-from fpg_bench.common.parallel import Job, run_jobs
+from fpg_bench.common.parallel import Job, Workers, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import EvaluatedPlayer, player_entry
 from fpg_bench.evaluation.play import play
@@ -42,14 +41,14 @@ _LOCK = "zoo.lock"
 _logger = logging.getLogger("fpg_bench.scripts.train_zoo")
 
 
-def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, n_jobs: int = 2) -> list[str]:
+def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, workers: int = 2) -> list[str]:
     """Train every agent that is missing, ship it and evaluate it.
 
     Args:
         zoo: the zoo.
         runs: folder of the runs, ``<group>/<algorithm>/seed_<k>``.
         only: ``group``, ``group/algorithm`` or ``group/algorithm/seed_k``; None for all.
-        n_jobs: number of trainings at once, one thread each.
+        workers: number of trainings at once, one thread each.
 
     Returns:
         The names of the agents that are still missing because something failed.
@@ -58,7 +57,7 @@ def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, n_jobs: int = 2) ->
         UserError: no agent has the name ``only``, or another process trains into ``runs``.
         KeyboardInterrupt: stopped by the user; the trainings have saved their checkpoints.
     """
-    integer(n_jobs, "n_jobs")
+    Workers(workers)  # refuses no number before anything begins
     missing = [agent for agent in zoo.members(only) if not agent.shipped]
     by_run: dict[Path, list[ZooAgent]] = {}
     for agent in missing:
@@ -72,7 +71,7 @@ def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, n_jobs: int = 2) ->
         for folder, agents in by_run.items()
     ]
     with RowFile(runs / _LOCK).locked():
-        run_jobs(jobs, n_jobs)
+        run_jobs(jobs, workers)
     return [agent.name for agent in missing if not agent.shipped]
 
 

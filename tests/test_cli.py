@@ -162,7 +162,7 @@ def test_version():
         ((*TRAIN, "--resume"), "resume: x holds no run; omit --resume"),
         ((*TRAIN, "--seeds", "0-999999999"), "at most 1,000"),
         ((*TRAIN, "--seeds", "4-0"), "use 0-4"),
-        ((*TRAIN, "--backend", "ray"), "backend, address: need several runs; list their --seeds"),
+        ((*TRAIN, "--backend", "ray"), "backend: needs several runs; list their --seeds"),
         (("tune", "run", "pqo", "FPG/AllyVsScripted-v0", "--out", "study"), "did you mean 'ppo'"),
         (("tune", "report", "nowhere"), "holds no study"),
         (("reproduce", "fig7", "--out", "/dev/null"), "out: /dev/null is a file; name a folder"),

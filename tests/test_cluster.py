@@ -12,7 +12,7 @@ import pytest
 
 from fpg_bench.common import parallel
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.parallel import Job, folder_job, run_jobs
+from fpg_bench.common.parallel import Job, Workers, folder_job, run_jobs
 from tests import working
 from tests.working import begun, wait_for
 
@@ -46,7 +46,7 @@ def cluster():
 
 @pytest.fixture
 def run(cluster):
-    return partial(run_jobs, backend="ray", address=cluster.address)
+    return lambda jobs, n_jobs=2: run_jobs(jobs, Workers(n_jobs, "ray", cluster.address))
 
 
 def held(folder, name, **options):
@@ -149,4 +149,4 @@ def test_ctrl_c_stops_what_runs_there(run, tmp_path):
 def test_an_address_that_does_not_answer(address, message, monkeypatch):
     monkeypatch.setattr(parallel, "_CONNECT_S", 0.5)
     with pytest.raises(UserError, match=re.escape(message)):
-        run_jobs([Job("job", working.threads)], backend="ray", address=address)
+        run_jobs([Job("job", working.threads)], Workers(2, "ray", address))

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.parallel import TRIES, Job, check_all_done, folder_job, run_jobs
+from fpg_bench.common.parallel import TRIES, Job, Workers, check_all_done, folder_job, run_jobs
 from tests import working
 from tests.programs import python, started
 from tests.test_cli import TINY
@@ -99,13 +99,13 @@ def test_jobs_of_a_killed_worker_run_again(tmp_path, messages):
 
 def test_a_job_that_always_kills_its_worker_is_given_up(tmp_path):
     jobs = [Job("wild", partial(working.die, tmp_path, "wild", 99))]
-    assert run_jobs(jobs, n_jobs=2) == {"wild": f"a worker process was lost {TRIES} times"}
+    assert run_jobs(jobs, 2) == {"wild": f"a worker process was lost {TRIES} times"}
     assert begun(tmp_path) == ["wild"] * TRIES
 
 
 def test_a_job_that_finished_before_its_worker_was_lost_is_not_run_again(tmp_path):
     done = (tmp_path / "begun").exists
-    assert run_jobs([Job("wild", partial(working.die, tmp_path, "wild", 99), done=done)], n_jobs=2) == {}
+    assert run_jobs([Job("wild", partial(working.die, tmp_path, "wild", 99), done=done)], 2) == {}
     assert begun(tmp_path) == ["wild"]
 
 
@@ -118,10 +118,10 @@ def test_whatever_the_driver_meets_ends_the_jobs(tmp_path, error, recwarn):
     keep = partial(refused, error)
     jobs = [Job(str(number), partial(working.square, tmp_path, number), keep) for number in range(20)]
     with pytest.raises(type(error)):
-        run_jobs(jobs, n_jobs=2)
+        run_jobs(jobs, 2)
     assert len(begun(tmp_path)) < len(jobs)
     assert not recwarn.list
-    assert run_jobs([Job("next", partial(working.square, tmp_path, 3))] * 2, n_jobs=2) == {}
+    assert run_jobs([Job("next", partial(working.square, tmp_path, 3))] * 2, 2) == {}
 
 
 def interrupted(jobs, ready):
@@ -135,7 +135,7 @@ def interrupted(jobs, ready):
     try:
         threading.Thread(target=stop).start()
         with pytest.raises(KeyboardInterrupt):
-            run_jobs(jobs, n_jobs=2)
+            run_jobs(jobs, 2)
         assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
@@ -206,7 +206,7 @@ def test_a_folder_job_fills_its_folder_if_its_worker_sees_it(tmp_path):
 )
 def test_bad_options(options, message):
     with pytest.raises(UserError, match=message):
-        run_jobs([Job("job", working.threads)], **options)
+        run_jobs([Job("job", working.threads)], Workers(**options))
 
 
 @pytest.fixture
@@ -242,7 +242,7 @@ def test_shell_scripts_of_the_page_are_valid():
 def test_the_program_of_the_page_trains_once(tmp_path):
     code = next(code for language, code in BLOCKS if language == "python")
     small = code.replace("2_000_000", "20_000").replace("range(5)", "range(2)")
-    small = small.replace("n_jobs=2", "n_jobs=2, evaluations=0")
+    small = small.replace("workers=2", "workers=2, evaluations=0")
     for count in (2, 0):
         result = python("-c", small, folder=tmp_path)
         assert result.returncode == 0, result.stderr

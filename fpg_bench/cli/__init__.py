@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from fpg_bench.cli import evaluation, listing, plan, scenario, training
+from fpg_bench.cli.fields import with_fields
 from fpg_bench.common.errors import UserError, bounded
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
@@ -52,7 +53,7 @@ for name, verb in _VERBS.items():
     if isinstance(verb, typer.Typer):
         app.add_typer(verb, name=name)
     elif verb is not None:
-        app.command(name)(verb)
+        app.command(name)(with_fields(verb))
 _DEBUG = False
 _STOPPED, _KEPT = 130, "stopped; what was finished is kept"
 _AGAIN_S = 0.05

@@ -9,10 +9,11 @@ import typer
 
 from fpg_bench.cli.completion import complete_dataset, complete_offline
 from fpg_bench.cli.evaluation import shown_progress
+from fpg_bench.cli.fields import with_fields
 from fpg_bench.cli.options import (
     AllowOption,
     HyperparamsOption,
-    JobsOption,
+    LocalWorkersOption,
     name_all,
     share,
     steps_option,
@@ -32,6 +33,7 @@ from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
+from fpg_bench.common.parallel import Workers
 
 app = typer.Typer(help="Make and check data sets for offline reinforcement learning.")
 
@@ -52,6 +54,7 @@ def list_datasets() -> None:
 
 
 @app.command()
+@with_fields
 def make(
     name: Annotated[str, typer.Argument(help="A data set, or a YAML file.", autocompletion=complete_dataset)],
     out: Annotated[
@@ -65,7 +68,7 @@ def make(
             help="Number of transitions, such as 1e6. Default: that of its specification.",
         ),
     ] = None,
-    n_jobs: JobsOption = 1,
+    workers: LocalWorkersOption = Workers(1),
 ) -> None:
     """Make a data set in Minari's format; run it again to resume.
 
@@ -80,7 +83,7 @@ def make(
         folder = make_dataset(
             spec,
             out,
-            n_jobs=n_jobs,
+            workers=workers,
             progress=lambda done, total: show(f"{spec.name}: {done:,} of {total:,} rounds"),
         )
     print_line(f"written: {folder}")
@@ -140,7 +143,7 @@ def offline(
     seeds: SeedsOption = None,
     suite: ScoringSuiteOption = None,
     n_evals: EvaluationsOption = 5,
-    n_jobs: JobsOption = 2,
+    workers: LocalWorkersOption = Workers(2),
     allow: AllowOption = None,
 ) -> None:
     """Train an offline algorithm on a data set without interacting with the environment; export the agent.
@@ -161,4 +164,4 @@ def offline(
         suite=suite,
         allow=allow or (),
     )
-    train_runs(config, out, seed, seeds, n_evals, resume, restart, n_jobs)
+    train_runs(config, out, seed, seeds, n_evals, resume, restart, workers)

@@ -12,34 +12,30 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.completion import complete_player
+from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import (
     OUTPUT,
-    AddressOption,
     AllowOption,
-    BackendOption,
-    JobsOption,
     JsonOption,
-    PathOption,
-    PlannerOption,
     PlayerOption,
-    ScenarioOption,
     SuiteOption,
     WideOption,
-    listed,
+    WorkersOption,
+    game_options,
     print_json,
 )
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
 from fpg_bench.common.output import is_terminal, wrapped
+from fpg_bench.common.parallel import Workers
 
 
 def play(
     ally: PlayerOption = "expert",
     opponent: PlayerOption = "adaptive",
-    scenario: ScenarioOption = None,
-    path: PathOption = None,
-    planner: PlannerOption = None,
+    *,
+    game: Annotated[Given, game_options("scenario", "path", "planner")],
     seed: Annotated[int, typer.Option(help="Seed of the match.")] = 0,
     every: Annotated[
         int, typer.Option(min=1, help="Print only every n-th step.", rich_help_panel=OUTPUT)
@@ -63,13 +59,11 @@ def play(
     watch(
         ally,
         opponent,
-        scenario=scenario,
-        path=listed(path),
-        planner=planner,
         seed=seed,
         out=out,
         every=every,
         overwrite=overwrite,
+        **game,
     )
 
 
@@ -88,9 +82,7 @@ def evaluate(
     ] = None,
     name: Annotated[str | None, typer.Option(help="Name of the agents in the table.")] = None,
     wide: WideOption = False,
-    n_jobs: JobsOption = 1,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    workers: WorkersOption = Workers(1),
     allow: AllowOption = None,
 ) -> None:
     """Evaluate players on a suite; existing records are kept and not played again.
@@ -107,9 +99,7 @@ def evaluate(
             matches=matches,
             name=name,
             progress=lambda entry, rival, rounds: show(f"{entry.name} - {rival.name}"),
-            n_jobs=n_jobs,
-            backend=backend,
-            address=address,
+            workers=workers,
             allow=allow or (),
         )
     table(out, wide)

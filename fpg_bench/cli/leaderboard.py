@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import AddressOption, BackendOption, JobsOption, share
+from fpg_bench.cli.fields import with_fields
+from fpg_bench.cli.options import LocalWorkersOption, WorkersOption, share
 from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
+from fpg_bench.common.parallel import Workers
 
 submit = typer.Typer(help="Check a submission and play it.", no_args_is_help=True)
 leaderboard = typer.Typer(
@@ -74,14 +76,13 @@ def check(folder: Annotated[Path, typer.Argument(help="Folder of the submission.
 
 
 @submit.command()
+@with_fields
 def run(
     folder: Annotated[
         Path, typer.Argument(help="Folder of the submission, <leaderboard>/submissions/<track>/<name>.")
     ],
     update: UpdateOption = False,
-    n_jobs: JobsOption = 1,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    workers: WorkersOption = Workers(1),
 ) -> None:
     """Play a submission and write its result, or compare with the existing one.
 
@@ -89,7 +90,7 @@ def run(
     """
     from fpg_bench.leaderboard.verification import run_one
 
-    verdict = run_one(folder, update, n_jobs=n_jobs, backend=backend, address=address)
+    verdict = run_one(folder, update, workers=workers)
     raise typer.Exit(0 if verdict.is_good else 1)
 
 
@@ -114,6 +115,7 @@ def init(
 
 
 @leaderboard.command()
+@with_fields
 def verify(
     names: Annotated[list[str] | None, typer.Argument(help="Entries, track/name. Default: all.")] = None,
     folder: FolderOption = Path("leaderboard"),
@@ -129,9 +131,7 @@ def verify(
     update: UpdateOption = False,
     since: SinceOption = None,
     changes_known: ChangesKnownOption = False,
-    n_jobs: JobsOption = 1,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    workers: WorkersOption = Workers(1),
 ) -> None:
     """Play entries again and compare them with their results; write missing results.
 
@@ -147,9 +147,7 @@ def verify(
         update=update,
         since=since,
         changes_known=changes_known,
-        n_jobs=n_jobs,
-        backend=backend,
-        address=address,
+        workers=workers,
     )
     bad = sum(not verdict.is_good for verdict in verdicts)
     print_line(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
@@ -157,6 +155,7 @@ def verify(
 
 
 @leaderboard.command()
+@with_fields
 def crossplay(
     folder: FolderOption = Path("leaderboard"),
     check: Annotated[
@@ -166,9 +165,7 @@ def crossplay(
         int | None, typer.Option(help="Seed of the draw. Default: a new one, which is printed.")
     ] = None,
     since: SinceOption = None,
-    n_jobs: JobsOption = 1,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    workers: WorkersOption = Workers(1),
 ) -> None:
     """Play every verified ally against every verified opponent; existing pairs are kept.
 
@@ -179,11 +176,9 @@ def crossplay(
 
     trusted = None if since is None else pairs_at(folder, since)
     if check is None:
-        failed = play_missing(folder, trusted=trusted, n_jobs=n_jobs, backend=backend, address=address)
+        failed = play_missing(folder, trusted=trusted, workers=workers)
     else:
-        failed = check_pairs(
-            folder, share(check), sample_seed, n_jobs=n_jobs, backend=backend, address=address
-        )
+        failed = check_pairs(folder, share(check), sample_seed, workers=workers)
     for line in failed:
         print_line(line)
     raise typer.Exit(1 if failed else 0)
@@ -246,6 +241,7 @@ def serve(
 
 
 @leaderboard.command()
+@with_fields
 def close_season(
     name: Annotated[str, typer.Argument(help="The season's number, or the name of a training population.")],
     work: Annotated[Path, typer.Option(help="Folder of the candidates; a stopped closing resumes there.")],
@@ -264,9 +260,7 @@ def close_season(
     scenario: Annotated[
         str, typer.Option(help="The preset whose entries determine the season: standard or link.")
     ] = "standard",
-    n_jobs: JobsOption = 2,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    workers: WorkersOption = Workers(2),
 ) -> None:
     """Close a season: train candidates with a seed derived from the entries, and select the suite from them.
 
@@ -284,15 +278,14 @@ def close_season(
         closing,
         out or baselines_folder() / "suites" / closing.name,
         SIDES if side is None else [side],
-        n_jobs=n_jobs,
-        backend=backend,
-        address=address,
+        workers=workers,
     )
     if season is not None:
         print_line(f"{season.name}: closed, hash {season.hash[:16]}, {season.folder}")
 
 
 @leaderboard.command()
+@with_fields
 def audit_season(
     name: Annotated[str, typer.Argument(help="A shipped season (season-2), or its folder.")],
     work: Annotated[Path, typer.Option(help="Folder to train in.")],
@@ -301,7 +294,7 @@ def audit_season(
     n_members: Annotated[
         int, typer.Option(min=1, help="Number of members of each side if none is named.")
     ] = 2,
-    n_jobs: JobsOption = 2,
+    workers: LocalWorkersOption = Workers(2),
 ) -> None:
     """Train members of a season again, and compare the entries' returns against old and new members.
 
@@ -314,7 +307,7 @@ def audit_season(
 
     season = load_season(name)
     for audited in audit.audit_season(
-        season, read_entries(folder, scenario=season.scenario), work, member, n_members, n_jobs=n_jobs
+        season, read_entries(folder, scenario=season.scenario), work, member, n_members, workers=workers
     ):
         policies = "the same policy" if audited.is_same else "another policy"
         print_line(

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from fpg_bench.cli.completion import complete_player
+from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import (
     EVALUATION,
     GAME,
     TRAINING,
-    ActionsOption,
     AllowOption,
     HyperparamsOption,
-    JammingTypesOption,
-    KnowledgeOption,
-    PathOption,
-    ScenarioOption,
-    listed,
+    game_options,
     steps_option,
     whole_number,
 )
@@ -58,10 +54,8 @@ def selfplay(
             min=0, help="Number of evaluations of a generation on its suite.", rich_help_panel=EVALUATION
         ),
     ] = 1,
-    scenario: ScenarioOption = None,
-    path: PathOption = None,
-    knowledge: KnowledgeOption = None,
-    jamming_types: JammingTypesOption = None,
+    *,
+    game: Annotated[Given, game_options("scenario", "path", "knowledge", "jamming_types")],
     allow: AllowOption = None,
 ) -> None:
     """Train both sides alternately against past generations of each other; run it again to resume.
@@ -80,11 +74,8 @@ def selfplay(
         seed=seed,
         hyperparams=hyperparams,
         evaluations=n_evals,
-        scenario=scenario,
-        path=listed(path),
-        knowledge=knowledge,
-        jamming_types=listed(jamming_types),
         allow=allow or (),
+        **game,
     )
     print_line(f"agents: {agents['ally']}, {agents['opponent']}")
 
@@ -104,8 +95,6 @@ def best_response(
             help="The player's side: ally or opponent. Default: that of the agent.", rich_help_panel=GAME
         ),
     ] = None,
-    scenario: ScenarioOption = None,
-    path: PathOption = None,
     steps: Annotated[
         str,
         typer.Option(
@@ -142,7 +131,8 @@ def best_response(
             rich_help_panel=TRAINING,
         ),
     ] = None,
-    actions: ActionsOption = None,
+    *,
+    game: Annotated[Given, game_options("scenario", "path", "actions")],
     search: Annotated[
         int,
         typer.Option(
@@ -167,28 +157,22 @@ def best_response(
     Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
     """
     check_writable(out)
-    from fpg_bench.training.league.best_responses import FULL_SEARCH, response_label
-    from fpg_bench.training.league.best_responses import best_responses as respond
+    from fpg_bench.training.league.best_responses import best_responses, full_search, response_label
 
-    search_options: dict[str, Any] = {
-        "steps": [whole_number(word) for word in steps.split(",")],
-        "n_seeds": n_seeds,
-        "algorithm": algorithm.split(","),
-        "start": start.split(","),
-        "hyperparams": hyperparams,
-        "actions": actions,
-        "search": search,
-    }
-    for one in FULL_SEARCH if full else [search_options]:
-        row = respond(
+    asked = {"side": side, "reward": reward, "allow": allow or (), **game}
+    if full:
+        row = full_search(agent, out, **asked)
+    else:
+        row = best_responses(
             agent,
             out,
-            side=side,
-            scenario=scenario,
-            path=listed(path),
-            reward=reward,
-            allow=allow or (),
-            **one,
+            steps=[whole_number(word) for word in steps.split(",")],
+            n_seeds=n_seeds,
+            algorithm=algorithm.split(","),
+            start=start.split(","),
+            hyperparams=hyperparams,
+            search=search,
+            **asked,
         )
     for response in row["responses"]:
         print_line(

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fpg_bench.cli.completion import complete_id, complete_suite
-from fpg_bench.cli.options import JsonOption, PathOption, ScenarioOption, listed, name_all, print_json
+from fpg_bench.cli.fields import Given
+from fpg_bench.cli.options import JsonOption, game_options, name_all, print_json
 from fpg_bench.common.documentation import page
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
@@ -34,8 +35,8 @@ def envs(
             autocompletion=complete_id,
         ),
     ] = None,
-    path: PathOption = None,
-    scenario: ScenarioOption = None,
+    *,
+    game: Annotated[Given, game_options("path", "scenario")],
 ) -> None:
     """List the environment ids with their defaults, observations and actions, or print a single id.
 
@@ -46,8 +47,8 @@ def envs(
     is_duel = env_id is not None and len(sides_of(env_id)) > 1
     config = None if env_id is None or is_duel else find_env(env_id)
     if config is not None and config.actions != "continuous":
-        _print_choices(config, path, scenario)
-    elif path is not None or scenario is not None:
+        _print_choices(config, game)
+    elif game:
         raise UserError("--path and --scenario change the choices of an id with discrete actions alone")
     elif config is not None:
         _print_env(config)
@@ -88,12 +89,12 @@ def _print_env(config: EnvConfig) -> None:
     )
 
 
-def _print_choices(config: EnvConfig, path: str | None, scenario: str | None) -> None:
+def _print_choices(config: EnvConfig, game: Given) -> None:
     """Print each choice of an id with discrete actions, with its name and its nine floats."""
     from fpg_bench.game.choices import Choices
     from fpg_bench.game.scenario import as_scenario
 
-    played = as_scenario(scenario, opponent_path=listed(path) or config.path)
+    played = as_scenario(game.get("scenario"), opponent_path=game.get("path", config.path))
     for of in Choices(config.side, config.actions, played).lists:
         typer.echo(f"{of.name}: {len(of)}")
         width = max(map(len, of.names))

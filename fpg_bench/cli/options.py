@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import textwrap
@@ -13,7 +14,10 @@ from typing import Annotated, Any
 import typer
 
 from fpg_bench.cli.completion import complete_player, complete_suite
+from fpg_bench.cli.fields import Fields
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.parallel import Workers
+from fpg_bench.game.spec import LISTS, GameSpec, option_names
 
 # Panels of long lists of options, in the order in which they are shown.
 GAME = "Game"
@@ -58,53 +62,14 @@ _PLAYER = (
     "(see fpg-bench players)"
 )
 PlayerOption = Annotated[str, typer.Option(help=f"The player: {_PLAYER}.", autocompletion=complete_player)]
-PlayersOption = Annotated[
-    str | None,
-    typer.Option(
-        help=f"The other side's player: {_PLAYER}, or suite:NAME. Several are separated by commas.",
-        autocompletion=complete_player,
-        rich_help_panel=GAME,
-    ),
-]
-ScenarioOption = Annotated[
-    str | None,
-    typer.Option(
-        help="The scenario: standard, paper, figures, link, a variant such as link-fast-hop, or a YAML file.",
-        rich_help_panel=GAME,
-    ),
-]
-PathOption = Annotated[
-    str | None,
-    typer.Option(help="The opponent's flight path; several are separated by commas.", rich_help_panel=GAME),
-]
-PlannerOption = Annotated[
-    str | None,
-    typer.Option(help="The planner of the opponent's path between rounds.", rich_help_panel=GAME),
-]
-KnowledgeOption = Annotated[
-    str | None,
-    typer.Option(help="The ally's knowledge base: expert, none or a YAML file.", rich_help_panel=GAME),
-]
-JammingTypesOption = Annotated[
-    str | None, typer.Option(help="Allowed jamming types, separated by commas.", rich_help_panel=GAME)
-]
 
-ActionsOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Action mode: continuous, discrete or multi-discrete. Default: that of the environment.",
-        rich_help_panel=GAME,
-    ),
-]
 
-ObservationOption = Annotated[
-    str | None,
-    typer.Option(help="What the ally sees: numbers or waterfall. Default: numbers.", rich_help_panel=GAME),
-]
+def game_options(*names: str) -> Fields:
+    """Return options of games, the fields of a specification, by name; no names: all but the id."""
+    players = {"autocompletion": complete_player}
+    details = {"opponent": players, "ally": players, "history": {"min": 1}}
+    return Fields(GameSpec, names or option_names(), LISTS, GAME, details)
 
-HistoryOption = Annotated[
-    int | None, typer.Option(min=1, help="Rows of the waterfall. Default: 16.", rich_help_panel=GAME)
-]
 
 HyperparamsOption = Annotated[
     Path | None,
@@ -127,23 +92,9 @@ AllowOption = Annotated[
     ),
 ]
 WideOption = Annotated[bool, typer.Option("--wide", help="Print all columns, for a wide terminal.")]
-JobsOption = Annotated[
-    int,
-    typer.Option(
-        "--n-jobs", min=1, help="Number of parallel processes, one core each.", rich_help_panel=PARALLEL
-    ),
-]
-BackendOption = Annotated[
-    str,
-    typer.Option(help="loky (processes on this machine) or ray (a cluster).", rich_help_panel=PARALLEL),
-]
-AddressOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Address of the Ray cluster, host:port. Default: RAY_ADDRESS, else this machine.",
-        rich_help_panel=PARALLEL,
-    ),
-]
+_WORKERS = Fields(Workers, panel=PARALLEL, details={"n_jobs": {"min": 1}})
+WorkersOption = Annotated[Workers, _WORKERS]
+LocalWorkersOption = Annotated[Workers, dataclasses.replace(_WORKERS, names=("n_jobs",))]
 
 # Options of the planner llm; the defaults are those of LLMPlanner.
 PromptOption = Annotated[

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fpg_bench.cli.completion import complete_player
+from fpg_bench.cli.fields import Given, with_fields
 from fpg_bench.cli.options import (
     GAME,
     LLM,
@@ -19,13 +20,13 @@ from fpg_bench.cli.options import (
     DeadlineOption,
     PromptOption,
     SamplingSeedOption,
-    ScenarioOption,
     SecondsOption,
     ServerOption,
     SuiteOption,
     TemperatureOption,
     TokensOption,
     WideOption,
+    game_options,
     llm_options,
 )
 from fpg_bench.common.errors import UserError, printable
@@ -43,6 +44,7 @@ app = typer.Typer(help="Plan the opponent's path between the rounds of a match."
 
 
 @app.command()
+@with_fields
 def run(
     planner: Annotated[
         str, typer.Option(help="The planner: a name (see fpg-bench players), llm, or package.module:object.")
@@ -59,7 +61,8 @@ def run(
             rich_help_panel=GAME,
         ),
     ] = "adaptive",
-    scenario: ScenarioOption = None,
+    *,
+    game: Annotated[Given, game_options("scenario")],
     seed: Annotated[int, typer.Option(help="Seed of the match.", rich_help_panel=GAME)] = 0,
     rounds: Annotated[int, typer.Option(min=1, help="Number of rounds.", rich_help_panel=GAME)] = 10,
     out: Annotated[
@@ -121,12 +124,12 @@ def run(
                 planner,
                 ally,
                 opponent,
-                scenario=scenario,
                 seed=seed,
                 rounds=rounds,
                 out=file,
                 llm=llm,
                 progress=progress,
+                **game,
             )
     finally:
         if played:

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import LLM, TRAINING, AddressOption, BackendOption, JobsOption
+from fpg_bench.cli.options import LLM, TRAINING, WorkersOption
 from fpg_bench.common.output import print_line
+from fpg_bench.common.parallel import Workers
 
 
 def reproduce(
@@ -38,9 +39,7 @@ def reproduce(
     learner: Annotated[
         str, typer.Option(help="torch, or jax, which is faster (extra fast).", rich_help_panel=TRAINING)
     ] = "torch",
-    n_jobs: JobsOption = 2,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    workers: WorkersOption = Workers(2),
     llm: Annotated[
         bool,
         typer.Option(
@@ -72,9 +71,7 @@ def reproduce(
         n_seeds=n_seeds,
         first_seed=first_seed,
         budget=budget,
-        n_jobs=n_jobs,
-        backend=backend,
-        address=address,
+        workers=workers,
         llm=llm_options,
         learner=learner,
     )

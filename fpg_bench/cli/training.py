@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 import shlex
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,38 +13,30 @@ from fpg_bench.cli.completion import (
     complete_id,
     complete_suite,
 )
+from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import (
     EVALUATION,
     GAME,
     LLM,
     OUTPUT,
     TRAINING,
-    ActionsOption,
-    AddressOption,
     AllowOption,
-    BackendOption,
     CallsOption,
     DeadlineOption,
-    HistoryOption,
     HyperparamsOption,
-    JammingTypesOption,
-    JobsOption,
-    KnowledgeOption,
-    ObservationOption,
-    PathOption,
-    PlannerOption,
-    PlayersOption,
     PromptOption,
-    ScenarioOption,
     SecondsOption,
     ServerOption,
     TokensOption,
+    WorkersOption,
+    game_options,
     listed,
     llm_options,
     steps_option,
 )
-from fpg_bench.common.errors import UserError, other_content
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
+from fpg_bench.common.parallel import Workers
 
 if TYPE_CHECKING:
     from fpg_bench.training.config import RunConfig
@@ -121,12 +111,6 @@ def train(
             rich_help_panel=TRAINING,
         ),
     ] = None,
-    reward: Annotated[
-        str | None,
-        typer.Option(
-            help="Reward: own (default), zero_sum, jamming, overlap or ally_cost.", rich_help_panel=TRAINING
-        ),
-    ] = None,
     suite: ScoringSuiteOption = None,
     n_evals: EvaluationsOption = 20,
     against: Annotated[
@@ -137,19 +121,9 @@ def train(
             rich_help_panel=GAME,
         ),
     ] = None,
-    scenario: ScenarioOption = None,
-    opponent: PlayersOption = None,
-    ally: PlayersOption = None,
-    path: PathOption = None,
-    planner: PlannerOption = None,
-    knowledge: KnowledgeOption = None,
-    jamming_types: JammingTypesOption = None,
-    actions: ActionsOption = None,
-    observation: ObservationOption = None,
-    history: HistoryOption = None,
-    n_jobs: JobsOption = 2,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    *,
+    game: Annotated[Given, game_options()],
+    workers: WorkersOption = Workers(2),
     transcript: Annotated[
         Path | None,
         typer.Option(
@@ -173,28 +147,14 @@ def train(
     from fpg_bench.game.spec import GameSpec
     from fpg_bench.training.config import RunConfig
 
-    from_zoo = against == ZOO and opponent is None and ally is None
-    game = GameSpec.of(
-        env_id,
-        against=None if from_zoo else listed(against),
-        scenario=scenario,
-        opponent=listed(opponent),
-        ally=listed(ally),
-        path=listed(path),
-        planner=planner,
-        knowledge=knowledge,
-        jamming_types=listed(jamming_types),
-        reward=reward,
-        actions=actions,
-        observation=observation,
-        history=history,
-    )
+    from_zoo = against == ZOO and not {"opponent", "ally"} & set(game)
+    spec = GameSpec.of(env_id, against=None if from_zoo else listed(against), **game)
     if from_zoo:
-        game = load_zoo().mixture(game)
+        spec = load_zoo().mixture(spec)
     llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
     config = RunConfig(
         algorithm,
-        game,
+        spec,
         seed or 0,
         steps,
         hyperparams,
@@ -204,9 +164,9 @@ def train(
         llm=llm,
         allow=allow or (),
     )
-    if seeds is None and (backend, address) != ("loky", None):
-        raise UserError("backend, address: need several runs; list their --seeds")
-    train_runs(config, out, seed, seeds, n_evals, resume, restart, n_jobs, backend, address)
+    if seeds is None and workers.backend != "loky":
+        raise UserError("backend: needs several runs; list their --seeds")
+    train_runs(config, out, seed, seeds, n_evals, resume, restart, workers)
 
 
 def train_runs(
@@ -217,9 +177,7 @@ def train_runs(
     n_evals: int,
     resume: bool,
     restart: bool,
-    n_jobs: int,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers,
 ) -> None:
     """Train one run, or one for each of several seeds, and print the scores and files."""
     from fpg_bench.training.run_folder import RunFolder
@@ -238,9 +196,7 @@ def train_runs(
             listed_seeds,
             evaluations=n_evals,
             restart=restart,
-            n_jobs=n_jobs,
-            backend=backend,
-            address=address,
+            workers=workers,
         )
         for each in listed_seeds:
             print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
@@ -309,68 +265,15 @@ def export(
 
     Example: fpg-bench export runs/ppo_0 --out leaderboard/submissions/ally/my-agent/seed_0
     """
-    from fpg_bench.common.files import write_whole
-    from fpg_bench.players.agent import seed_folders
+    from fpg_bench.training.run import check_free, export_runs
 
-    seeds = seed_folders(source)
-    targets = [out / seed.name for seed in seeds] or [out]
-    if taken := next((target for target in targets if (target / "agent.json").exists()), None):
-        raise other_content(f"export: {taken}", "an agent already", "remove it")
     if source.is_dir():
-        agents = [_agent_of(run, side) for run in seeds or [source]]  # all of them, before any is written
-        for (agent, difference), target in zip(agents, targets, strict=True):
-            for name in ("policy.onnx", "agent.json"):
-                write_whole(target / name, (agent / name).read_bytes())
-            _print_exported(target, difference)
-        return
-    _print_exported(out, _from_zip(source, out, algo, env_id, seed, not_normalized))
+        exported = export_runs(source, out, side)
+    else:
+        from fpg_bench.training.sb3_zip import export_zip
 
-
-def _print_exported(agent: Path, difference: float | None) -> None:
-    shown = "unknown" if difference is None else f"{difference:.2g}"
-    typer.echo(f"agent: {agent}\nlargest difference from predict(): {shown}")
-
-
-def _agent_of(run: Path, side: str | None) -> tuple[Path, float | None]:
-    """Return the folder of a run's agent, and the difference from the model, measured at the export."""
-    from fpg_bench.players.agent import load_agent, read_card
-
-    agent = run / "agent" if (run / "agent").is_dir() else run
-    if side is not None and (agent / side).is_dir():
-        agent = agent / side
-    if not (agent / "agent.json").is_file():
-        both = (agent / "ally").is_dir()
-        hint = "; add --side ally or --side opponent" if both else "; is the run finished?"
-        raise UserError(f"export: {run} holds no agent{hint}")
-    load_agent(agent, side)  # refuses a damaged one
-    return agent, read_card(agent).largest_difference
-
-
-def _from_zip(
-    path: Path, out: Path, algorithm: str | None, env_id: str, seed: int | None, not_normalized: bool
-) -> float:
-    from fpg_bench.training.export import export_agent
-    from fpg_bench.training.sb3_zip import INSTEAD, load_zip
-
-    if not path.is_file():
-        raise UserError(f"export: {path} does not exist; expected the folder of a run, or a zip")
-    if not zipfile.is_zipfile(path):
-        raise UserError(f"export: {path} is not a zip written by save() of SB3; that of a run is model.zip")
-    if algorithm is None:
-        raise UserError("export: a zip does not name its algorithm; add --algo ppo, a2c, sac or td3")
-    if not not_normalized:
-        raise UserError(
-            "export: a zip does not show whether VecNormalize was used, and its statistics are a pickle, "
-            f"which is never opened; add --not-normalized if it was not used, else {INSTEAD}"
-        )
-    training_seed = _seed(out, seed)
-    return export_agent(
-        load_zip(path, algorithm, env_id), out, training_seed=training_seed, algorithm=algorithm
-    )
-
-
-def _seed(out: Path, seed: int | None) -> int:
-    named = re.fullmatch(r"seed_(\d+)", out.name)
-    if seed is None and named is None:
-        raise UserError("export: add --seed, the training seed, or name the folder seed_<k>")
-    return int(named[1]) if seed is None and named else int(seed or 0)
+        check_free(out)
+        exported = {out: export_zip(source, out, algo, env_id, seed, is_plain=not_normalized)}
+    for agent, difference in exported.items():
+        shown = "unknown" if difference is None else f"{difference:.2g}"
+        typer.echo(f"agent: {agent}\nlargest difference from predict(): {shown}")

@@ -8,20 +8,15 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.completion import complete_algorithm, complete_id
+from fpg_bench.cli.fields import Given, with_fields
 from fpg_bench.cli.options import (
-    ActionsOption,
-    AddressOption,
     AllowOption,
-    BackendOption,
-    JobsOption,
-    PathOption,
-    PlannerOption,
-    PlayersOption,
-    ScenarioOption,
-    listed,
+    WorkersOption,
+    game_options,
     steps_option,
 )
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.parallel import Workers
 
 app = typer.Typer(help="Tune hyper-parameters with Optuna.")
 Folder = Annotated[Path, typer.Argument(help="Folder of the study.")]
@@ -32,6 +27,7 @@ StudyNameOption = Annotated[str | None, typer.Option(help="Name of the study.")]
 
 
 @app.command()
+@with_fields
 def run(
     algorithm: Annotated[
         str, typer.Argument(help="The algorithm, as for train.", autocompletion=complete_algorithm)
@@ -44,7 +40,6 @@ def run(
     ],
     out: Annotated[Path, typer.Option(help="Folder of the study.")],
     n_trials: Annotated[int, typer.Option(min=1, help="Number of finished trials, over all workers.")] = 20,
-    n_jobs: JobsOption = 1,
     timeout: Annotated[
         float | None, typer.Option(min=0, help="Time in seconds after which no new trial starts.")
     ] = None,
@@ -66,14 +61,9 @@ def run(
     rounds: Annotated[int, typer.Option(min=1, help="Number of rounds per rival.")] = 100,
     storage: StorageOption = None,
     study_name: StudyNameOption = None,
-    scenario: ScenarioOption = None,
-    opponent: PlayersOption = None,
-    ally: PlayersOption = None,
-    path: PathOption = None,
-    planner: PlannerOption = None,
-    actions: ActionsOption = None,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    *,
+    game: Annotated[Given, game_options()],
+    workers: WorkersOption = Workers(1),
     allow: AllowOption = None,
 ) -> None:
     """Search hyper-parameters; run it again to resume, or on further machines to share the work.
@@ -84,21 +74,12 @@ def run(
     from fpg_bench.game.spec import GameSpec
     from fpg_bench.training.tuning.tune import tune
 
-    game = GameSpec.of(
-        env_id,
-        scenario=scenario,
-        opponent=listed(opponent),
-        ally=listed(ally),
-        path=listed(path),
-        planner=planner,
-        actions=actions,
-    )
     tune(
         algorithm,
-        game,
+        GameSpec.of(env_id, **game),
         out,
         n_trials=n_trials,
-        n_jobs=n_jobs,
+        workers=workers,
         timeout=timeout,
         study_name=study_name,
         storage=storage,
@@ -108,8 +89,6 @@ def run(
         hyperparams=hyperparams,
         suite=suite,
         rounds=rounds,
-        backend=backend,
-        address=address,
         allow=allow or (),
     )
 
@@ -127,6 +106,7 @@ def report(out: Folder, storage: StorageOption = None, study_name: StudyNameOpti
 
 
 @app.command()
+@with_fields
 def export(
     out: Folder,
     file: Annotated[Path, typer.Argument(help="The hyper-parameter file to write.")],
@@ -140,9 +120,7 @@ def export(
     ] = False,
     storage: StorageOption = None,
     study_name: StudyNameOption = None,
-    n_jobs: JobsOption = 1,
-    backend: BackendOption = "loky",
-    address: AddressOption = None,
+    workers: WorkersOption = Workers(1),
     allow: AllowOption = None,
 ) -> None:
     """Retrain a study's best trials on fresh seeds, and write the best values into a file.
@@ -161,8 +139,6 @@ def export(
         force=force,
         storage=storage,
         study_name=study_name,
-        n_jobs=n_jobs,
-        backend=backend,
-        address=address,
+        workers=workers,
         allow=allow or (),
     )

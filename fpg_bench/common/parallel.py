@@ -85,13 +85,45 @@ def folder_job(name: str, folder: Path, run: Callable[[Path], Any], done: Callab
     return Job(name, functools.partial(_fill, run, folder), done=done)
 
 
-def run_jobs(
-    jobs: Iterable[Job],
-    n_jobs: int = 2,
-    backend: str = "loky",
-    address: str | None = None,
-    level: int = logging.INFO,
-) -> dict[str, str]:
+@dataclass(frozen=True)
+class Workers:
+    """Where jobs run, and how many of them at once.
+
+    Functions that take workers also take a number, of processes of this machine.
+
+    Attributes:
+        n_jobs: number of parallel processes, one core each. A single local one is this process.
+        backend: where they run, ``loky`` (processes on this machine) or ``ray`` (a cluster).
+        address: address of the Ray cluster, ``host:port``; None: RAY_ADDRESS, else this machine. There, Ray
+            is started for the duration of the jobs.
+
+    Raises:
+        UserError: not a positive number, an unknown backend, or an address without ``ray``.
+    """
+
+    n_jobs: int = 1
+    backend: str = "loky"
+    address: str | None = None
+
+    def __post_init__(self) -> None:
+        integer(self.n_jobs, "n_jobs")
+        if self.backend not in BACKENDS:
+            raise UserError(f"backend: unknown {self.backend!r}{nearest(self.backend, BACKENDS)}")
+        if self.address is not None and self.backend != "ray":
+            raise UserError("address: names a Ray cluster; add --backend ray")
+
+    @classmethod
+    def of(cls, workers: Workers | int) -> Workers:
+        """Return workers as they are, or a number of local ones."""
+        return workers if isinstance(workers, Workers) else cls(workers)
+
+    @property
+    def is_alone(self) -> bool:
+        """True if the jobs run in this process, one after the other."""
+        return self.n_jobs == 1 and self.backend != "ray"
+
+
+def run_jobs(jobs: Iterable[Job], workers: Workers | int = 2, level: int = logging.INFO) -> dict[str, str]:
     """Run all jobs that are not done yet, several at once.
 
     A job that fails does not hold up the others. If a worker process is lost (killed, out of memory, its
@@ -99,10 +131,7 @@ def run_jobs(
 
     Args:
         jobs: started in this order.
-        n_jobs: number of jobs that run at once, one thread each. A single local one runs in this process.
-        backend: ``loky`` for processes of this machine, ``ray`` for a Ray cluster.
-        address: of the cluster, ``host:port``. None: the environment's ``RAY_ADDRESS``; without that, Ray is
-            started on this machine for the duration of the jobs.
+        workers: the processes that run them, or the number of local ones.
         level: logging level of the line for each job that ends.
 
     Returns:
@@ -113,21 +142,17 @@ def run_jobs(
         KeyboardInterrupt: stopped by the user. Finished results are kept, and running jobs were given time
             to save their state.
     """
-    integer(n_jobs, "n_jobs")
-    if backend not in BACKENDS:
-        raise UserError(f"backend: unknown {backend!r}{nearest(backend, BACKENDS)}")
-    if backend == "ray":
+    workers = Workers.of(workers)
+    if workers.backend == "ray":
         require_extra("ray", "ray")
-    elif address is not None:
-        raise UserError("address: names a Ray cluster; add --backend ray")
-    elif n_jobs > 1 and not hasattr(os, "setpgrp"):  # Windows
+    elif workers.n_jobs > 1 and not hasattr(os, "setpgrp"):  # Windows
         _logger.warning("n_jobs: several processes need Linux or macOS; the jobs run one after the other")
-        n_jobs = 1
+        workers = Workers()
     failed: dict[str, str] = {}
     jobs = list(jobs)
     waiting = {index: job for index, job in enumerate(jobs) if not job.done()}
     if len(waiting) > 1:
-        _logger.log(level, f"{len(waiting)} jobs, {min(n_jobs, len(waiting))} at a time")
+        _logger.log(level, f"{len(waiting)} jobs, {min(workers.n_jobs, len(waiting))} at a time")
 
     def calls() -> _Calls:
         for index, job in list(waiting.items()):
@@ -137,12 +162,12 @@ def run_jobs(
         if not waiting:
             break
         try:
-            with contextlib.closing(_start(calls(), n_jobs, backend, address)) as outcomes:
+            with contextlib.closing(_start(calls(), workers)) as outcomes:
                 for index, outcome in outcomes:
                     job = waiting.pop(index)
                     if outcome.error is None:
                         job.keep(outcome.result)
-                    error = outcome.error or _missing(job, backend)
+                    error = outcome.error or _missing(job, workers)
                     if error is None:
                         _logger.log(
                             level, f"{job.name}: done after {outcome.seconds:.0f} s, {len(waiting)} to come"
@@ -183,13 +208,13 @@ _Calls = Iterator[tuple[int, _Call]]
 _Outcomes = Generator[tuple[int, Outcome], None, None]
 
 
-def _start(calls: _Calls, n_jobs: int, backend: str, address: str | None) -> _Outcomes:
+def _start(calls: _Calls, workers: Workers) -> _Outcomes:
     """Return a generator of the outcomes of calls, in the order in which they finish."""
-    if backend == "ray":
-        return _on_ray(calls, n_jobs, address)
-    if n_jobs == 1:
+    if workers.backend == "ray":
+        return _on_ray(calls, workers)
+    if workers.is_alone:
         return ((index, call()) for index, call in calls)
-    return _in_processes(calls, n_jobs)
+    return _in_processes(calls, workers.n_jobs)
 
 
 def _attempt(run: Callable[[], Any], folder: str) -> Outcome:
@@ -208,9 +233,9 @@ def _fill(run: Callable[[Path], Any], folder: Path) -> None:
     run(folder)
 
 
-def _missing(job: Job, backend: str) -> str | None:
+def _missing(job: Job, workers: Workers) -> str | None:
     """Return an error if the files of a job are missing here: the cluster's machines share no folder."""
-    if backend == "ray" and job.done is not _never and not job.done():
+    if workers.backend == "ray" and job.done is not _never and not job.done():
         return "its files are not here; the machines of a cluster have to share their folder"
     return None
 
@@ -344,18 +369,18 @@ def _stop_with(driver: int) -> None:
     os._exit(1)
 
 
-def _on_ray(calls: _Calls, n_jobs: int, address: str | None) -> _Outcomes:
+def _on_ray(calls: _Calls, workers: Workers) -> _Outcomes:
     """Run calls on a Ray cluster, one CPU each; Ray itself repeats those whose worker is lost."""
     import ray
 
     is_ours = not ray.is_initialized()
     if is_ours:
-        _join_cluster(address or os.environ.get("RAY_ADDRESS"), n_jobs)
+        _join_cluster(workers.address or os.environ.get("RAY_ADDRESS"), workers.n_jobs)
     remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(_run)
     running: dict[ray.ObjectRef[Any], int] = {}
     try:
         while True:
-            for index, call in islice(calls, n_jobs - len(running)):
+            for index, call in islice(calls, workers.n_jobs - len(running)):
                 running[remote.remote(call)] = index
             if not running:
                 return

@@ -20,7 +20,7 @@ from minari.serialization import serialize_space
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder, check_writable, read_json, write_json
-from fpg_bench.common.parallel import Job, check_all_done, run_jobs
+from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.datasets.croissant import croissant
 from fpg_bench.datasets.rounds import play_rounds
 from fpg_bench.datasets.spec import NAMESPACE, DatasetSpec
@@ -53,7 +53,7 @@ def make_dataset(
     spec: DatasetSpec,
     out: str | Path | None = None,
     *,
-    n_jobs: int = 1,
+    workers: Workers | int = 1,
     rounds_per_part: int = ROUNDS_PER_PART,
     progress: Progress = lambda done, total: None,
 ) -> Path:
@@ -65,7 +65,7 @@ def make_dataset(
         spec: the specification, as :func:`fpg_bench.datasets.spec.load_spec` loads it.
         out: a folder of data sets; ``minari.load_dataset`` finds them if ``MINARI_DATASETS_PATH`` is that
             folder. None for Minari's default.
-        n_jobs: number of processes.
+        workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.
         rounds_per_part: number of rounds that are played in one batch and written into one file; it does not
             change the content.
         progress: called after each part.
@@ -103,7 +103,7 @@ def make_dataset(
         )
         for part, ends in enumerate(pairwise(cuts))
     ]
-    check_all_done(run_jobs(jobs, n_jobs, level=logging.DEBUG))
+    check_all_done(run_jobs(jobs, workers, level=logging.DEBUG))
     _finish(data, spec, [end - first for first, end in pairwise(cuts)])
     write_json(unfinished / "croissant.json", croissant(spec, unfinished))
     os.rename(unfinished, folder)

@@ -12,8 +12,8 @@ import numpy as np
 
 from fpg_bench.common.canvas import blank_figure
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_json
 from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.statistics import student_t
 from fpg_bench.players.agent import seed_folders
 
@@ -122,10 +122,8 @@ def _evaluations(run: Path) -> list[Row]:
             raise UserError(
                 f"curves: {folder} holds no {EVALUATIONS}; name the folder of a run, or of its seeds"
             )
-        about = read_json(folder / "run.json", "run")
-        if "algorithm" not in about:
-            raise UserError(f"curves: {folder / 'run.json'} lacks algorithm; it is no description of a run")
-        head = {key: about.get(key) for key in ("algorithm", "training_seed", "suite")}
+        about = RunDescription.read(folder)
+        head = {key: getattr(about, key) for key in ("algorithm", "training_seed", "suite")}
         needs = {"side": str, "score": float | int, "steps": int, "seconds": float | int}
         own = RowFile(folder / EVALUATIONS, needs).read()
         if not any(row["steps"] > 0 for row in own):

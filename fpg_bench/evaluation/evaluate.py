@@ -15,6 +15,7 @@ import pydantic
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_json, write_json
+from fpg_bench.common.parallel import Workers
 from fpg_bench.common.schema import PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import (
     MADE,
@@ -45,9 +46,7 @@ def evaluate(
     matches: int | None = None,
     name: str | None = None,
     progress: Progress = lambda entry, rival, rounds: None,
-    n_jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 1,
     allow: Collection[str] = (),
 ) -> Results:
     """Evaluate players on a suite; records that the folder has already are not played again.
@@ -67,8 +66,8 @@ def evaluate(
         matches: per rival and training seed; None: the suite's own.
         name: name of the agents in records and tables; None: their algorithm. Not a script's name.
         progress: called before each matchup and after each of its rounds, if there is one job.
-        n_jobs: number of matchups that are played at once; the records are the same, in another order.
-        backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
+        workers: number of matchups that are played at once, or :class:`fpg_bench.common.parallel.Workers`;
+            the records are the same, in another order.
         allow: the code and agents of the Hub that the suite's file may name; see
             :func:`fpg_bench.evaluation.suite.load_suite`.
 
@@ -87,7 +86,7 @@ def evaluate(
         check_kept(entries)
     _warn_of_loop(entries, played)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        summaries = play_into(Path(folder), suite, played, entries, progress, n_jobs, backend, address)
+        summaries = play_into(Path(folder), suite, played, entries, progress, workers)
         return Results(summaries)
 
 
@@ -108,9 +107,7 @@ def play_into(
     suite: Suite,
     entries: Sequence[EvaluatedPlayer],
     progress: Progress = lambda entry, rival, rounds: None,
-    n_jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 1,
 ) -> list[Summary]:
     """Play entries against a suite into a results folder; raises as :func:`evaluate` does.
 
@@ -120,7 +117,7 @@ def play_into(
         suite: that suite.
         entries: the entries to measure.
         progress: see :func:`evaluate`.
-        n_jobs, backend, address: see :func:`evaluate`.
+        workers: see :func:`evaluate`.
     """
     check_seeds(entries)
     if out.is_dir() and any(out.iterdir()) and not any((out / name).exists() for name in (RECORDS, ABOUT)):
@@ -129,7 +126,7 @@ def play_into(
     with store.locked():
         _claim(out, name, suite, entries)
         store.claim(wanted)
-        store.fill(wanted, progress=progress, n_jobs=n_jobs, backend=backend, address=address)
+        store.fill(wanted, progress=progress, workers=workers)
     return _summaries(out, suite)
 
 

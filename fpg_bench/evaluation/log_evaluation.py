@@ -8,14 +8,14 @@ from typing import Any
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import check_own_folder, read_json, write_json
+from fpg_bench.common.files import check_own_folder
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS
 from fpg_bench.evaluation.policy_evaluator import MATCHES, PolicyEvaluator
+from fpg_bench.evaluation.run_description import FILE, RunDescription
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.players.registry import player_name
 
-_RUN = "run.json"
 _SEED = re.compile(r"seed_(\d+)")
 
 
@@ -60,22 +60,22 @@ def log_evaluation(
     """
     steps = integer(steps, "steps", 0)
     folder = Path(folder)
-    check_own_folder(folder, _RUN, "training run", EVALUATIONS)
+    check_own_folder(folder, FILE, "training run", EVALUATIONS)
     evaluator = PolicyEvaluator(suite, rounds)
     if training_seed is None:
         training_seed = int(match[1]) if (match := _SEED.fullmatch(folder.resolve().name)) else 0
-    about = {
-        "command": "fpg_bench.log_evaluation",
-        "algorithm": algorithm or player_name(model),
-        "side": evaluator.suite.side,
-        "suite": suite,
-        "training_seed": integer(training_seed, "training_seed", 0),
-    }
+    about = RunDescription(
+        command="fpg_bench.log_evaluation",
+        algorithm=algorithm or player_name(model),
+        side=evaluator.suite.side,
+        suite=suite,
+        training_seed=integer(training_seed, "training_seed", 0),
+    )
     file = RowFile(folder / EVALUATIONS, {"side": str, "score": float | int, "steps": int})
     with file.locked():
-        if (folder / _RUN).exists():
-            known = read_json(folder / _RUN, "run")
-            if differing := [key for key in about if known.get(key) != about[key]]:
+        if (folder / FILE).exists():
+            known = RunDescription.read(folder)
+            if differing := [key for key in about.to_dict() if getattr(known, key) != getattr(about, key)]:
                 raise UserError(
                     f"{folder}: holds a training of another {differing[0]}; choose another folder"
                 )
@@ -86,7 +86,7 @@ def log_evaluation(
             )
         row = {"steps": steps, "seconds": round(float(seconds), 2), "side": evaluator.suite.side}
         row |= evaluator.score(model)
-        if not (folder / _RUN).exists():
-            write_json(folder / _RUN, about)
+        if not (folder / FILE).exists():
+            about.write(folder)
         file.append([row])
     return row

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.parallel import Job, check_all_done, run_jobs
+from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.play import play
@@ -123,9 +123,7 @@ class Store:
         by: Callable[..., Record] | None = None,
         *,
         progress: Progress = lambda entry, rival, rounds: None,
-        n_jobs: int = 1,
-        backend: str = "loky",
-        address: str | None = None,
+        workers: Workers | int = 1,
     ) -> list[Record]:
         """Play the pairings that have no record; each record is kept as soon as it is there.
 
@@ -133,7 +131,7 @@ class Store:
             wanted: the pairings.
             by: plays one of them; None: :func:`fpg_bench.evaluation.play.play`, whose arguments it takes.
             progress: called before each pairing and after each of its rounds, if there is one job.
-            n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
+            workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.
 
         Returns:
             The records of all these pairings, in their order.
@@ -143,14 +141,14 @@ class Store:
         """
         with self.locked():
             missing, by = self.missing(wanted), by or play
-            if n_jobs == 1 and backend == "loky":
+            if Workers.of(workers).is_alone:
                 for pairing in missing:
                     note = partial(progress, pairing.entry, pairing.rival)
                     note(0)
                     self.add(by(*pairing, on_round=note))
             else:
                 jobs = [Job(each.name, partial(by, *each), self.add) for each in missing]
-                check_all_done(run_jobs(jobs, n_jobs, backend, address))
+                check_all_done(run_jobs(jobs, workers))
             return self.of(wanted)
 
     def of(self, wanted: Sequence[Pairing]) -> list[Record]:

@@ -19,7 +19,7 @@ from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 OBSERVATIONS = ("numbers", "waterfall")
 _SIDES = ("ally", "opponent")
-_LISTS = (*_SIDES, "path", "jamming_types")  # options that take one name or several
+LISTS = (*_SIDES, "path", "jamming_types")  # options that take one name or several
 _NAMES = ("planner", "knowledge", "reward", "observation")
 _ONE_SIDED = (*_SIDES, "reward", "observation", "history")  # options that the duel does not have
 
@@ -39,20 +39,23 @@ class GameSpec:
 
     Attributes:
         id: environment id; one that names an action mode is kept as the plain id and ``actions``.
-        scenario: a preset's name, a YAML file, or a :class:`Scenario`; None: ``standard``.
-        opponent, ally: the other side's player, or several to draw one from per round, by the names of
-            :func:`fpg_bench.players.registry.as_player`; ``suite:NAME`` stands for all members of a suite. In
-            ids against any player also objects with ``predict``.
-        path: flight path of the opponent, or several to draw one from per round.
-        planner: planner of the opponent's path: a name, an object, or a function or class that makes one and
-            may take the scenario.
-        knowledge: the ally's knowledge base: ``expert``, ``none``, or a YAML file.
-        jamming_types: the allowed jamming types.
-        reward: reward of the learner; see :func:`fpg_bench.envs.core.compute_reward`.
-        actions: action mode, ``continuous``, ``discrete`` or ``multi-discrete``; of the duel also a mapping
-            from sides to modes.
-        observation: what the ally sees, its 15 ``numbers`` or a spectrum ``waterfall``.
-        history: number of rows of the waterfall.
+        scenario: the scenario: ``standard``, ``paper``, ``figures``, ``link``, a variant such as
+            ``link-fast-hop``, or a YAML file. In Python also a :class:`Scenario`. None: ``standard``.
+        opponent, ally: the other side's player: a script, a shipped agent, an agent's folder,
+            ``hf://owner/name`` or ``package.module:object`` (see ``fpg-bench players``), or ``suite:NAME``
+            for all members of a suite. Of several, one is drawn per round. In Python also objects with
+            ``predict``, in ids against any player.
+        path: the opponent's flight path. Of several, one is drawn per round.
+        planner: the planner of the opponent's path between rounds, by name or ``package.module:object``. In
+            Python also an object, or a function or class that makes one and may take the scenario.
+        knowledge: the ally's knowledge base: ``expert``, ``none`` or a YAML file.
+        jamming_types: allowed jamming types.
+        reward: reward of the learner: ``own``, ``zero_sum``, ``jamming``, ``overlap`` or ``ally_cost``;
+            None: ``own``. See :func:`fpg_bench.envs.core.compute_reward`.
+        actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``; None: that of the
+            environment. Of the duel also a mapping from sides to modes.
+        observation: what the ally sees: its 15 ``numbers`` or a spectrum ``waterfall``; None: ``numbers``.
+        history: rows of the waterfall; None: 16.
         untrusted: the ``package.module:object`` and agents of the Hub that a file named and the user has not
             allowed. A game that has such a player or planner is not opened.
 
@@ -86,7 +89,7 @@ class GameSpec:
             config = find_env(self.id)
             mode = config.action_mode(self.actions)  # type: ignore[arg-type]  # refuses a mapping
             changes |= {"id": config.id, "actions": None if mode == "continuous" else mode}
-        for name in _LISTS:
+        for name in LISTS:
             changes[name] = _listed(name, getattr(self, name))
         for name in ("scenario", "knowledge"):
             if isinstance(value := getattr(self, name), os.PathLike):
@@ -190,7 +193,7 @@ class GameSpec:
         """Return the options that are set, by name; a list of one name is that name."""
         values = {name: getattr(self, name) for name in option_names()}
         return {
-            name: value[0] if name in _LISTS and len(value) == 1 else value
+            name: value[0] if name in LISTS and len(value) == 1 else value
             for name, value in values.items()
             if value is not None
         }
@@ -246,7 +249,7 @@ class GameSpec:
             UserError: no such id, or an option of another kind.
         """
         own = {name: value for name, value in options.items() if name in option_names()}
-        for name in _LISTS:
+        for name in LISTS:
             if isinstance(text := own.get(name), str) and "(" not in text:  # not a script's constants
                 own[name] = text.split(",")
         rest = {name: value for name, value in options.items() if name not in own}
@@ -310,7 +313,7 @@ def _check_json(name: str, value: object) -> None:
 
     if name == "scenario" and not isinstance(value, str | Mapping):
         refuse("a preset, a YAML file or a mapping of fields")
-    if name in _LISTS:
+    if name in LISTS:
         items = value if isinstance(value, list | tuple) else [value]
         if not items or not all(isinstance(item, str) for item in items):
             refuse("a name or a list of names")

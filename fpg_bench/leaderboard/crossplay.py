@@ -21,7 +21,7 @@ from annotated_types import Ge, Gt, Le, Len, Lt
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.parallel import folder_job, run_jobs
+from fpg_bench.common.parallel import Workers, folder_job, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
@@ -261,18 +261,14 @@ def play_missing(
     board: str | Path,
     *,
     trusted: Collection[Row] | None = None,
-    n_jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 1,
 ) -> list[str]:
     """Play the pairs of a board that have no result yet; results of entries that are gone are dropped.
 
     Args:
         board: the leaderboard's folder.
         trusted: trusted rows; all others are played again and replaced. None: all are trusted.
-        n_jobs: number of allies that play at once.
-        backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
-        address: of a Ray cluster.
+        workers: number of allies that play at once, or :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
         Pairs that could not be played, and untrusted rows that did not hold, one line each.
@@ -286,7 +282,7 @@ def play_missing(
     missing = [(a, o) for key, a, o in pairs.every() if key not in results]
     _logger.info(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
     with at_work(board):
-        played, failed = _play(board, missing, n_jobs, backend, address)
+        played, failed = _play(board, missing, workers)
         results |= {pair.key: pair for pair in played}
         failed += [f"{record}; replaced, commit this one" for record in _differences(played, pairs)]
         if missing or not pairs.is_clean:
@@ -302,9 +298,7 @@ def check_pairs(
     share: float,
     seed: int | None = None,
     *,
-    n_jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 1,
 ) -> list[str]:
     """Play some pairs again, drawn at random for each ally, and return what differs, one line each.
 
@@ -312,7 +306,7 @@ def check_pairs(
         board: the leaderboard's folder.
         share: of each ally's pairs; at least one is played.
         seed: of the draw; None: a new one, which is logged.
-        n_jobs, backend, address: as in :func:`play_missing`.
+        workers: as in :func:`play_missing`.
 
     Raises:
         UserError: a share out of range.
@@ -326,7 +320,7 @@ def check_pairs(
         there = [(a, o) for key, a, o in pairs.every() if a is ally and key in pairs.results]
         drawn += rng.sample(there, math.ceil(share * len(there)))
     with at_work(board):
-        played, failed = _play(board, drawn, n_jobs, backend, address)
+        played, failed = _play(board, drawn, workers)
         shutil.rmtree(_work(board), ignore_errors=True)
     return failed + _differences(played, pairs)
 
@@ -363,9 +357,7 @@ def _compared(
 def _play(
     board: Path,
     pairs: Sequence[tuple[CrossplayEntry, CrossplayEntry]],
-    n_jobs: int,
-    backend: str,
-    address: str | None,
+    workers: Workers | int,
 ) -> tuple[list[Pair], list[str]]:
     """Play pairs, one job per ally; return their results, and what failed.
 
@@ -378,7 +370,7 @@ def _play(
         run, done = partial(_fill, ally, opponents), partial(_is_done, folder, keys)
         jobs.append(folder_job(ally.slug, folder, run, done))
         folders.append((folder, keys))
-    failed = run_jobs(jobs, n_jobs, backend, address, level=logging.DEBUG)
+    failed = run_jobs(jobs, workers, level=logging.DEBUG)
     rows = [row for folder, keys in folders for row in _rows(folder) if row["key"] in keys]
     lost = [f"{row['ally']} - {row['opponent']}: {row[FAILED]}" for row in rows if FAILED in row]
     played = [pair for pair in map(read_pair, rows) if pair is not None]

@@ -18,7 +18,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, meant, printable
 from fpg_bench.common.imports import described
-from fpg_bench.common.parallel import Job, folder_job, outcome_of, run_jobs
+from fpg_bench.common.parallel import Job, Workers, folder_job, outcome_of, run_jobs
 from fpg_bench.evaluation.record import TALLIES, Record
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.summary import summary_of
@@ -495,9 +495,7 @@ def verify(
     update: bool = False,
     since: str | None = None,
     changes_known: bool = False,
-    n_jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 1,
 ) -> list[Verdict]:
     """Verify submissions; one with problems does not stop the others.
 
@@ -514,9 +512,7 @@ def verify(
             whatever the sample, and their results are replaced; the results that came along are compared. Of
             the others only those that are named, or a sample, are played again.
         changes_known: accept that other files changed since, too.
-        n_jobs: number of policies that are played at once.
-        backend: ``loky`` or ``ray``; see :func:`fpg_bench.common.parallel.run_jobs`.
-        address: of a Ray cluster.
+        workers: number of policies that are played at once, or :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
         The verdicts, by track and name.
@@ -540,7 +536,7 @@ def verify(
         if not names:
             verification.check_orphans()
         every = [job for case in cases for job in verification.jobs(case)]
-        verification.failed |= run_jobs(every, n_jobs, backend, address, level=logging.DEBUG)
+        verification.failed |= run_jobs(every, workers, level=logging.DEBUG)
         for case in cases:
             verification.settle(case)
     return sorted(verification.verdicts.values(), key=lambda verdict: verdict.name)
@@ -655,9 +651,7 @@ def run_one(
     folder: str | Path,
     update: bool = False,
     *,
-    n_jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 1,
 ) -> Verdict:
     """Verify the submission of a folder ``<board>/submissions/<track>/<name>``; see :func:`verify`.
 
@@ -672,5 +666,5 @@ def run_one(
         raise UserError(f"{given}: expected a folder {expected}{hint}")
     board = Path(short_path(folder.parents[2]))
     name = f"{track}/{folder.name}"
-    (verdict,) = verify(board, [name], update=update, n_jobs=n_jobs, backend=backend, address=address)
+    (verdict,) = verify(board, [name], update=update, workers=workers)
     return verdict

@@ -10,7 +10,7 @@ from typing import Any
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_writable
-from fpg_bench.common.parallel import Job, check_all_done, run_jobs
+from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.paper.conditions import ALL, LLM, LONG, SHORT_SEEDS, TABLES, Condition, conditions_of
 from fpg_bench.paper.experiment import BUDGETS, LEARNERS, Budget, check_learner, run_experiment
 from fpg_bench.paper.figures import draw
@@ -28,9 +28,7 @@ def reproduce(
     budget: str | Budget = "quick",
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
-    n_jobs: int = 2,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 2,
 ) -> list[Path]:
     """Run the experiments behind a figure of the paper, draw it, and report on all runs in the folder.
 
@@ -47,7 +45,7 @@ def reproduce(
         llm: options of the language-model planner, which is then trained against as well; the environment
             names its endpoint. ``transcript`` replays that file. None: no language model.
         learner: ``torch`` or ``jax``; the latter is faster and requires the extra ``fast``.
-        n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
+        workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
         The files written: figures first, then the report.
@@ -62,9 +60,7 @@ def reproduce(
     seeds = range(first_seed, first_seed + count)
     file = RunFile(out, scenario, budget.name)
     conditions = _conditions(target, scenario, budget, llm)
-    failed = run_jobs(
-        _missing(file, conditions, scenario, budget, seeds, llm, learner), n_jobs, backend, address
-    )
+    failed = run_jobs(_missing(file, conditions, scenario, budget, seeds, llm, learner), workers)
     names = [name for each in _conditions(ALL, scenario, BUDGETS["full"], {}) for name in each.runs]
     results = read_results(file, dict.fromkeys(names, seeds))
     drawn = draw(results, scenario, out / "figures")

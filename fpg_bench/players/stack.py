@@ -21,7 +21,7 @@ from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import Player
 
-# Of an action entry, between a stack and onnxruntime, whose own float32 rounding differs by up to 1.1e-5 among
+# Of an action entry, between a stack and onnxruntime, whose float32 rounding differs by up to 1.1e-5 among
 # the shipped agents: 57 of 98 plain networks are within 1e-6, 97 within 5e-6. An export may differ by 1e-4.
 TOLERANCE = 1e-5
 _FLAGS = {"Relu": 1, "Tanh": 2, "Clip": 4}  # what follows a layer, in this order

@@ -23,6 +23,10 @@ from fpg_bench.training.algorithms import find_algorithm
 class RunConfig:
     """Everything that distinguishes one training run from another, apart from its folder.
 
+    >>> config = RunConfig("ppo", GameSpec("FPG/AllyVsScripted-v0", path="circle"), steps=100_000)
+    >>> config.spec.path, config.suites()
+    (('circle',), ['ally-v1'])
+
     Attributes:
         algorithm: ``ppo``, ``ppo-fast``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` and the like,
             ``maddpg``, ``package.module:Class``, or a class with Stable-Baselines3's interface.

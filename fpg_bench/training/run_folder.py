@@ -9,28 +9,15 @@ import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import check_own_folder, read_json, write_json
+from fpg_bench.common.files import check_own_folder
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS
-from fpg_bench.game.spec import GameSpec
+from fpg_bench.evaluation.run_description import FILE, RunDescription
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
 
 TRANSCRIPT = "transcript.jsonl"  # of a run with a language model
-# Keys that identify a run; the command and the versions may change when a run is resumed.
-_IDENTITY = (
-    "algorithm",
-    "game",
-    "scenario",
-    "training_seed",
-    "training_steps",
-    "hyperparameters",
-    "options",
-    "offline",
-    "policies",
-)
 
 
 class RunFolder:
@@ -43,7 +30,7 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.agent, self.checkpoints = path / "agent", path / "checkpoints"
-        self.description, self.curve = path / "run.json", path / "curve.png"
+        self.description, self.curve = path / FILE, path / "curve.png"
         self.evaluations = RowFile(path / EVALUATIONS, {"side": str, "score": float | int})
 
     def agent_of(self, side: str, sides: Sequence[str]) -> Path:
@@ -66,19 +53,11 @@ class RunFolder:
                 raise UserError(f"{self.path}: another process is training in this folder") from error
             yield
 
-    def read(self) -> dict[str, Any]:
-        """Return the content of ``run.json``, also of version 0.2.0; raises UserError if it is unreadable."""
-        about = read_json(self.description, "run")
-        if "game" not in about and isinstance(env_id := about.get("id"), str):
-            game, options = GameSpec.from_options(env_id, about.pop("options", None) or {})
-            about |= {"game": game.to_dict(), **({"options": options} if options else {})}
-        return about
+    def read(self) -> RunDescription:
+        """Return the content of ``run.json``; raises UserError if it is unreadable."""
+        return RunDescription.read(self.path)
 
-    def write(self, about: dict[str, Any]) -> None:
-        """Write ``run.json``."""
-        write_json(self.description, about)
-
-    def state(self, about: dict[str, Any], allow_unfinished: bool) -> dict[str, Any] | None:
+    def state(self, about: RunDescription, allow_unfinished: bool) -> RunDescription | None:
         """Return the content of ``run.json`` if it describes this run; None if there is no such file.
 
         Args:
@@ -91,19 +70,19 @@ class RunFolder:
         if not self.description.exists():
             return None
         state = self.read()
-        differing = [key for key in _IDENTITY if state.get(key) != about.get(key)]
-        if differing == ["training_steps"] and "offline" not in about:  # --start can continue it
+        differing = about.differences(state)
+        if differing == ["training_steps"] and about.offline is None:  # --start can continue it
             raise UserError(
-                f"{self.path}: holds this run with {state['training_steps']:,} steps, and its budget cannot "
+                f"{self.path}: holds this run with {state.training_steps:,} steps, and its budget cannot "
                 "change; to continue, finish it and start a new run with its weights: "
                 f"--start {self.path} --out NEW"
             )
         if differing:
             raise other_content(
                 self.path,
-                f"another run ({state.get('command')}), or this one with other hyper-parameters or agents",
+                f"another run ({state.command}), or this one with other hyper-parameters or agents",
             )
-        if not state.get("finished") and not allow_unfinished:
+        if not state.finished and not allow_unfinished:
             remedy = "continue it with --resume, start over with --restart"
             raise other_content(self.path, "this run unfinished", remedy)
         return state
@@ -118,7 +97,7 @@ class RunFolder:
 
     def is_finished(self) -> bool:
         """Return True if the folder holds a finished run."""
-        return self.description.exists() and bool(self.read().get("finished"))
+        return self.description.exists() and self.read().finished
 
     def clear(self) -> None:
         """Remove the files of an earlier start of the run.

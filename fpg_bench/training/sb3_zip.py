@@ -17,6 +17,7 @@ from fpg_bench.common.errors import UserError, nearest, one_line
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.training.export import export_agent
 from fpg_bench.training.models import ACTIVATIONS
 
 KINDS: dict[str, type[PPO | A2C | SAC | TD3]] = {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
@@ -31,6 +32,50 @@ _HARMLESS = {
 }
 _HARMLESS |= {"use_sde", "optimizer_class", "optimizer_kwargs", ":type:", ":serialized:"}
 INSTEAD = "load it yourself and call fpg_bench.export_agent(model, folder, training_seed=...)"
+
+
+def export_zip(
+    path: Path,
+    out: Path,
+    algorithm: str | None,
+    env_id: str,
+    seed: int | None = None,
+    *,
+    is_plain: bool = False,
+) -> float:
+    """Export a zip written by SB3's ``save`` as an agent folder.
+
+    Args:
+        path: the zip.
+        out: the agent's folder.
+        algorithm: see :func:`load_zip`; None is refused, as a zip does not name it.
+        env_id: the environment id that it was trained on.
+        seed: the training seed; None: that of a folder named ``seed_<k>``.
+        is_plain: confirms that it was trained without VecNormalize, which a zip does not show.
+
+    Returns:
+        The largest difference from the model's own ``predict``.
+
+    Raises:
+        UserError: as :func:`load_zip`, or something that a zip does not tell is not given.
+    """
+    if not path.is_file():
+        raise UserError(f"export: {path} does not exist; expected the folder of a run, or a zip")
+    if not zipfile.is_zipfile(path):
+        raise UserError(f"export: {path} is not a zip written by save() of SB3; that of a run is model.zip")
+    if algorithm is None:
+        raise UserError("export: a zip does not name its algorithm; add --algo ppo, a2c, sac or td3")
+    if not is_plain:
+        raise UserError(
+            "export: a zip does not show whether VecNormalize was used, and its statistics are a pickle, "
+            f"which is never opened; add --not-normalized if it was not used, else {INSTEAD}"
+        )
+    if seed is None:
+        if (named := re.fullmatch(r"seed_(\d+)", out.name)) is None:
+            raise UserError("export: add --seed, the training seed, or name the folder seed_<k>")
+        seed = int(named[1])
+    model = load_zip(path, algorithm, env_id)
+    return export_agent(model, out, training_seed=seed, algorithm=algorithm)
 
 
 def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:

@@ -23,13 +23,13 @@ from torch.distributions import Distribution
 from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure, write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_json
-from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
+from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
+from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.planning import LLM_CONTROLS
 from fpg_bench.training.algorithms import find_algorithm
@@ -127,7 +127,7 @@ def train(
     }
     with run.folder.locked():
         state = run.folder.state(run.about, allow_unfinished=restart or resume)
-        if state is None or not state.get("finished"):
+        if state is None or not state.finished:
             if state is not None and resume:
                 run.resume(state)
             else:
@@ -145,7 +145,7 @@ def is_finished(config: RunConfig, out: str | Path) -> bool:
     """
     run = _Run(config, RunFolder(Path(out)))
     state = run.folder.state(run.about, allow_unfinished=True)
-    return bool(state and state.get("finished"))
+    return state is not None and state.finished
 
 
 def train_seeds(
@@ -155,9 +155,7 @@ def train_seeds(
     *,
     evaluations: int = EVALUATIONS,
     restart: bool = False,
-    n_jobs: int = 2,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 2,
 ) -> None:
     """Train several seeds of a run in parallel; finished ones are not repeated.
 
@@ -167,8 +165,7 @@ def train_seeds(
         seeds: the training seeds.
         evaluations: number of evaluations during each training.
         restart: discard unfinished runs and start them over; otherwise they are resumed.
-        n_jobs, backend, address: number of parallel trainings, one thread each, and where they run; see
-            :func:`fpg_bench.common.parallel.run_jobs`.
+        workers: number of parallel trainings, one thread each, or :class:`fpg_bench.common.parallel.Workers`.
 
     Raises:
         UserError: something unknown or out of range, folders that hold other runs, a language model as the
@@ -185,7 +182,7 @@ def train_seeds(
             train, run, evaluations=evaluations, restart=restart, resume=not restart, progress=False
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
-    check_all_done(run_jobs(jobs, n_jobs, backend, address))
+    check_all_done(run_jobs(jobs, workers))
 
 
 MOST_SEEDS = 1000  # of one list
@@ -249,8 +246,8 @@ class _Run:
         self._part = 0  # number of times the run was resumed
         self._starts_fresh = True  # from newly initialized weights
 
-    def _describe(self, budget: int) -> dict[str, Any]:
-        """Return the content of ``run.json`` and ``agent.json``; ``policies`` hashes the agents met."""
+    def _describe(self, budget: int) -> RunDescription:
+        """Return the description of the run; ``policies`` hashes the agents met."""
         config, parameters, name = self.config, self.parameters, self.algorithm.name
         spec, scenario, options = config.spec, config.spec.resolve(), config.options()
         entry = {"n_envs": parameters.n_envs, "normalize": parameters.normalize} | parameters.entry()
@@ -280,8 +277,7 @@ class _Run:
             "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "revision": revision(),
         }
-        content: dict[str, Any] = json.loads(json.dumps(about, default=str))  # as it is read from JSON
-        return content
+        return RunDescription(**json.loads(json.dumps(about, default=str)))  # as it is read from JSON
 
     def setup(self) -> None:
         """Make the model, and check that it can be exported before anything is written."""
@@ -295,7 +291,7 @@ class _Run:
         game = dataclasses.replace(config.spec, planner=planner)
         first_seed = training_seed(config.seed)
         self.games = make_sb3(game, self.parameters.n_envs, first_seed, stagger=True, stacked=True)
-        self.model = make_model(self.algorithm, self.games, self.parameters, self.about["training_seed"])
+        self.model = make_model(self.algorithm, self.games, self.parameters, self.about.training_seed)
         if config.start is not None:
             start = Path(config.start)
             _check_start(start, self.about)
@@ -316,7 +312,7 @@ class _Run:
                 "its policy_kwargs, such as log_std_init"
             ) from error
 
-    def resume(self, state: dict[str, Any]) -> None:
+    def resume(self, state: RunDescription) -> None:
         """Load the newest checkpoint; the matches and random numbers from here on are new.
 
         A run without saved steps starts over, so that it ends with the policy of an uninterrupted run.
@@ -325,9 +321,9 @@ class _Run:
         if checkpoint is None or steps_of(checkpoint) == 0:
             self.folder.clear()
             return
-        has_steps_left = steps_of(checkpoint) < self.about["training_steps"]
-        self._part = state.get("part", 0) + has_steps_left
-        seed = self.about["training_seed"]
+        has_steps_left = steps_of(checkpoint) < self.about.training_steps
+        self._part = state.part + has_steps_left
+        seed = self.about.training_seed
         self._seconds_before = load_checkpoint(checkpoint, self.model, (seed + self._part * 2**20) % 2**32)
         self._starts_fresh = False
         self._seed_games()
@@ -342,14 +338,14 @@ class _Run:
         """Seed the games with the matches of this part of the run."""
         n_envs = self.games.num_envs
         offset = self._part * n_envs % (TRAINING_STRIDE - n_envs)
-        self.games.seed(training_seed(self.about["training_seed"]) + offset)
+        self.games.seed(training_seed(self.about.training_seed) + offset)
 
     def _imitate(self, stop: StopRequest) -> None:
         """Imitate the teacher of the hyper-parameters, if there is one and the weights are new."""
         if self.parameters.imitate is None or not self._starts_fresh:
             return
         error = imitate(self.model, self.games, self.parameters.imitate, stop)
-        self.about["imitation_error"] = round(error, 6)
+        self.about = self.about.model_copy(update={"imitation_error": round(error, 6)})
         self._seed_games()
 
     def learn(self, evaluators: Mapping[str, PolicyEvaluator], n_evals: int, progress: bool) -> None:
@@ -358,9 +354,10 @@ class _Run:
         Raises:
             KeyboardInterrupt: stopped by the user.
         """
-        self.folder.write(self.about | {"finished": False, "part": self._part})
+        started = self.about.model_copy(update={"finished": False, "part": self._part})
+        started.write(self.folder.path)
         self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
-        budget, model = self.about["training_steps"], self.model
+        budget, model = self.about.training_steps, self.model
         bars = [ProgressCallback(budget)] if progress else []
         clock = Clock(self._seconds_before)
         with StopRequest(_STOPPING) as stop:
@@ -394,19 +391,20 @@ class _Run:
     def finish(self) -> None:
         """Export the agent, save the model, draw the learning curve, and remove the checkpoints."""
         steps = self.model.num_timesteps
-        about = self.about | {"steps_done": steps, "seconds": round(self.seconds, 1)}
+        made: Row = {"steps_done": steps, "seconds": round(self.seconds, 1)}
         if (plans := getattr(self.games.core.duel.planner, "flown", None)) is not None:
-            about["plans"] = dict(plans)  # of this part of the run
+            made["plans"] = dict(plans)  # of this part of the run
+        about = self.about.model_copy(update=made)
         difference = max(
-            write_exported(player, self.folder.agent_of(side, self.sides), about | {"side": side})
+            write_exported(player, self.folder.agent_of(side, self.sides), about.to_dict() | {"side": side})
             for side, player in by_side(self.model, self.sides).items()
         )
         save_model(self.model, self.folder.path)
         if rows := self.folder.evaluations.read():
-            _draw_curve(rows, f"{about['algorithm']}, {self.config.spec.id}", self.folder.curve)
+            _draw_curve(rows, f"{about.algorithm}, {self.config.spec.id}", self.folder.curve)
         rate = round(steps / self.seconds)
         result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
-        self.folder.write(about | result)
+        about.model_copy(update=result).write(self.folder.path)
         shutil.rmtree(self.folder.checkpoints, ignore_errors=True)
 
 
@@ -428,16 +426,19 @@ def _offline(data: Any) -> dict[str, Any]:
     return {"dataset": data.spec.dataset_id, "content_sha256": data.sha256, "transitions": steps}
 
 
-def _check_start(run: Path, about: dict[str, Any]) -> None:
+def _check_start(run: Path, about: RunDescription) -> None:
     """Raise UserError if a run cannot start from the weights of another."""
-    other = read_json(run / "run.json", "start")
-    other |= other.get("hyperparameters", {})
-    expected = {key: about[key] for key in ("algorithm", "side")} | {"finished": True}
-    if other.get("algorithm") == about["algorithm"].replace("ppo", "bc"):  # a clone has PPO's networks
-        del expected["algorithm"]
-    for key, value in (expected | {"normalize": about["hyperparameters"]["normalize"]}).items():
-        if other.get(key) != value:
-            raise UserError(f"start {run}: {key} is {other.get(key)!r} there, expected {value!r}")
+    other = RunDescription.read(run, "start")
+    is_clone = other.algorithm == about.algorithm.replace("ppo", "bc")  # which has PPO's networks
+    normalize = (each.hyperparameters.get("normalize") for each in (other, about))
+    for key, found, expected in (
+        ("algorithm", other.algorithm, other.algorithm if is_clone else about.algorithm),
+        ("side", other.side, about.side),
+        ("finished", other.finished, True),
+        ("normalize", *normalize),
+    ):
+        if found != expected:
+            raise UserError(f"start {run}: {key} is {found!r} there, expected {expected!r}")
 
 
 def _draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:

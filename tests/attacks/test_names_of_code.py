@@ -138,7 +138,15 @@ def test_a_search_space_and_a_study_run_no_code_that_is_not_allowed(tmp_path, ra
 
 def test_a_run_and_a_file_of_champions_run_no_code(tmp_path, ran):
     folder = RunFolder(tmp_path / "run")
-    write_json(folder.description, {"hyperparameters": {"imitate": {"teacher": CODE}}})
+    write_json(
+        folder.description,
+        {
+            "algorithm": "ppo",
+            "side": "ally",
+            "training_seed": 0,
+            "hyperparameters": {"imitate": {"teacher": CODE}},
+        },
+    )
     with pytest.raises(UserError, match=REFUSED):
         _teacher(folder)
     (tmp_path / "champions.yml").write_text(yaml.safe_dump({"mine": {"options": {"planner": CODE}}}))

@@ -91,7 +91,7 @@ def test_the_content_is_the_same_from_several_processes_and_with_an_agent(tmp_pa
     done = []
     folders = [
         make_dataset(
-            spec, tmp_path / str(n), n_jobs=n, rounds_per_part=n, progress=lambda *of: done.append(of)
+            spec, tmp_path / str(n), workers=n, rounds_per_part=n, progress=lambda *of: done.append(of)
         )
         for n in (1, 2)
     ]

@@ -246,7 +246,7 @@ def test_many_at_once_give_the_same_rows_and_a_player_that_fails_holds_up_nobody
     play_into(tmp_path / "one", suite, loaded, entries)
     shutil.rmtree(agents[0])  # its policy travels to the workers
     with pytest.raises(UserError, match=r"bad:Bad - adaptive/pursuit: .*no idea, .*, line 3 \(and 1 more"):
-        play_into(tmp_path / "many", suite, loaded, [bad, *entries], n_jobs=2)
+        play_into(tmp_path / "many", suite, loaded, [bad, *entries], workers=2)
     assert rows(tmp_path / "many") == rows(tmp_path / "one")
     for out in ("many", "one"):
         write_table(*read_results(tmp_path / out), tmp_path / out)

@@ -101,7 +101,7 @@ def test_records_of_another_suite_are_refused(store):
 
 def test_workers_fill_it_with_the_same_records(tmp_path):
     every = wanted(small())
-    records = Store(tmp_path / "records.jsonl").fill(every, n_jobs=2)
+    records = Store(tmp_path / "records.jsonl").fill(every, workers=2)
     assert records == Store().fill(every)
 
 

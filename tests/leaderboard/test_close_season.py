@@ -227,7 +227,7 @@ ENTRIES = (
 TINY_STEPS = {algorithm: tuple(n // 2000 for n in steps) for algorithm, steps in STEPS.items()}
 
 
-def run_here(jobs, n_jobs=1, backend=None, address=None):
+def run_here(jobs, workers=1):
     """Run jobs one after the other, as workers do."""
     for job in jobs:
         if not job.done():

@@ -314,7 +314,7 @@ def test_several_at_once_give_the_same_results(two):
     alone = {path: path.read_bytes() for path in (two / "results/ally").iterdir()}
     for path in alone:
         path.unlink()
-    assert all(good for good, _ in verdicts_of(two, n_jobs=2).values())
+    assert all(good for good, _ in verdicts_of(two, workers=2).values())
     assert {path: path.read_bytes() for path in alone} == alone
 
 

@@ -27,7 +27,7 @@ def made(tmp_path_factory):
     """Reproduce Fig. 7; yields the folder, the written files and the messages."""
     out = tmp_path_factory.mktemp("reproduced")
     with logged() as messages:
-        written = reproduce("fig7", out, budget=TINY, n_jobs=1)
+        written = reproduce("fig7", out, budget=TINY, workers=1)
     return out, written, messages
 
 
@@ -61,7 +61,7 @@ def test_swapped_paths_are_reported_but_not_counted_as_runs(monkeypatch, tmp_pat
         replace(each, changes={"rounds_per_match": 4}) for each in conditions_of("fig4", "paper", False)
     ]
     monkeypatch.setattr(reproducing, "_conditions", lambda *_: [short])
-    reproduce("fig4", tmp_path, budget=budget, n_seeds=2, n_jobs=1)
+    reproduce("fig4", tmp_path, budget=budget, n_seeds=2, workers=1)
     frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
     assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
     report, *_ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
@@ -98,12 +98,12 @@ def test_finished_runs_are_not_repeated_and_those_of_another_scenario_not_contin
     out, _, first = made
     assert sum(": done" in line for line in first) == 3
     with logged() as messages:
-        reproduce("fig5", out, budget=TINY, n_jobs=1)
+        reproduce("fig5", out, budget=TINY, workers=1)
     assert messages == []
     other = RunFile(tmp_path, "standard", "tiny")
     other.add(RunFile(out, "paper", "tiny").read().values())
     with pytest.raises(UserError, match="planned, seed 0, played another game than standard is now"):
-        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, n_seeds=1, n_jobs=1)
+        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, n_seeds=1, workers=1)
 
 
 @pytest.mark.slow
@@ -212,5 +212,5 @@ def test_tables_are_written_without_runs(tmp_path):
 def test_tables_are_added_to_a_report_on_runs_where_they_are_asked_for(made):
     out, *_ = made
     for target, expected in (("tables", ["1", "2", "3"]), ("fig7", [])):
-        reproduce(target, out, budget=TINY, n_jobs=1)
+        reproduce(target, out, budget=TINY, workers=1)
         assert re.findall("^## Table (\\d)", (out / "report-paper.md").read_text(), re.MULTILINE) == expected

@@ -232,10 +232,10 @@ def test_far_more_steps_than_were_asked_for_are_said(tmp_path):
 # Several seeds
 
 
-def train_several(out, seeds, *, n_jobs=2, **options):
+def train_several(out, seeds, *, workers=2, **options):
     config = run_config("ppo", **{"hyperparams": settings("ppo")} | options)
     with logged() as messages:
-        train_seeds(config, out, seeds, evaluations=0, n_jobs=n_jobs)
+        train_seeds(config, out, seeds, evaluations=0, workers=workers)
     return messages
 
 
@@ -244,16 +244,16 @@ def test_each_seed_is_trained_once_and_a_failure_does_not_hold_up_the_others(tmp
     (tmp_path / "seed_2").mkdir()
     (tmp_path / "seed_2" / "mine.txt").touch()
     with pytest.raises(UserError, match=r"seed_2: .*holds other files, but no training run"):
-        train_several(tmp_path, [0, 2], n_jobs=1)
+        train_several(tmp_path, [0, 2], workers=1)
     (tmp_path / "seed_2" / "mine.txt").unlink()
-    lines = train_several(tmp_path, [0, 2], n_jobs=1)
+    lines = train_several(tmp_path, [0, 2], workers=1)
     assert [line.split(":")[0] for line in lines] == ["seed_2"]
     for seed in (0, 2):
         assert load_agent(tmp_path / f"seed_{seed}" / "agent").card.training_seed == seed
     with pytest.raises(
         UserError, match="seed_0: holds this run with 1,200 steps, and its budget cannot change"
     ):
-        train_several(tmp_path, [0, 2], steps=2400, n_jobs=1)
+        train_several(tmp_path, [0, 2], steps=2400, workers=1)
 
 
 @pytest.mark.process

@@ -57,7 +57,7 @@ def test_missing_agents_are_trained_shipped_and_evaluated_once_whichever_fails(z
     runs = tmp_path / "runs"
     make_agent(zoo.members()[0])
     (tmp_path / "break_1").touch()
-    assert script.train_zoo(zoo, runs, "small/ppo", n_jobs=1) == ["small/ppo/seed_1"]
+    assert script.train_zoo(zoo, runs, "small/ppo", workers=1) == ["small/ppo/seed_1"]
     assert "small/ppo/seed_1: failed: out of luck" in caplog.messages
     (tmp_path / "break_1").unlink()
     assert script.train_zoo(zoo, runs, "small/ppo") == []

@@ -11,7 +11,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import other_side
-from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
+from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Store
 from fpg_bench.leaderboard.season.candidates import (
@@ -55,7 +55,7 @@ def audit_season(
     members: list[str] | None = None,
     count: int = 2,
     *,
-    n_jobs: int = 2,
+    workers: Workers | int = 2,
 ) -> list[AuditedMember]:
     """Train some members of a season again.
 
@@ -67,7 +67,7 @@ def audit_season(
         work: folder to train in.
         members: their names; None: ``count`` per side, drawn by the folder's name.
         count: number per side.
-        n_jobs: number of members trained at once.
+        workers: number of members trained at once, or :class:`fpg_bench.common.parallel.Workers`.
 
     Raises:
         UserError: an entry that the season was closed over is missing or has changed, a seed that does not
@@ -75,7 +75,7 @@ def audit_season(
     """
     check_entries(season, entries)
     chosen = _choose_members(season, members, count, work)
-    check_all_done(run_jobs([_training_job(work, member, season.scenario) for _, member in chosen], n_jobs))
+    check_all_done(run_jobs([_training_job(work, member, season.scenario) for _, member in chosen], workers))
     return [_compare(season, entries, work, side, member) for side, member in chosen]
 
 

@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import read_json, read_yaml, write_whole
+from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import other_side
-from fpg_bench.common.parallel import Job, check_all_done, folder_job, run_jobs
+from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Pairing, Store
 from fpg_bench.leaderboard.season.candidates import (
@@ -133,9 +134,7 @@ def close_season(
     out: Path,
     sides: Sequence[str] = SIDES,
     *,
-    n_jobs: int = 2,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 2,
 ) -> Season | None:
     """Close a season, or resume its closing with the same result.
 
@@ -143,7 +142,7 @@ def close_season(
         closing: settings of the closing.
         out: the season's folder; ``season.yml`` is written last.
         sides: train candidates of these sides only; the season is closed once those of both are trained.
-        n_jobs, backend, address: see :func:`fpg_bench.common.parallel.run_jobs`.
+        workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
         The season; None while candidates of the other side are missing.
@@ -163,7 +162,7 @@ def close_season(
         jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
         done = sum(job.done() for job in jobs)
         _logger.info(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
-        check_all_done(run_jobs(jobs, n_jobs, backend, address))
+        check_all_done(run_jobs(jobs, workers))
         missing = [
             side
             for side in SIDES
@@ -295,7 +294,7 @@ def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember,
         candidates=dict.fromkeys(SIDES, closing.candidates),
         entries={entry.name: list(entry.hashes) for entry in closing.entries},
         members=members,
-        versions=read_json(first / "run.json", "run")["versions"],
+        versions=RunDescription.read(first).versions,
         scenario=closing.scenario,
     )
     for side in SIDES:

@@ -167,10 +167,26 @@ def best_responses(
             run = RunConfig(name, game, seed, budget, values)
             response = train(run, run_folder.path, evaluations=0, progress=progress, resume=True)
             ran = run_folder.read()
-            cost = {"seconds": ran["seconds"]} | ({"n_resumes": ran["part"]} if ran.get("part") else {})
+            cost = {"seconds": ran.seconds} | ({"n_resumes": ran.part} if ran.part else {})
             result["responses"].append(config | cost | target.evaluate(str(response)))
         result["lowest"] = _lowest_return(result)
         write_json(file, result)
+    return result
+
+
+def full_search(agent: str, out: str | Path, **options: Any) -> dict[str, Any]:
+    """Find the lowest return of a player with four kinds of responses, which takes about half an hour.
+
+    Args:
+        agent, out: see :func:`best_responses`, which is called for each kind.
+        **options: its ``side``, ``scenario``, ``path``, ``reward``, ``progress`` and ``allow``.
+
+    Returns:
+        The content of ``best_responses.json`` after the last of them.
+    """
+    result: dict[str, Any] = {}
+    for kind in FULL_SEARCH:
+        result = best_responses(agent, out, **options | {"actions": None} | kind)
     return result
 
 
@@ -197,7 +213,7 @@ def _teacher(run: RunFolder) -> str | None:
     """Return the teacher that a response's run has begun with; None if the run has not begun."""
     if not run.description.exists():
         return None
-    imitation = run.read().get("hyperparameters", {}).get("imitate") or {}
+    imitation = run.read().hyperparameters.get("imitate") or {}
     teacher: str | None = imitation.get("teacher")
     check_allowed(teacher, (), f"run {run.description}")
     return teacher

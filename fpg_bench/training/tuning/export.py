@@ -21,7 +21,7 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_target, read_yaml, write_whole
 from fpg_bench.common.imports import check_allowed, reason
-from fpg_bench.common.parallel import Job, run_jobs
+from fpg_bench.common.parallel import Job, Workers, run_jobs
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.training.tuning.objective import FAILURES, Objective
 from fpg_bench.training.tuning.space import from_params, merge_values
@@ -81,9 +81,7 @@ def export_values(
     force: bool = False,
     study_name: str | None = None,
     storage: str | None = None,
-    n_jobs: int = 1,
-    backend: str = "loky",
-    address: str | None = None,
+    workers: Workers | int = 1,
     allow: Collection[str] = (),
 ) -> list[Confirmed]:
     """Retrain the best trials of a study on the same fresh seeds, and write the best values into a file.
@@ -100,9 +98,7 @@ def export_values(
         force: write the values even if they score less than the present ones.
         study_name: name of the study; None for the only one in the storage.
         storage: SQLAlchemy URL of a database; None for SQLite in the folder.
-        n_jobs: number of parallel trainings.
-        backend: ``loky`` or ``ray``.
-        address: address of a Ray cluster.
+        workers: number of parallel trainings, or :class:`fpg_bench.common.parallel.Workers`.
         allow: the ``package.module:object`` and agents of the Hub that the study and its suite may name;
             neither is run on their word.
 
@@ -141,7 +137,7 @@ def export_values(
         for candidate, changes in candidates.items()
         for seed in seeds
     ]
-    run_jobs(jobs, n_jobs, backend, address)
+    run_jobs(jobs, workers)
     with opened.errors():
         stored = study.user_attrs
     intervals = {}

@@ -13,7 +13,7 @@ import optuna
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import print_messages
-from fpg_bench.common.parallel import Job, check_all_done, run_jobs
+from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.training.tuning.objective import N_EVALS, Objective
 from fpg_bench.training.tuning.space import format_values, from_params
@@ -40,7 +40,7 @@ def tune(
     out: str | Path,
     *,
     n_trials: int = N_TRIALS,
-    n_jobs: int = 1,
+    workers: Workers | int = 1,
     timeout: float | None = None,
     study_name: str | None = None,
     storage: str | None = None,
@@ -52,8 +52,6 @@ def tune(
     hyperparams: str | Path | None = None,
     suite: str | None = None,
     rounds: int = 100,
-    backend: str = "loky",
-    address: str | None = None,
     allow: Collection[str] = (),
 ) -> optuna.Study:
     """Run trials of a study until enough of them are finished; resume an existing study.
@@ -68,8 +66,8 @@ def tune(
             stores it, so its players and planner are names.
         out: the study's folder.
         n_trials: number of finished trials (complete or pruned) of the study, over all workers.
-        n_jobs: number of workers. Each finishes its current trial, so that a study may have up to
-            ``n_jobs - 1`` more trials than requested.
+        workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`. Each finishes its current
+            trial, so that a study may have as many more trials than requested, less one.
         timeout: seconds after which no worker begins a new trial.
         study_name: name of the study; None for the algorithm and the id.
         storage: SQLAlchemy URL of a database; None for SQLite in the folder.
@@ -82,8 +80,6 @@ def tune(
         suite: the suite on which a policy is scored; None for that of the environment. In the duel it decides
             which side is scored; None for the ally's.
         rounds: number of rounds per rival.
-        backend: where several workers run, ``loky`` or ``ray``.
-        address: address of a Ray cluster.
         allow: the ``package.module:object`` and agents of the Hub that the files (hyper-parameters, search
             space, suite) may name; neither is run on a file's word.
 
@@ -96,7 +92,7 @@ def tune(
         KeyboardInterrupt: stopped by the user. The running trial has been queued again.
     """
     integer(n_trials, "n_trials")
-    integer(n_jobs, "n_jobs")
+    workers = Workers.of(workers)
     task = make_task(
         algorithm,
         game,
@@ -118,13 +114,13 @@ def tune(
         is_finished = count_finished(study) >= n_trials
     if is_finished:
         _logger.info("this study was already finished; nothing was trained")
-    elif (n_jobs, backend, address) == (1, "loky", None):
+    elif workers.is_alone:
         run_worker(study, opened, partial(Objective, task, allow=allow), n_trials, timeout)
     else:
         folder = Path(out).absolute()
         work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout, allow)
-        jobs = [Job(f"worker {index}", work) for index in range(n_jobs)]
-        check_all_done(run_jobs(jobs, n_jobs, backend, address))
+        jobs = [Job(f"worker {index}", work) for index in range(workers.n_jobs)]
+        check_all_done(run_jobs(jobs, workers))
     with opened.errors():
         _log_result(study, task)
     return study

@@ -158,7 +158,8 @@ def test_training_that_diverges_says_so(algorithm):
     [
         ({"algorithm": "pqo"}, "did you mean 'ppo'"),
         ({"env_id": "FPG/OpponentVsScriptd-v0"}, f"did you mean '{ENV_ID}'"),
-        *(({name: 0}, f"^{name}: ") for name in ("n_trials", "n_jobs", "n_seeds", "steps", "rounds")),
+        ({"workers": 0}, "^n_jobs: "),
+        *(({name: 0}, f"^{name}: ") for name in ("n_trials", "n_seeds", "steps", "rounds")),
         ({"suite": "oponent-v1"}, "did you mean 'opponent-v1'"),
         ({"suite": "ally-v1"}, "measures the ally"),
         ({"algorithm": "maddpg"}, "maddpg: trains both sides, in FPG/duel_v0; got"),
@@ -264,15 +265,15 @@ def test_a_trial_that_fails_is_pruned_and_says_why(tmp_path, words, monkeypatch,
 def test_two_workers_share_the_trials(tmp_path, words, monkeypatch):
     """One after the other, as a worker would unpickle its job; ``test_worker.py`` has two at once."""
 
-    def run_here(jobs, n_jobs, *_):
-        assert len(jobs) == n_jobs
+    def run_here(jobs, workers):
+        assert len(jobs) == workers.n_jobs
         for job in jobs:
             pickle.loads(pickle.dumps(job.run))()
         return {}
 
     monkeypatch.setattr("fpg_bench.training.tuning.tune.run_jobs", run_here)
     options = words | {"n_seeds": 1, "steps": 120}
-    study = tune("ppo", ENV_ID, tmp_path / "study", n_trials=2, n_jobs=2, **options)
+    study = tune("ppo", ENV_ID, tmp_path / "study", n_trials=2, workers=2, **options)
     assert [trial.state.is_finished() for trial in study.trials] == [True] * 2
 
 

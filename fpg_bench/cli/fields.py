@@ -1,0 +1,101 @@
+"""Options of verbs from the fields of dataclasses, the one home of their types, defaults and words."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+import typer
+
+Given = Mapping[str, Any]  # values of fields, by name
+_TYPES = {"int": int, "float": float, "bool": bool, "Collection[str]": list[str], "Path": Path}
+
+
+@dataclasses.dataclass(frozen=True)
+class Fields:
+    """Annotation of a verb's parameter that stands for fields of a dataclass, each an option of its own.
+
+    ``Annotated[Workers, Fields(Workers)]`` passes the dataclass, with the defaults of the parameter's default
+    if it has one; ``Annotated[Given, Fields(GameSpec, ("path", "planner"))]`` passes the values by name.
+
+    Attributes:
+        kind: the dataclass. The first sentence on a field in its docstring is the option's help.
+        names: the fields; empty: all.
+        lists: fields that take several words, separated by commas.
+        panel: panel of the options in ``--help``.
+        details: further arguments of :func:`typer.Option` by field.
+    """
+
+    kind: type
+    names: tuple[str, ...] = ()
+    lists: tuple[str, ...] = ()
+    panel: str | None = None
+    details: Mapping[str, Given] = dataclasses.field(default_factory=dict)
+
+    def parameters(self, default: Any) -> list[inspect.Parameter]:
+        """Return the options as typer reads them; each field that is absent has the value of ``default``."""
+        docs, parameters = first_sentences(self.kind), []
+        for field in dataclasses.fields(self.kind):
+            if self.names and field.name not in self.names:
+                continue
+            help = docs.get(field.name, "") + " Several are separated by commas." * (field.name in self.lists)
+            details = {"help": help, "rich_help_panel": self.panel} | dict(self.details.get(field.name, {}))
+            kinds = str(field.type).split(" | ")
+            kind: Any = next((_TYPES[name] for name in kinds if name in _TYPES), str)
+            value = field.default if isinstance(default, type) else getattr(default, field.name)
+            of = kind | None if value in (None, ()) else kind
+            annotation: Any = Annotated[of, typer.Option(**details)]
+            parameters.append(_keyword(field.name, annotation, None if value == () else value))
+        return parameters
+
+    def collect(self, given: dict[str, Any]) -> Given:
+        """Take the values of the fields out of those of all options; one that is not given is left out."""
+        names = [each.name for each in dataclasses.fields(self.kind) if each.name in given]
+        values = {name: given.pop(name) for name in names if not self.names or name in self.names}
+        values = {name: value for name, value in values.items() if value is not None}
+        words = {name: values[name].split(",") for name in self.lists if "," in values.get(name, "")}
+        return values | words
+
+
+def with_fields(verb: Callable[..., None]) -> Callable[..., None]:
+    """Return a verb in whose signature :class:`Fields` are written out; it is called with all options."""
+    parameters, groups = [], {}
+    for name, parameter in inspect.signature(verb, eval_str=True).parameters.items():
+        kind, *marks = get_args(parameter.annotation) or (parameter.annotation,)
+        if marks and isinstance(marks[0], Fields):
+            groups[name] = marks[0], kind is marks[0].kind
+            parameters += marks[0].parameters(parameter.default)
+        else:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+
+    @functools.wraps(verb)
+    def call(**given: Any) -> None:
+        for name, (fields, is_whole) in groups.items():
+            values = fields.collect(given)
+            given[name] = fields.kind(**values) if is_whole else values
+        verb(**given)
+
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return call
+
+
+def first_sentences(kind: type) -> dict[str, str]:
+    """Return the first sentence on each attribute in a class's docstring, as the help of an option."""
+    _, _, section = (inspect.getdoc(kind) or "").partition("Attributes:\n")
+    sentences: dict[str, str] = {}
+    for names, text in re.findall(
+        r"^    ([\w, ]+): (.*(?:\n {8}.*)*)", section.split("\n\n")[0], re.MULTILINE
+    ):
+        first = re.split(r"(?<=\.)\s", " ".join(text.replace("``", "").split()))[0].rstrip(".")
+        first = first.replace("; None: ", ". Default: ")
+        sentences |= dict.fromkeys(names.split(", "), f"{first[0].upper()}{first[1:]}.")
+    return sentences
+
+
+def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
