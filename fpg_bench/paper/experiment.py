@@ -22,6 +22,7 @@ from fpg_bench.common.ids import DUEL
 from fpg_bench.envs.core import JointGame
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
+from fpg_bench.game.actions import KNOWLEDGE_GATE
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.paper.conditions import Condition, swapped
 from fpg_bench.paper.runs import FINAL, Run, window_row, windows_of
@@ -32,7 +33,6 @@ from fpg_bench.training.models import make_model
 from fpg_bench.version import __version__
 
 LEARNERS = ("torch", "jax")
-_KNOWLEDGE_GATE = 4
 
 
 class Recorded(JointGame):
@@ -56,7 +56,7 @@ class Recorded(JointGame):
     def step(self, actions: np.ndarray) -> None:
         """Play one step with ``(N, 18)`` actions."""
         actions = actions.copy()
-        actions[:, _KNOWLEDGE_GATE] = 1
+        actions[:, KNOWLEDGE_GATE] = 1
         super().step(actions)
         self.played += self.count
 

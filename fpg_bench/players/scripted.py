@@ -8,6 +8,18 @@ import numpy as np
 
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.game import rng
+from fpg_bench.game.actions import (
+    HOP_GATE,
+    IN_BAND_GATE,
+    KNOWLEDGE_GATE,
+    PREFERENCE,
+    SPEED,
+    SPREAD_GATE,
+    STRATEGY_SCORES,
+    TUNING,
+    TYPE_SCORES,
+    VELOCITY,
+)
 from fpg_bench.game.choices import PURSUIT_M
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.full_state import ALLY, OPPONENT
@@ -89,12 +101,12 @@ def play_ally(
         elif kind == ALWAYS_HOP:
             hop = True
             preference = draw(keys, i, steps[i], 3)
-        action[0] = 1.0 if hop else -1.0
-        action[1] = 1.0 if spread else -1.0
-        action[2] = 1.0
-        action[3] = preference
-        action[4] = 1.0 if expert else -1.0
-        for j in range(5, ACTION_SIZE):
+        action[HOP_GATE] = 1.0 if hop else -1.0
+        action[SPREAD_GATE] = 1.0 if spread else -1.0
+        action[SPEED] = 1.0
+        action[PREFERENCE] = preference
+        action[KNOWLEDGE_GATE] = 1.0 if expert else -1.0
+        for j in range(STRATEGY_SCORES, ACTION_SIZE):
             action[j] = 0.0
         if kind == RANDOM_ALLY:
             _fill_random(action, keys, i, steps[i])
@@ -131,9 +143,9 @@ def play_opponent(
 def jam(action: np.ndarray, jamming_type: int, tuning: float, in_band: bool) -> None:
     """Fill the first six floats of an opponent."""
     for j in range(TYPES):
-        action[j] = 1.0 if j == jamming_type else -1.0
-    action[4] = tuning
-    action[5] = 1.0 if in_band else -1.0
+        action[TYPE_SCORES + j] = 1.0 if j == jamming_type else -1.0
+    action[TUNING] = tuning
+    action[IN_BAND_GATE] = 1.0 if in_band else -1.0
 
 
 @compiled
@@ -163,7 +175,7 @@ def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: np.ndarray) -> flo
     x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
     distance = math.sqrt(x * x + y * y + z * z)
     reach = max(distance, PURSUIT_M)
-    action[6], action[7], action[8] = x / reach, y / reach, z / reach
+    action[VELOCITY], action[VELOCITY + 1], action[VELOCITY + 2] = x / reach, y / reach, z / reach
     return distance
 
 
@@ -239,11 +251,11 @@ class OracleAlly(Batched):
         known = seen[:, OPPONENT + KNOWN_FREQUENCY]
         due = seen[:, OPPONENT + NEXT_CHECK] * self._check_s < 1.5
         actions = np.zeros((len(seen), ACTION_SIZE), np.float32)
-        actions[:, 0] = np.where(np.abs(frequency - known) < self._half_point, 1, -1)
-        actions[:, 1] = np.where(due, 1, -1)
-        actions[:, 2] = 1
-        actions[:, 3] = np.where(known > 0, -1, 1)  # the end of the band that is farther away
-        actions[:, 4] = -1
+        actions[:, HOP_GATE] = np.where(np.abs(frequency - known) < self._half_point, 1, -1)
+        actions[:, SPREAD_GATE] = np.where(due, 1, -1)
+        actions[:, SPEED] = 1
+        actions[:, PREFERENCE] = np.where(known > 0, -1, 1)  # the end of the band that is farther away
+        actions[:, KNOWLEDGE_GATE] = -1
         return actions, None
 
 
@@ -263,13 +275,13 @@ class OracleOpponent(Batched):
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
     ) -> tuple[np.ndarray, Memory]:
         actions = np.full((len(seen), ACTION_SIZE), -1, np.float32)
-        actions[:, 0] = 1
-        actions[:, 4] = seen[:, ALLY + OWN_FREQUENCY]
-        actions[:, 5] = 1
+        actions[:, TYPE_SCORES + TONE] = 1
+        actions[:, TUNING] = seen[:, ALLY + OWN_FREQUENCY]
+        actions[:, IN_BAND_GATE] = 1
         start = OPPONENT + RELATIVE_POSITION
         root = seen[:, start : start + 3]
         away = np.sign(root) * root**2 * self._box
-        actions[:, 6:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), PURSUIT_M)
+        actions[:, VELOCITY:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), PURSUIT_M)
         return actions, None
 
 

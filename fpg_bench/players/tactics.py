@@ -11,6 +11,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import TACTICS
+from fpg_bench.game.actions import HOP_GATE, KNOWLEDGE_GATE, SPEED, SPREAD_GATE
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import (
@@ -133,10 +134,10 @@ def play_ally(
             spread = tone and (snr < constant[0] or seen[SPREADING_TIME] > 0.0)
             hop = snr < constant[1] and not tone
         action[:] = 0.0
-        action[0] = 1.0 if hop else -1.0
-        action[1] = 1.0 if spread else -1.0
-        action[2] = 1.0
-        action[4] = action[0]
+        action[HOP_GATE] = 1.0 if hop else -1.0
+        action[SPREAD_GATE] = 1.0 if spread else -1.0
+        action[SPEED] = 1.0
+        action[KNOWLEDGE_GATE] = action[HOP_GATE]
         memory[i, 0], memory[i, 1], memory[i, 2] = step + 1, hops, until
 
 
