@@ -36,7 +36,7 @@ from fpg_bench.game.sensing import (
     SNR,
     SPREADING_TIME,
 )
-from fpg_bench.game.state import ACTION_SIZE, TYPES
+from fpg_bench.game.state import ACTION_SIZE, TYPES, Record
 from fpg_bench.players.player import Memory
 from fpg_bench.players.seeded import Batched, SeededPolicy
 
@@ -45,28 +45,30 @@ TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE, WATCHFUL = 
 
 SPREAD_S = 8.0  # time that expert-spread spreads after a hop
 
-# Indices into the numbers of `scenario_scales`.
-SNR_SCALE, THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX, _THREAT, _BROADBAND, _COMB, TUNING_SPAN, SPACING = (
-    0, 1, 2, 3, 4, 7, 8, 9, 10, 11,
-)  # fmt: skip
+# What scripts read of a scenario: scales of observations, and the thresholds of their rules.
+SCALES = np.dtype(
+    [
+        ("snr_db", "f8"),
+        ("threshold_db", "f8"),
+        ("spreading_s", "f8"),
+        ("points", "i8"),
+        ("box_m", "f8", (3,)),
+        ("threat_db", "f8"),
+        ("broadband_m", "f8"),
+        ("comb_m", "f8"),
+        ("tuning_span_mhz", "f8"),
+        ("point_spacing_mhz", "f8"),
+    ],
+    align=True,
+)
 
 
 def scenario_scales(scenario: Scenario) -> np.ndarray:
-    """Return the numbers of a scenario that scripts read."""
-    return np.array(
-        [
-            scenario.snr_scale_db,
-            scenario.snr_threshold_db,
-            scenario.spreading_scale_s,
-            scenario.frequency_points,
-            *scenario.box_m,
-            scenario.script_threat_db,
-            scenario.script_broadband_m,
-            scenario.script_comb_m,
-            scenario.tuning_span_mhz,
-            scenario.point_spacing_mhz,
-        ]
-    )
+    """Return what scripts read of a scenario, as a one-element record array of dtype ``SCALES``."""
+    s = scenario
+    values = (s.snr_scale_db, s.snr_threshold_db, s.spreading_scale_s, s.frequency_points, s.box_m)
+    thresholds = (s.script_threat_db, s.script_broadband_m, s.script_comb_m)
+    return np.array([(*values, *thresholds, s.tuning_span_mhz, s.point_spacing_mhz)], SCALES)
 
 
 @compiled
@@ -82,21 +84,22 @@ def play_ally(
     actions: np.ndarray,
     steps: np.ndarray,
     keys: np.ndarray,
-    scales: np.ndarray,
+    scales_array: np.ndarray,
 ) -> None:
     """Fill the actions of a scripted ally and count its steps."""
+    scales = scales_array[0]
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
-        snr = seen[SNR] * scales[SNR_SCALE]
+        snr = seen[SNR] * scales.snr_db
         hop, spread, expert = False, False, False
         preference = 0.0
         if kind == REACTIVE:
-            hop = snr < scales[THRESHOLD]
+            hop = snr < scales.threshold_db
             preference = draw(keys, i, steps[i], 3)
         elif kind in (EXPERT, EXPERT_SPREAD):
-            expert = seen[SENSED_COVERS] > 0.0 and snr < scales[_THREAT]
+            expert = seen[SENSED_COVERS] > 0.0 and snr < scales.threat_db
             hop = expert
-            spread_s = seen[SPREADING_TIME] * scales[_SPREADING_SCALE]
+            spread_s = seen[SPREADING_TIME] * scales.spreading_s
             spread = kind == EXPERT_SPREAD and (hop or 0.5 < spread_s < SPREAD_S - 0.5)
         elif kind == ALWAYS_HOP:
             hop = True
@@ -120,17 +123,17 @@ def play_opponent(
     actions: np.ndarray,
     steps: np.ndarray,
     keys: np.ndarray,
-    scales: np.ndarray,
+    scales_array: np.ndarray,
 ) -> None:
     """Fill the actions of a scripted opponent and count its steps."""
+    scales = scales_array[0]
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
         distance = fly_at_ally(seen, action, scales)
         jamming_type, tuning, in_band = kind, 0.0, False
         if kind == SWEEP:
-            points = int(scales[_POINTS])
             jamming_type, in_band = NARROWBAND, True
-            tuning = 2.0 * (steps[i] % points) / (points - 1) - 1.0
+            tuning = 2.0 * (steps[i] % scales.points) / (scales.points - 1) - 1.0
         elif kind in (ADAPTIVE, WATCHFUL):
             jamming_type = fitting_type(kind, seen, distance, scales)
         jam(action, jamming_type, tuning, in_band)
@@ -149,16 +152,16 @@ def jam(action: np.ndarray, jamming_type: int, tuning: float, in_band: bool) -> 
 
 
 @compiled
-def fitting_type(kind: int, seen: np.ndarray, distance: float, scales: np.ndarray) -> int:
+def fitting_type(kind: int, seen: np.ndarray, distance: float, scales: Record) -> int:
     """Return the type that adaptive or watchful jams with."""
     checked = seen[KNOWN_AGE] <= 0.0
     if _stayed(seen, checked) if kind == WATCHFUL else checked:
         return TONE
     if checked:
         return NARROWBAND
-    if distance < scales[_BROADBAND]:
+    if distance < scales.broadband_m:
         return BROADBAND
-    return COMB if distance < scales[_COMB] else NARROWBAND
+    return COMB if distance < scales.comb_m else NARROWBAND
 
 
 @compiled
@@ -170,7 +173,7 @@ def _stayed(seen: np.ndarray, checked: bool) -> bool:
 
 
 @compiled
-def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: np.ndarray) -> float:
+def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: Record) -> float:
     """Fill the velocity of an opponent that flies at the ally; returns their distance in m."""
     x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
     distance = math.sqrt(x * x + y * y + z * z)
@@ -180,10 +183,10 @@ def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: np.ndarray) -> flo
 
 
 @compiled
-def _away_m(seen: np.ndarray, scales: np.ndarray, axis: int) -> float:
+def _away_m(seen: np.ndarray, scales: Record, axis: int) -> float:
     """Return the relative position in m; the observation holds its signed root over the box."""
     root = seen[RELATIVE_POSITION + axis]
-    return math.copysign(root * root, root) * scales[_BOX + axis]
+    return math.copysign(root * root, root) * scales.box_m[axis]
 
 
 @compiled
