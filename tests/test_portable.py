@@ -65,8 +65,8 @@ def test_files_are_locked_without_fcntl(tmp_path):
 
 def test_a_sandbox_says_that_it_needs_linux(tmp_path):
     code = """
-from fpg_bench.players.sandbox.process import Limits, Sandbox
-Sandbox("fpg_bench.players.sandbox.policy", Limits())
+from fpg_bench.players.sandbox.process import ProcessLimits, Sandbox
+Sandbox("fpg_bench.players.sandbox.policy", ProcessLimits())
 """
     error = on_windows(code, tmp_path).stderr
     assert "UserError: an agent of others runs in a sandbox, which needs Linux" in error

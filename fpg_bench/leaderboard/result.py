@@ -75,7 +75,7 @@ class Fingerprint(Strict):
         return sorted(key for key in (one.keys() | two.keys()) - {"version"} if one.get(key) != two.get(key))
 
 
-class Score(Strict):
+class StoredScore(Strict):
     """A score with its interval, and the units that the interval is over."""
 
     value: float | None
@@ -97,7 +97,7 @@ class Totals(Strict):
     training_seeds: int
     rounds: int
     lost: int
-    scores: dict[str, Score]
+    scores: dict[str, StoredScore]
     worst: dict[str, Worst]
     measures: dict[str, float | None]
 
@@ -184,7 +184,7 @@ def totals(records: Sequence[Record], suites: Suites) -> Totals:
         rounds=sum(summary.pooled.rounds for summary in summaries.values()),
         lost=sum(summary.pooled.lost for summary in summaries.values()),
         scores={
-            role: Score(
+            role: StoredScore(
                 value=rounded(summary.score.value),
                 low=rounded(summary.score.low),
                 high=rounded(summary.score.high),

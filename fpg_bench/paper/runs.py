@@ -175,7 +175,7 @@ def _rounded(value: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Results:
+class Runs:
     """Runs of one scenario and budget.
 
     Attributes:
@@ -227,7 +227,7 @@ class Results:
         return np.array(overlaps, float)
 
 
-def read_results(file: RunFile, wanted: Mapping[str, Iterable[int]]) -> Results:
+def read_results(file: RunFile, wanted: Mapping[str, Iterable[int]]) -> Runs:
     """Return the runs of a file with the wanted conditions and seeds, as far as they exist.
 
     Raises:
@@ -239,4 +239,4 @@ def read_results(file: RunFile, wanted: Mapping[str, Iterable[int]]) -> Results:
         for seed in seeds:
             if (name, seed) in stored:
                 runs.setdefault(name, {})[seed] = stored[name, seed]
-    return Results(runs)
+    return Runs(runs)
