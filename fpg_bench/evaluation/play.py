@@ -21,6 +21,7 @@ from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.metrics import pool as pooled_tally
 from fpg_bench.planning import Plan, as_planner
+from fpg_bench.players.player import LosesRounds
 
 SeedSource = Callable[[int], Sequence[int]]  # returns so many seeds
 LOST_SCORE = -100.0  # the highest score of a round that was lost by an invalid action
@@ -92,8 +93,7 @@ def rounds(match: MatchBatch, suite: Suite, seeds: SeedSource | None = None) -> 
 
 def lost_rounds(player: object, count: int) -> np.ndarray:
     """Return ``(count,)`` bool: present rounds that a player has lost by an invalid answer."""
-    invalid = getattr(player, "invalid", None)
-    return np.zeros(count, bool) if invalid is None else np.array(invalid, bool)
+    return np.array(player.invalid, bool) if isinstance(player, LosesRounds) else np.zeros(count, bool)
 
 
 class _Sums:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,6 +128,13 @@ class Planner(Protocol):
     ) -> Plan:
         """Return the next round's path; the arguments are those of :class:`Request`."""
         ...
+
+
+@runtime_checkable
+class CountsPlans(Protocol):
+    """A planner that counts the rounds flown on a plan of each status."""
+
+    flown: Counter[str]
 
 
 class BatchPlanner(ABC):

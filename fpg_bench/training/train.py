@@ -32,6 +32,7 @@ from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.planning import LLM_CONTROLS
+from fpg_bench.planning.planner import CountsPlans
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
@@ -395,8 +396,8 @@ class _Run:
         """Export the agent, save the model, draw the learning curve, and remove the checkpoints."""
         steps = self.model.num_timesteps
         about = self.about | {"steps_done": steps, "seconds": round(self.seconds, 1)}
-        if (plans := getattr(self.games.core.duel.planner, "flown", None)) is not None:
-            about["plans"] = dict(plans)  # of this part of the run
+        if isinstance(planner := self.games.core.duel.planner, CountsPlans):
+            about["plans"] = dict(planner.flown)  # of this part of the run
         difference = max(
             write_exported(player, self.folder.agent_of(side, self.sides), about | {"side": side})
             for side, player in by_side(self.model, self.sides).items()
