@@ -9,8 +9,9 @@ import platformdirs
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.folders import _own_temporary_folder, user_cache
 from fpg_bench.common.imports import names_object
-from fpg_bench.common.output import _own_temporary_folder, is_terminal, user_cache
+from fpg_bench.common.output import is_terminal
 from fpg_bench.datasets.make import datasets_root
 from fpg_bench.planning.llm import local_server
 
