@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -79,7 +79,7 @@ def pool(tallies: np.ndarray) -> dict[str, float]:
     }
 
 
-def measures(tally: dict[str, Any], histogram: np.ndarray) -> dict[str, float | None]:
+def measures(tally: Mapping[str, float], histogram: np.ndarray) -> dict[str, float | None]:
     """Return the standard metrics of pooled rounds.
 
     Args:

@@ -254,8 +254,8 @@ def content(
         "differs": any(each.name in results.runs for each in sensitivity(preset)),
         "tables": tables(budget) if with_tables or not headings else [],
         "runs": len(headings),
-        "minutes": sum(float(heading["seconds"]) for heading in headings) / 60,
-        "versions": "; ".join(sorted({heading["versions"] for heading in headings})) or "no runs",
+        "minutes": sum(heading.seconds for heading in headings) / 60,
+        "versions": "; ".join(sorted({heading.versions for heading in headings})) or "no runs",
     }
 
 

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from types import UnionType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -19,7 +20,7 @@ from fpg_bench.game.scenario import Scenario
 TIERS = ("none", "history", "ally")
 Array = NDArray[np.float64]
 
-_KINDS: dict[str, Any] = {
+_KINDS: dict[str, type | UnionType] = {
     "source": str, "status": str, "tokens": int | None, "seconds": float | int | None, "useless": str | None
 }  # fmt: skip
 
