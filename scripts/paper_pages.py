@@ -21,7 +21,7 @@ from fpg_bench.paper.claims import compare
 from fpg_bench.paper.experiment import BUDGETS
 from fpg_bench.paper.report import CAPTIONS, fifths_table, levels_csv, tests_table
 from fpg_bench.paper.report import content as report_content
-from fpg_bench.paper.runs import Results, RunFile, read_results
+from fpg_bench.paper.runs import RunFile, Runs, read_results
 
 ROOT = Path(__file__).parents[1]
 RUNS = ROOT / "results/reproduction"
@@ -59,23 +59,23 @@ OTHERS = (
 )
 
 
-def results_of(preset: str, budget: str, seeds: range, folder: str = ".") -> Results:
+def results_of(preset: str, budget: str, seeds: range, folder: str = ".") -> Runs:
     """Return the committed runs of a preset, with all their conditions."""
     file = RunFile(RUNS / folder, preset, budget)
     return read_results(file, {name: seeds for name, _ in file.read()})
 
 
-def variants() -> dict[str, Results]:
+def variants() -> dict[str, Runs]:
     """Return the runs of each trained variant by its name."""
     results = results_of(VARIANTS, "hundredth", range(100, 110))
     by_variant = {}
     for shown, stored in VARIANTS_OF.items():
         names = {name.partition(": ")[2]: name for name in results.runs if name.startswith(f"{stored}: ")}
-        by_variant[shown] = Results({condition: results.runs[name] for condition, name in names.items()})
+        by_variant[shown] = Runs({condition: results.runs[name] for condition, name in names.items()})
     return by_variant
 
 
-def all_runs() -> Iterator[tuple[str, str, range, Results]]:
+def all_runs() -> Iterator[tuple[str, str, range, Runs]]:
     """Yield game, budget, seeds and runs of everything that is committed."""
     for preset, budget, seeds, _ in REPORTS:
         yield preset, budget, seeds, results_of(preset, budget, seeds)

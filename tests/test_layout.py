@@ -105,6 +105,15 @@ def test_no_modules_and_no_rooms_import_each_other_in_a_circle():
     assert not circle({room: others - {room} for room, others in rooms.items()})
 
 
+def test_a_public_class_name_stands_for_one_thing():
+    homes: dict[str, list[str]] = {}
+    for module, path in FILES.items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(module)
+    assert not {name: modules for name, modules in homes.items() if len(modules) > 1}
+
+
 def test_the_board_never_reads_the_records_of_the_zoo():
     """What it ranks it has played itself."""
     readers = [module for module, others in graph().items() if "fpg_bench.evaluation.zoo" in others]

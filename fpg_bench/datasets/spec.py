@@ -13,17 +13,17 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import id_with, other_side, policy_env
 from fpg_bench.common.schema import Expected, Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.evaluation.seeds import dataset_seed
-from fpg_bench.evaluation.suite import identity
+from fpg_bench.evaluation.suite import SHIPPED, identity
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.version import __version__
 
 NAMESPACE = "fpg"
-# Neither names of code (a:b) nor paths that lead elsewhere are allowed, as data sets may be untrusted.
+# As in a suite of the board, since data sets may be untrusted.
 _Name = Annotated[
     str,
-    pydantic.Field(pattern=r"^[\w-][\w.-]*(/[\w-][\w.-]*)*$"),
+    pydantic.Field(pattern=SHIPPED),
     Expected("the name of a script or an agent of the package"),
 ]
 _Names = Annotated[Items[_Name], pydantic.Field(min_length=1)]

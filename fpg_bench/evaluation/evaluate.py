@@ -28,7 +28,7 @@ from fpg_bench.evaluation.entry import (
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.store import RECORDS, Progress, Store, pairings
 from fpg_bench.evaluation.suite import Suite, load_suite, read_suite
-from fpg_bench.evaluation.summary import Summary, Training, summarise
+from fpg_bench.evaluation.summary import Summary, TrainingCost, summarise
 from fpg_bench.evaluation.table import Results
 from fpg_bench.players.player import PlayerSpec
 
@@ -137,15 +137,15 @@ def _summaries(folder: Path, suite: Suite) -> list[Summary]:
     return [dataclasses.replace(each, training=_training(about, each)) for each in summaries]
 
 
-def _training(about: _ResultsFile, summary: Summary) -> Training:
+def _training(about: _ResultsFile, summary: Summary) -> TrainingCost:
     by_seed, elsewhere = about.training.get(summary.entry, {}), summary.entry in about.elsewhere
     known = [by_seed.get(str(seed), {}) for seed in summary.seed_scores()]
     steps = [cost["steps"] for cost in known if "steps" in cost]
     seconds = [cost["seconds"] for cost in known if "seconds" in cost]
     if not steps:
-        return Training(elsewhere=elsewhere)
+        return TrainingCost(elsewhere=elsewhere)
     mean = sum(seconds) / len(seconds) if len(seconds) == len(known) else None
-    return Training(int(steps[0]), mean, elsewhere)
+    return TrainingCost(int(steps[0]), mean, elsewhere)
 
 
 def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:

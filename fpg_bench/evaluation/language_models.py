@@ -18,7 +18,7 @@ from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.planning.llm.answers import PARSER
-from fpg_bench.planning.llm.budget import Budget
+from fpg_bench.planning.llm.budget import CallBudget
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.planning.llm.servers import endpoint_from_environment
@@ -167,9 +167,9 @@ def _fingerprint(about: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
-def _budget(folder: Path, caps: Mapping[str, float]) -> Budget:
+def _budget(folder: Path, caps: Mapping[str, float]) -> CallBudget:
     """Return one budget for all allies, less what the recorded attempts have used."""
-    budget = Budget(**caps)
+    budget = CallBudget(**caps)
     recorded = [Transcript(path, "replay") for path in sorted(folder.glob("*.jsonl"))]
     attempts = (attempt for transcript in recorded for attempt in transcript.attempts())
     budget.resume(attempts, f"transcripts {folder}")

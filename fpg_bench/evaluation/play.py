@@ -21,6 +21,7 @@ from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.metrics import pool as pooled_tally
 from fpg_bench.planning import Plan, as_planner
+from fpg_bench.players.player import LosesRounds
 
 SeedSource = Callable[[int], Sequence[int]]  # returns so many seeds
 LOST_SCORE = -100.0  # the highest score of a round that was lost by an invalid action
@@ -52,22 +53,14 @@ def play(
     for duel in rounds(match_of(player, suite, rival), suite, seeds):
         sums.add(duel, lost_rounds(player, duel.count))
         on_round(len(sums.returns))
-    fields = sums.fields()
-    if (plans := fields["plans"]) is not None and plans.valid == 0:
+    record = sums.record(entry, rival)
+    if (plans := record.plans) is not None and plans.valid == 0:
         raise UserError(
             f"planner {entry.name} against {rival.name}: none of {sum(plans.statuses.values())} plans is "
             f"valid, so it has no score ({sums.commonest_problem()}); mend that and record it in another "
             "folder"
         )
-    return Record(
-        suite=suite.name,
-        suite_hash=suite.hash[:16],
-        entry=entry.name,
-        training_seed=entry.training_seed,
-        fingerprint=entry.fingerprint[:16],
-        rival=rival.name,
-        **fields,
-    )
+    return record
 
 
 def match_of(player: Any, suite: Suite, rival: Rival, matches: int | None = None) -> MatchBatch:
@@ -92,8 +85,7 @@ def rounds(match: MatchBatch, suite: Suite, seeds: SeedSource | None = None) -> 
 
 def lost_rounds(player: object, count: int) -> np.ndarray:
     """Return ``(count,)`` bool: present rounds that a player has lost by an invalid answer."""
-    invalid = getattr(player, "invalid", None)
-    return np.zeros(count, bool) if invalid is None else np.array(invalid, bool)
+    return np.array(player.invalid, bool) if isinstance(player, LosesRounds) else np.zeros(count, bool)
 
 
 class _Sums:
@@ -121,8 +113,8 @@ class _Sums:
         if self._suite.side == PLANNER:
             self._plans += [plan for plan in duel.plans if plan is not None]
 
-    def fields(self) -> dict[str, Any]:
-        """Return the fields of a record that describe the rounds."""
+    def record(self, entry: EvaluatedPlayer, rival: Rival) -> Record:
+        """Return the record of the rounds that an entry played against a rival."""
         returns, lost = np.array(self.returns).T, np.array(self._lost).T
         if lost.any():
             worst = self._suite.scale.reward(LOST_SCORE) * self._suite.scenario.steps_per_round
@@ -130,15 +122,21 @@ class _Sums:
         tally = pooled_tally(np.concatenate(self._tallies))
         tally |= {name: sum(each[name] for each in self._clean) for name in self._clean[0]}
         ally_points, jam_points = (tuple(side) for side in self._histogram.tolist())
-        return {
-            "returns": tuple(np.round(returns.ravel(), _DIGITS).tolist()),
-            "tally": {name: float(f"{value:.9g}") for name, value in tally.items()},
-            "ally_points": ally_points,
-            "jam_points": jam_points,
-            "lost": int(lost.sum()),
-            "rounds_sha256": self._digest.hexdigest(),
-            "plans": self._plan_statistics() if self._plans else None,
-        }
+        return Record(
+            suite=self._suite.name,
+            suite_hash=self._suite.hash[:16],
+            entry=entry.name,
+            training_seed=entry.training_seed,
+            fingerprint=entry.fingerprint[:16],
+            rival=rival.name,
+            returns=tuple(np.round(returns.ravel(), _DIGITS).tolist()),
+            tally={name: float(f"{value:.9g}") for name, value in tally.items()},
+            ally_points=ally_points,
+            jam_points=jam_points,
+            lost=int(lost.sum()),
+            rounds_sha256=self._digest.hexdigest(),
+            plans=self._plan_statistics() if self._plans else None,
+        )
 
     def commonest_problem(self) -> str:
         """Return the most frequent reason for an invalid plan, and how often it was given."""

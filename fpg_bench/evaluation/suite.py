@@ -30,7 +30,8 @@ from fpg_bench.players.remote import is_remote
 MOST_ROUNDS = 1_000_000  # per rival
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
 _SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # so that sums can be pooled
-_SHIPPED = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*", re.ASCII)
+# Names of scripts and agents of the package: neither code (a:b) nor paths that lead out of it.
+SHIPPED = re.compile(r"^[\w-][\w.-]*(/[\w-][\w.-]*)*\Z", re.ASCII)
 Rewards = TypeVar("Rewards", float, np.ndarray)
 
 
@@ -271,7 +272,7 @@ class _SuiteFile(Strict):
     def check_shipped(self) -> None:
         """Refuse names of user code (``a:b``), and paths that lead out of the package."""
         for name in self.names:
-            if not _SHIPPED.fullmatch(name):
+            if not SHIPPED.match(name):
                 raise UserError(f"{name!r}: a board plays scripts and agents of the package alone; name one")
 
     def build(self, name: str) -> Suite:

@@ -15,7 +15,7 @@ from fpg_bench.evaluation.suite import Suite
 
 
 @dataclass(frozen=True)
-class Training:
+class TrainingCost:
     """Cost of the training of an entry's agents; None for all else, and where it is unknown.
 
     Attributes:
@@ -47,7 +47,7 @@ class Summary:
     rewards: np.ndarray
     trained: bool
     records: tuple[Record, ...]
-    training: Training = Training()
+    training: TrainingCost = TrainingCost()
 
     @property
     def training_seeds(self) -> int:

@@ -40,6 +40,7 @@ _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
 # Okabe and Ito's colours, distinguishable for the colour-blind; each cycle through them has its own marker.
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c8c8c")
 _MARKERS = "os^"
+Line = dict[str, str | float | None]  # of a flat table; the names stand for columns
 
 
 def lines_of_table(summaries: Sequence[Summary], suite: Suite, width: int | None = None) -> list[list[str]]:
@@ -134,7 +135,7 @@ def as_csv(summaries: Sequence[Summary]) -> str:
     return text.getvalue()
 
 
-def flat_lines(summaries: Sequence[Summary]) -> list[dict[str, Any]]:
+def flat_lines(summaries: Sequence[Summary]) -> list[Line]:
     """Return each summary as one flat mapping, with its rank and its difference from the first."""
     lines = []
     for summary, standing in zip(summaries, standings(summaries).values(), strict=True):
@@ -173,9 +174,9 @@ def standings(summaries: Sequence[Summary]) -> dict[str, Standing]:
     }
 
 
-def flat(s: Summary) -> dict[str, Any]:
+def flat(s: Summary) -> Line:
     """Return a summary as one flat mapping of names to numbers."""
-    line: dict[str, Any] = {"entry": s.entry, "training_seeds": s.training_seeds, "rounds": s.pooled.rounds}
+    line: Line = {"entry": s.entry, "training_seeds": s.training_seeds, "rounds": s.pooled.rounds}
     line |= _ends("score", s.score) | {"interval_over": s.over} | _ends("return_per_step", s.reward)
     line |= {"worst_rival": s.worst, "lost": s.pooled.lost}
     line |= {f"return_per_step {name}": reward.value for name, reward in s.by_rival.items()}
@@ -190,7 +191,7 @@ def flat(s: Summary) -> dict[str, Any]:
     return line | s.measures
 
 
-def _ends(name: str, interval: Interval) -> dict[str, float]:
+def _ends(name: str, interval: Interval) -> Line:
     return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 

@@ -11,6 +11,17 @@ import numpy as np
 
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.ids import ACTION_MODES
+from fpg_bench.game.actions import (
+    HOP_GATE,
+    IN_BAND_GATE,
+    KNOWLEDGE_GATE,
+    PREFERENCE,
+    SPEED,
+    SPREAD_GATE,
+    TUNING,
+    TYPE_SCORES,
+    VELOCITY,
+)
 from fpg_bench.game.batch import ActionError, described
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.names import JAMMING_TYPES
@@ -20,10 +31,6 @@ from fpg_bench.game.state import ACTION_SIZE
 
 OFFSETS = (-2, -1, 0, 1, 2)  # of the jamming from the known frequency, in frequency points
 PURSUIT_M = 10.0  # closer than this, an opponent that flies at the ally slows down
-
-# Indices into an action; docs/reference/rules.md describes all of them.
-_HOP, _SPREAD, _SPEED, _PREFERENCE, _KNOWLEDGE = range(5)
-_TUNING, _IN_BAND, _VELOCITY = 4, 5, 6
 
 
 @dataclass(frozen=True)
@@ -193,7 +200,7 @@ def _home(seen: np.ndarray, homing: float, box_m: np.ndarray, action: np.ndarray
     reach = max(math.sqrt(squares), PURSUIT_M)
     for axis in range(3):
         root = seen[RELATIVE_POSITION + axis]
-        action[_VELOCITY + axis] += homing * root * abs(root) * box_m[axis] / reach
+        action[VELOCITY + axis] += homing * root * abs(root) * box_m[axis] / reach
 
 
 def action_choices(side: str, mode: str, scenario: Scenario) -> Choices | None:
@@ -210,15 +217,15 @@ def _ally_lists(scenario: Scenario) -> list[ChoiceList]:
     """Return the lists of the ally: hop, spread and speed."""
     points = scenario.frequency_points
     hop = np.zeros((points + 2, ACTION_SIZE), np.float32)
-    hop[:, _HOP], hop[0, _HOP] = 1.0, -1.0
-    hop[:, _KNOWLEDGE], hop[-1, _KNOWLEDGE] = -1.0, 1.0
-    hop[1:-1, _PREFERENCE] = np.linspace(-1.0, 1.0, points)
+    hop[:, HOP_GATE], hop[0, HOP_GATE] = 1.0, -1.0
+    hop[:, KNOWLEDGE_GATE], hop[-1, KNOWLEDGE_GATE] = -1.0, 1.0
+    hop[1:-1, PREFERENCE] = np.linspace(-1.0, 1.0, points)
     names = ["stay", *(f"hop to point {point}" for point in range(points)), "hop by the knowledge base"]
     allowed = np.ones(points + 2, bool)
     allowed[-1] = scenario.knowledge_base is not None
     spread, speed = np.zeros((2, ACTION_SIZE), np.float32), np.zeros((3, ACTION_SIZE), np.float32)
-    spread[:, _SPREAD] = -1.0, 1.0
-    speed[:, _SPEED] = 1.0, 0.0, -1.0
+    spread[:, SPREAD_GATE] = -1.0, 1.0
+    speed[:, SPEED] = 1.0, 0.0, -1.0
     return [
         _list("hop", names, hop, allowed=allowed),
         _list("spread", ["unspread", "spread"], spread),
@@ -243,13 +250,13 @@ def _opponent_lists(scenario: Scenario) -> list[ChoiceList]:
     """Return the lists of the opponent: type, centre, and where it flies if it flies itself."""
     points, types = scenario.frequency_points, len(JAMMING_TYPES)
     kind = np.zeros((types, ACTION_SIZE), np.float32)
-    kind[:, :types] = 2.0 * np.eye(types) - 1.0
+    kind[:, TYPE_SCORES : TYPE_SCORES + types] = 2.0 * np.eye(types) - 1.0
     centre = np.zeros((len(OFFSETS) + points, ACTION_SIZE), np.float32)
-    centre[: len(OFFSETS), _TUNING] = np.clip(
+    centre[: len(OFFSETS), TUNING] = np.clip(
         np.array(OFFSETS) * scenario.point_spacing_mhz / max(scenario.tuning_span_mhz, 1e-9), -1.0, 1.0
     )
-    centre[len(OFFSETS) :, _TUNING] = np.linspace(-1.0, 1.0, points)
-    centre[:, _IN_BAND] = np.repeat((-1.0, 1.0), (len(OFFSETS), points))
+    centre[len(OFFSETS) :, TUNING] = np.linspace(-1.0, 1.0, points)
+    centre[:, IN_BAND_GATE] = np.repeat((-1.0, 1.0), (len(OFFSETS), points))
     names = [*map(_offset_name, OFFSETS), *(f"point {point}" for point in range(points))]
     lists = [
         _list("type", list(JAMMING_TYPES), kind, allowed=np.isin(JAMMING_TYPES, scenario.jamming_types)),
@@ -257,7 +264,7 @@ def _opponent_lists(scenario: Scenario) -> list[ChoiceList]:
     ]
     if "learned" in scenario.paths:
         flight = np.zeros((8, ACTION_SIZE), np.float32)
-        flight[2:, _VELOCITY:] = np.concatenate((np.eye(3), -np.eye(3)))
+        flight[2:, VELOCITY:] = np.concatenate((np.eye(3), -np.eye(3)))
         ways = ["at the ally", "hold", *(f"along {sign}{axis}" for sign in "+-" for axis in "xyz")]
         lists.append(_list("flight", ways, flight, homing=np.array([1.0, *[0.0] * 7])))
     return lists

@@ -20,7 +20,7 @@ from numba import config
 # Private modules of Numba, used only here: for the notice of compilation, and for the cache's location.
 from numba.core import caching, event
 
-from fpg_bench.common.output import user_cache
+from fpg_bench.common.folders import user_cache
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = ("game", "players", "planning")

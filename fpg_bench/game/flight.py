@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from fpg_bench.game.actions import VELOCITY
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.elementary import cos, sin
 from fpg_bench.game.names import PATHS
@@ -131,9 +132,10 @@ def fly_opponent(game: Record, action: np.ndarray, waypoints: np.ndarray, rules:
     elif game.path == PURSUIT:
         _fly_to(position, game.ally_position, speed)
     elif game.path == LEARNED:
-        length = math.sqrt(action[6] ** 2 + action[7] ** 2 + action[8] ** 2)
+        x, y, z = action[VELOCITY], action[VELOCITY + 1], action[VELOCITY + 2]
+        length = math.sqrt(x**2 + y**2 + z**2)
         for axis in range(3):
-            position[axis] += speed * action[6 + axis] / max(1.0, length)
+            position[axis] += speed * action[VELOCITY + axis] / max(1.0, length)
     else:
         fly_waypoints(position, waypoints, step, rules.steps, speed)
     keep_inside(position, rules)

@@ -7,12 +7,11 @@ import math
 import numpy as np
 
 from fpg_bench.game import rng
+from fpg_bench.game.actions import KNOWLEDGE_GATE, PREFERENCE, STRATEGY_SCORES
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.jamming import footprint_distance_mhz
 from fpg_bench.game.sensing import SENSED_CENTRE, SENSED_TYPE
 from fpg_bench.game.state import TYPES, Record
-
-PREFERENCE, KNOWLEDGE_GATE, STRATEGY_SCORES = 3, 4, 5
 
 
 @compiled
@@ -54,7 +53,7 @@ def _expert_point(
 
 @compiled
 def _choose_strategy(observation: np.ndarray, action: np.ndarray) -> int:
-    """Return the strategy of the highest score: actions 5-8, plus 1 for the sensed type."""
+    """Return the strategy of the highest score: the action's, plus 1 for the sensed type."""
     best, best_score = 0, -math.inf
     for strategy in range(TYPES):
         score = observation[SENSED_TYPE + strategy] + action[STRATEGY_SCORES + strategy]

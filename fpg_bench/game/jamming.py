@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from fpg_bench.game.actions import TYPE_SCORES
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.link import teeth
 from fpg_bench.game.state import TYPES, Record
@@ -44,11 +45,11 @@ def covers(
 
 
 @compiled
-def choose_type(scores: np.ndarray, rules: Record) -> int:
-    """Return the allowed type with the highest score (actions 0-3), ties to the lowest index."""
+def choose_type(action: np.ndarray, rules: Record) -> int:
+    """Return the allowed type with the highest score in the action, ties to the lowest index."""
     best = -1
     for kind in range(TYPES):
-        if rules.allowed[kind] == 1 and (best < 0 or scores[kind] > scores[best]):
+        if rules.allowed[kind] == 1 and (best < 0 or action[TYPE_SCORES + kind] > action[TYPE_SCORES + best]):
             best = kind
     return best
 

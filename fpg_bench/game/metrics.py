@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def pool(tallies: np.ndarray) -> dict[str, float]:
 CLEAN = "clean_mbit_s"  # of the model link: sum of the rates without jamming, beside a tally
 
 
-def measures(tally: dict[str, Any], histogram: np.ndarray) -> dict[str, float | None]:
+def measures(tally: Mapping[str, float], histogram: np.ndarray) -> dict[str, float | None]:
     """Return the standard metrics of pooled rounds.
 
     Args:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from fpg_bench.game import rng
+from fpg_bench.game.actions import HOP_GATE, IN_BAND_GATE, SPEED, SPREAD_GATE, TUNING
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.counting import count_step
 from fpg_bench.game.elementary import exp
@@ -32,11 +33,6 @@ from fpg_bench.game.sensing import (
     write_opponent_observation,
 )
 from fpg_bench.game.state import Record
-
-# The indices of both actions; hopping.py reads 3-8 of the ally, jamming.py and flight.py 0-3 and 6-8 of the
-# opponent.
-HOP_GATE, SPREAD_GATE, SPEED = 0, 1, 2
-TUNING, TUNING_REFERENCE = 4, 5
 
 Grid = tuple[np.ndarray, np.ndarray, np.ndarray]  # a channel.Channel
 
@@ -102,7 +98,7 @@ def play(
 @compiled
 def _choose_jamming(game: Record, action: np.ndarray, rules: Record) -> None:
     game.jamming_type = choose_type(action, rules)
-    game.jamming_mhz = tune_mhz(action[TUNING], action[TUNING_REFERENCE] > 0.0, game.known_mhz, rules)
+    game.jamming_mhz = tune_mhz(action[TUNING], action[IN_BAND_GATE] > 0.0, game.known_mhz, rules)
 
 
 @compiled

@@ -18,7 +18,7 @@ from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
-from fpg_bench.evaluation.summary import Summary, Training, summarise
+from fpg_bench.evaluation.summary import Summary, TrainingCost, summarise
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.recording import Recording
 from fpg_bench.hub.card import model_card
@@ -150,7 +150,7 @@ def _records(
 
 
 def _with_training(summary: Summary, card: AgentCard) -> Summary:
-    return dataclasses.replace(summary, training=Training(card.training_steps, card.seconds))
+    return dataclasses.replace(summary, training=TrainingCost(card.training_steps, card.seconds))
 
 
 def _replay(player: Player, side: str, suite: Suite, repository: str) -> bytes:

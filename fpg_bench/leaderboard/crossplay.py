@@ -25,7 +25,7 @@ from fpg_bench.common.parallel import Workers, folder_job, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.play import LOST_SCORE
+from fpg_bench.evaluation.play import LOST_SCORE, lost_rounds
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
 from fpg_bench.evaluation.suite import Scale
@@ -489,5 +489,5 @@ class Team:
         """``(n,)`` bool: games whose current round a member has lost by an invalid answer."""
         lost = np.zeros(sum(len(games) for _, games in self._members), bool)
         for player, games in self._members:
-            lost[games] = getattr(player, "invalid", False)
+            lost[games] = lost_rounds(player, len(games))
         return lost

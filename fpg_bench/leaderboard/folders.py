@@ -13,7 +13,7 @@ from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.output import user_cache
+from fpg_bench.common.folders import user_cache
 from fpg_bench.common.rows import RowFile
 
 TRACK_FOLDERS = ("ally", "opponent", "planner")  # folders of submissions; opponents have two tables

@@ -12,7 +12,7 @@ import numpy as np
 from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.paper.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
-from fpg_bench.paper.runs import STAGES, Results
+from fpg_bench.paper.runs import STAGES, Runs
 
 MOST_PAIRS = 16  # 2^16 patterns of signs
 
@@ -124,7 +124,7 @@ class Comparison:
         return self.test.p < LEVEL and self.test.mean > 0
 
 
-def compare(results: Results) -> list[Comparison]:
+def compare(results: Runs) -> list[Comparison]:
     """Return all tests whose conditions have at least two seeds."""
     differences = [each for each in _differences(results) if len(each.finals) > 1]
     comparisons = []
@@ -162,7 +162,7 @@ class _Differences(NamedTuple):
     with_noise: np.ndarray | None
 
 
-def _differences(results: Results) -> Iterator[_Differences]:
+def _differences(results: Runs) -> Iterator[_Differences]:
     ally, opponent = "ally_reward", "opponent_reward"
     for path in FIXED_PATHS:
         statement = f"opponent's reward: planned - {path}"
@@ -186,7 +186,7 @@ def _differences(results: Results) -> Iterator[_Differences]:
 
 
 def _between(
-    results: Results, claim: str, statement: str, one: tuple[str, str], other: tuple[str, str]
+    results: Runs, claim: str, statement: str, one: tuple[str, str], other: tuple[str, str]
 ) -> _Differences:
     """Subtract the column of one condition from that of another; both are (condition, column)."""
     seeds = results.seeds(one[0], other[0])
@@ -194,7 +194,7 @@ def _between(
     return _Differences(claim, statement, finals, levels)
 
 
-def _over_training(results: Results) -> Iterator[_Differences]:
+def _over_training(results: Runs) -> Iterator[_Differences]:
     """Compare the early and late stages of Fig. 4: overlap should fall, and jamming success rise."""
     seeds = results.seeds(BASE)
     early, late = (

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
 
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
@@ -20,6 +19,7 @@ NO_PLANNER, NO_KNOWLEDGE = "no-planner", "no-knowledge"
 LLM, LONG = "llm", "planned-long"
 LONG_IN = "paper"  # preset in which one run of ten budgets serves as a check
 SHORT_SEEDS = 5  # of conditions that no claim rests on
+Changes = Mapping[str, object]  # of a scenario's fields
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class Condition:
 
     Attributes:
         name: name in rows and figures.
-        options: those of :func:`fpg_bench.envs.two_player.make_duel`: ``planner``, ``path``.
+        planner: plans the opponent's path; None: nobody does.
+        path: its path instead.
         changes: changed fields of the scenario.
         tested: true if a claim rests on it; it then needs all seeds.
         budgets: length of its training, in budgets of the others.
@@ -36,8 +37,9 @@ class Condition:
     """
 
     name: str
-    options: Mapping[str, Any] = field(default_factory=lambda: {"planner": "interceptor"})
-    changes: Mapping[str, Any] = field(default_factory=dict)
+    planner: str | None = "interceptor"
+    path: str | None = None
+    changes: Changes = field(default_factory=dict)
     tested: bool = False
     budgets: int = 1
     swaps: tuple[str, ...] = ()
@@ -55,17 +57,17 @@ class Condition:
 
 _MAIN = (
     Condition(BASE, tested=True, swaps=FIXED_PATHS),
-    *(Condition(path, {"path": path}, tested=True) for path in FIXED_PATHS),
-    *(Condition(name, {"planner": name}) for name in PLANNERS),
+    *(Condition(path, None, path, tested=True) for path in FIXED_PATHS),
+    *(Condition(name, name) for name in PLANNERS),
     *(Condition(kind, changes={"jamming_types": (kind,)}, tested=True) for kind in JAMMING_TYPES),
-    Condition(NO_PLANNER, {"path": "learned"}, tested=True),
+    Condition(NO_PLANNER, None, "learned", tested=True),
     Condition(NO_KNOWLEDGE, changes={"knowledge": "none"}, tested=True),
     Condition(LONG, budgets=10),
 )
 # k as a factor of the power in mW, not of its level in dBm: 20 dBm + 10 lg k, as a multiple of 20 dBm.
 POWER_FACTORS = (1.088046, 1.03959, 0.801030, 0.951545)
 _TWICE = {"snr_model": "paper"}  # interference counts twice
-_OTHERWISE: dict[str, dict[str, dict[str, Any]]] = {
+_OTHERWISE: dict[str, dict[str, Changes]] = {
     "paper": {
         "hidden-checks": {"first_check_s": (1, 5), "check_interval_s": (4, 6), "check_scale_s": 6.0},
         "interference-once": {"snr_model": "sinr"},
@@ -90,7 +92,7 @@ def sensitivity(preset: str) -> tuple[Condition, ...]:
 
     The page on open points (``reference/open-points``) explains those of ``paper`` and ``standard``.
     """
-    others: dict[str, dict[str, Any]] = {
+    others: dict[str, Changes] = {
         "k-power": {"jamming_coefficients": POWER_FACTORS},
         **_OTHERWISE[preset],
         **{f"hop-cost-{cost}": {"hop_cost": cost} for cost in _HOP_COSTS[preset]},

@@ -22,9 +22,10 @@ from fpg_bench.common.ids import DUEL
 from fpg_bench.envs.core import JointGame
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
+from fpg_bench.game.actions import KNOWLEDGE_GATE
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.paper.conditions import Condition, swapped
-from fpg_bench.paper.runs import FINAL, Run, window_row, windows_of
+from fpg_bench.paper.runs import FINAL, Run, RunAbout, window_row, windows_of
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
@@ -32,7 +33,6 @@ from fpg_bench.training.models import make_model
 from fpg_bench.version import __version__
 
 LEARNERS = ("torch", "jax")
-_KNOWLEDGE_GATE = 4
 
 
 class Recorded(JointGame):
@@ -56,7 +56,7 @@ class Recorded(JointGame):
     def step(self, actions: np.ndarray) -> None:
         """Play one step with ``(N, 18)`` actions."""
         actions = actions.copy()
-        actions[:, _KNOWLEDGE_GATE] = 1
+        actions[:, KNOWLEDGE_GATE] = 1
         super().step(actions)
         self.played += self.count
 
@@ -154,12 +154,10 @@ def run_experiment(
     libraries = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
     versions = [f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in libraries)]
     scenario, steps = condition.scenario(preset), condition.budgets * budget.steps
-    options = dict(condition.options)
-    planner = options.get("planner")
-    llm_options = dict(llm or {}) if planner == "llm" else {}
+    llm_options = dict(llm or {}) if condition.planner == "llm" else {}
     transcript = llm_options.pop("transcript", None)
-    options["planner"] = training_planner(planner, folder, transcript, llm_options)
-    make_games = partial(Recorded, budget.games, scenario=scenario, **options)
+    planner = training_planner(condition.planner, folder, transcript, llm_options)
+    make_games = partial(Recorded, budget.games, scenario=scenario, planner=planner, path=condition.path)
     start = time.monotonic()
     games = make_games()
     staggered = FPGVecEnv(games, training_seed(seed), stagger=True)
@@ -172,12 +170,12 @@ def run_experiment(
 
         JaxLearner(model).learn(steps)
     final = play_deterministic(model, make_games())
-    about = {
-        "scenario": f"{preset}, {scenario.hash}",
-        "versions": ", ".join(versions),
-        "seconds": round(time.monotonic() - start),
-        "budget": f"{budget.name}, {steps} steps, {model.n_updates} updates",
-    }
+    about = RunAbout(
+        scenario=f"{preset}, {scenario.hash}",
+        versions=", ".join(versions),
+        seconds=round(time.monotonic() - start),
+        budget=f"{budget.name}, {steps} steps, {model.n_updates} updates",
+    )
     rows = [*windows_of(games.rounds, steps), window_row(FINAL, steps, *final)]
     runs = [Run(condition.name, seed, about, rows)]
     for path in condition.swaps:

@@ -15,7 +15,7 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
 from fpg_bench.paper.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
-from fpg_bench.paper.runs import FIFTH, STAGES, WINDOWS, Results
+from fpg_bench.paper.runs import FIFTH, STAGES, WINDOWS, Runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +29,7 @@ _TITLES = {
 }
 
 
-def draw(results: Results, preset: str, folder: Path) -> dict[str, list[Path]]:
+def draw(results: Runs, preset: str, folder: Path) -> dict[str, list[Path]]:
     """Draw each figure whose runs exist, and return its files by its name.
 
     Args:
@@ -47,10 +47,10 @@ def draw(results: Results, preset: str, folder: Path) -> dict[str, list[Path]]:
 
 def rewards(
     conditions: Sequence[str], columns: int, width: float, height: float, base: str = _TITLES[BASE]
-) -> Callable[[Results, str], Any]:
+) -> Callable[[Runs, str], Any]:
     """Return a function that draws both sides' rewards over training, with a panel per condition."""
 
-    def paint(results: Results, preset: str) -> Any:
+    def paint(results: Runs, preset: str) -> Any:
         present = [condition for condition in conditions if condition in results.runs]
         if not present or present == [BASE] != list(conditions):
             return None
@@ -76,7 +76,7 @@ def rewards(
     return paint
 
 
-def _draw_reward(axes: Axes, results: Results, condition: str, side: str, colour: str) -> None:
+def _draw_reward(axes: Axes, results: Runs, condition: str, side: str, colour: str) -> None:
     """Draw the mean over seeds and its moving average (dashed), with 2 sigma over rounds and seeds."""
     each, within = (results.series(condition, f"{side}_{kind}") for kind in ("reward", "sd"))
     time = (np.arange(WINDOWS) + 0.5) / WINDOWS
@@ -94,7 +94,7 @@ def _smoothed(values: np.ndarray) -> np.ndarray:
     return np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same")
 
 
-def frequencies(results: Results, preset: str) -> Any:
+def frequencies(results: Runs, preset: str) -> Any:
     """Draw Fig. 4: centre frequencies of both sides early, midway and late in training, all seeds pooled."""
     seeds = results.seeds(BASE)
     if not seeds:
@@ -135,7 +135,7 @@ def _mark(
     axes.bar(points[highest] + shift, share[highest], 2.8, fill=False, ec=colour, lw=1.6)
 
 
-def overlap_and_success(results: Results, preset: str) -> Any:
+def overlap_and_success(results: Runs, preset: str) -> Any:
     """Draw Fig. 5: overlap ratio and jamming success rate over training, with their standard deviation."""
     if BASE not in results.runs:
         return None
@@ -159,7 +159,7 @@ def overlap_and_success(results: Results, preset: str) -> Any:
     return figure
 
 
-def paths(results: Results, preset: str) -> Any:
+def paths(results: Runs, preset: str) -> Any:
     """Draw both sides' paths in a round after training (Algorithm 1, line 18), from above."""
     if not results.runs.get(BASE):
         return None
@@ -181,7 +181,7 @@ def paths(results: Results, preset: str) -> Any:
     return figure
 
 
-FIGURES: Mapping[str, Callable[[Results, str], Any]] = MappingProxyType(
+FIGURES: Mapping[str, Callable[[Runs, str], Any]] = MappingProxyType(
     {
         "fig3": rewards((BASE, *FIXED_PATHS, *PLANNERS, LLM), 4, 11, 2.5),
         "fig4": frequencies,

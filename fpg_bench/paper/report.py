@@ -23,7 +23,7 @@ from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.paper.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, PairedTest, compare, verdict
 from fpg_bench.paper.conditions import BASE, LLM, LONG, conditions_of, sensitivity
 from fpg_bench.paper.experiment import ALGORITHM, BUDGETS, Budget, hyperparameters
-from fpg_bench.paper.runs import FIFTH, FINAL, STAGES, WINDOWS, Results
+from fpg_bench.paper.runs import FIFTH, FINAL, STAGES, WINDOWS, Runs
 from fpg_bench.training.algorithms import find_algorithm
 
 Lines = list[list[str]]  # of a table; the first holds the headings
@@ -187,7 +187,7 @@ img { max-width: 100%; }
 
 
 def write_report(
-    results: Results,
+    results: Runs,
     preset: str,
     budget: Budget,
     drawn: Iterable[str],
@@ -221,7 +221,7 @@ def write_report(
 
 
 def content(
-    results: Results, preset: str, budget: Budget, drawn: Iterable[str] = (), with_tables: bool = False
+    results: Runs, preset: str, budget: Budget, drawn: Iterable[str] = (), with_tables: bool = False
 ) -> dict[str, Any]:
     """Return the numbers, tables and texts of a report by their names in its template."""
     comparisons = compare(results)
@@ -255,8 +255,8 @@ def content(
         "differs": any(each.name in results.runs for each in sensitivity(preset)),
         "tables": tables(budget) if with_tables or not headings else [],
         "runs": len(headings),
-        "minutes": sum(float(heading["seconds"]) for heading in headings) / 60,
-        "versions": "; ".join(sorted({heading["versions"] for heading in headings})) or "no runs",
+        "minutes": sum(heading.seconds for heading in headings) / 60,
+        "versions": "; ".join(sorted({heading.versions for heading in headings})) or "no runs",
     }
 
 
@@ -273,7 +273,7 @@ def tests_table(comparisons: Sequence[Comparison]) -> Lines:
     return lines
 
 
-def _overlap(results: Results) -> Lines:
+def _overlap(results: Runs) -> Lines:
     lines = [["stage", "the paper", "spectrum overlap", "overlap ratio"]]
     seeds = results.seeds(BASE)
     for stage, windows in STAGES.items() if seeds else ():
@@ -285,7 +285,7 @@ def _overlap(results: Results) -> Lines:
     return lines
 
 
-def _spread(results: Results) -> str:
+def _spread(results: Runs) -> str:
     seeds = results.seeds(BASE)
     if len(seeds) < 2:
         return "not known from a single run"
@@ -293,7 +293,7 @@ def _spread(results: Results) -> str:
     return f"{100 * (late - early).std(ddof=1):.1f} points"
 
 
-def fifths_table(results: Results) -> Lines:
+def fifths_table(results: Runs) -> Lines:
     """Tabulate the base condition and the long run by fifths of their training."""
     shown = [each for each in _LEVELS if each[1] in _SHARES]
     lines = [["condition", "of training", *(heading for heading, *_ in shown)]]
@@ -307,7 +307,7 @@ def fifths_table(results: Results) -> Lines:
 
 
 def _levels(
-    results: Results, names: Iterable[str], windows: Iterable[int], columns: Sequence[_Level] = _LEVELS
+    results: Runs, names: Iterable[str], windows: Iterable[int], columns: Sequence[_Level] = _LEVELS
 ) -> Lines:
     lines = [["condition", "seeds", *(heading for heading, *_ in columns)]]
     for name in names:
@@ -319,7 +319,7 @@ def _levels(
     return lines
 
 
-def _otherwise(results: Results, preset: str) -> Lines:
+def _otherwise(results: Runs, preset: str) -> Lines:
     """Tabulate the effect of each open point resolved differently, against the same seeds of the base."""
     lines = []
     for condition in sensitivity(preset):
@@ -332,7 +332,7 @@ def _otherwise(results: Results, preset: str) -> Lines:
     return lines
 
 
-def levels_csv(results: Results, preset: str) -> str:
+def levels_csv(results: Runs, preset: str) -> str:
     """Return the levels of all conditions in both stages, and the differences from the base, as CSV."""
     names = [LLM, *(condition.name for condition in conditions_of("all", preset, full=True))]
     late, final = (_levels(results, names, windows) for windows in (STAGES["late"], (FINAL,)))

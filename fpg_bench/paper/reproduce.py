@@ -91,7 +91,7 @@ def _missing(
     for condition in conditions:
         game = f"{preset}, {condition.scenario(preset).hash}"
         for run in stored.values():
-            if run.condition == condition.name and run.about.get("scenario") != game:
+            if run.condition == condition.name and run.about.scenario != game:
                 raise UserError(
                     f"runs {file.path}: {run.condition}, seed {run.seed}, played another game than {preset} "
                     "is now; choose another --out, or remove the file"
@@ -115,7 +115,7 @@ def _budget(budget: str | Budget) -> Budget:
 def _conditions(target: str, scenario: str, budget: Budget, llm: Mapping[str, Any] | None) -> list[Condition]:
     conditions = conditions_of(target, scenario, budget.name == "full")
     if llm is not None and target in (ALL, "fig3", "fig7"):
-        conditions.append(Condition(LLM, {"planner": "llm"}))
+        conditions.append(Condition(LLM, "llm"))
     return conditions
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_bounded, write_whole
+from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.game.metrics import measures, pool, spectrum_overlap
@@ -45,7 +46,6 @@ MEASURES = (
 _HISTOGRAMS = ("ally_points", "jam_points")
 _PATHS = ("ally_path", "opponent_path")
 COLUMNS = ("window", "steps", "rounds", *_REWARDS, *MEASURES, *_HISTOGRAMS, *_PATHS)
-Row = dict[str, Any]
 
 
 def window_row(
@@ -94,12 +94,28 @@ def windows_of(rounds: Iterable[tuple[int, np.void, np.ndarray]], budget: int) -
 _MAX_BYTES = 2**28  # limit for a decompressed file
 
 
+class RunAbout(Strict, extra="allow"):
+    """Origin of a run; what earlier versions noted besides is kept.
+
+    Attributes:
+        scenario: preset and hash.
+        versions: of the package and the libraries that trained it.
+        seconds: duration.
+        budget: name, steps and updates.
+    """
+
+    scenario: str
+    versions: str
+    seconds: int | float
+    budget: str
+
+
 class _StoredRun(Strict):
     """A line of a file."""
 
     condition: str
     seed: int
-    about: dict[str, Any]
+    about: RunAbout
     columns: dict[str, list[int | float | list[int] | None]]
 
 
@@ -110,19 +126,19 @@ class Run:
     Attributes:
         condition: name of its condition.
         seed: training seed.
-        about: scenario, budget, versions and seconds.
+        about: its origin.
         rows: its windows in order; the last one is without noise.
     """
 
     condition: str
     seed: int
-    about: Mapping[str, Any]
+    about: RunAbout
     rows: list[Row]
 
     def line(self) -> str:
         """Return the run as JSON, with numbers rounded to five digits."""
         columns = {name: [_rounded(row[name]) for row in self.rows] for name in COLUMNS}
-        head = {"condition": self.condition, "seed": self.seed, "about": dict(self.about)}
+        head = {"condition": self.condition, "seed": self.seed, "about": self.about.model_dump()}
         return json.dumps(head | {"columns": columns}, separators=(",", ":"))
 
 
@@ -175,7 +191,7 @@ def _rounded(value: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Results:
+class Runs:
     """Runs of one scenario and budget.
 
     Attributes:
@@ -227,7 +243,7 @@ class Results:
         return np.array(overlaps, float)
 
 
-def read_results(file: RunFile, wanted: Mapping[str, Iterable[int]]) -> Results:
+def read_results(file: RunFile, wanted: Mapping[str, Iterable[int]]) -> Runs:
     """Return the runs of a file with the wanted conditions and seeds, as far as they exist.
 
     Raises:
@@ -239,4 +255,4 @@ def read_results(file: RunFile, wanted: Mapping[str, Iterable[int]]) -> Results:
         for seed in seeds:
             if (name, seed) in stored:
                 runs.setdefault(name, {})[seed] = stored[name, seed]
-    return Results(runs)
+    return Runs(runs)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from types import UnionType
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,7 @@ from fpg_bench.game.scenario import Scenario
 TIERS = ("none", "history", "ally")
 Array = NDArray[np.float64]
 
-_KINDS: dict[str, Any] = {
+_KINDS: dict[str, type | UnionType] = {
     "source": str, "status": str, "tokens": int | None, "seconds": float | int | None, "useless": str | None
 }  # fmt: skip
 
@@ -127,6 +129,13 @@ class Planner(Protocol):
     ) -> Plan:
         """Return the next round's path; the arguments are those of :class:`Request`."""
         ...
+
+
+@runtime_checkable
+class CountsPlans(Protocol):
+    """A planner that counts the rounds flown on a plan of each status."""
+
+    flown: Counter[str]
 
 
 class BatchPlanner(ABC):

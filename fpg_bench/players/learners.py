@@ -13,6 +13,7 @@ import numpy as np
 
 from fpg_bench.common.ids import LEARNERS
 from fpg_bench.game import rng
+from fpg_bench.game.actions import HOP_GATE, KNOWLEDGE_GATE, PREFERENCE, SPEED, SPREAD_GATE
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.elementary import log
 from fpg_bench.game.rewards import spread_cost
@@ -156,11 +157,11 @@ def _costs(seen: np.ndarray, hopped: bool, rules: Record) -> float:
 def _act(action: np.ndarray, hop: bool, spread: bool, knowledge: bool, preference: float) -> None:
     """Fill the nine floats, at full speed."""
     action[:] = 0.0
-    action[0] = 1.0 if hop else -1.0
-    action[1] = 1.0 if spread else -1.0
-    action[2] = 1.0
-    action[3] = preference
-    action[4] = 1.0 if knowledge else -1.0
+    action[HOP_GATE] = 1.0 if hop else -1.0
+    action[SPREAD_GATE] = 1.0 if spread else -1.0
+    action[SPEED] = 1.0
+    action[PREFERENCE] = preference
+    action[KNOWLEDGE_GATE] = 1.0 if knowledge else -1.0
 
 
 class Learner(SeededPolicy):

@@ -47,6 +47,16 @@ class Player(Protocol):
         ...
 
 
+@runtime_checkable
+class LosesRounds(Protocol):
+    """A player that loses its current round by an invalid answer, as a submission does."""
+
+    @property
+    def invalid(self) -> np.ndarray:
+        """``(n,)`` bool, the games whose current round is lost; empty before the first."""
+        ...
+
+
 PlayerSpec = str | os.PathLike[str] | Player  # a player, or its name
 
 

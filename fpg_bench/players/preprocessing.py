@@ -178,7 +178,7 @@ def difference_in_own_games(
     for _ in range(steps):
         numbers = np.concatenate([getattr(batch, f"{side}_observations") for side, batch in batches])
         step = np.concatenate([batch.games["step"] for _, batch in batches])
-        masks: dict[str, Any] = {}
+        masks: dict[str, np.ndarray] = {}
         if choices is not None and takes_masks(model):
             masks["action_masks"] = np.stack(games.env_method("action_masks"))
         actions, model_state = model.predict(seen, model_state, starts, True, **masks)

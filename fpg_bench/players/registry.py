@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -177,7 +176,7 @@ class ModelPlayer(Batched):
     ) -> tuple[np.ndarray, Memory]:
         stack, state = (None, None) if state is None else state
         stack = self._preprocessing.pushed(stack, seen, starts)
-        masks: dict[str, Any] = {}
+        masks: dict[str, np.ndarray] = {}
         if self._mask is not None:
             masks["action_masks"] = np.tile(self._mask, (len(seen), 1))
         actions, state = self.model.predict(self._preprocessing.shown(stack), state, starts, True, **masks)

@@ -8,6 +8,18 @@ import numpy as np
 
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.game import rng
+from fpg_bench.game.actions import (
+    HOP_GATE,
+    IN_BAND_GATE,
+    KNOWLEDGE_GATE,
+    PREFERENCE,
+    SPEED,
+    SPREAD_GATE,
+    STRATEGY_SCORES,
+    TUNING,
+    TYPE_SCORES,
+    VELOCITY,
+)
 from fpg_bench.game.choices import PURSUIT_M
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.full_state import ALLY, OPPONENT
@@ -24,7 +36,7 @@ from fpg_bench.game.sensing import (
     SNR,
     SPREADING_TIME,
 )
-from fpg_bench.game.state import ACTION_SIZE, TYPES
+from fpg_bench.game.state import ACTION_SIZE, TYPES, Record
 from fpg_bench.players.player import Memory
 from fpg_bench.players.seeded import Batched, SeededPolicy
 
@@ -33,28 +45,30 @@ TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE, WATCHFUL = 
 
 SPREAD_S = 8.0  # time that expert-spread spreads after a hop
 
-# Indices into the numbers of `scenario_scales`.
-SNR_SCALE, THRESHOLD, _SPREADING_SCALE, _POINTS, _BOX, _THREAT, _BROADBAND, _COMB, TUNING_SPAN, SPACING = (
-    0, 1, 2, 3, 4, 7, 8, 9, 10, 11,
-)  # fmt: skip
+# What scripts read of a scenario: scales of observations, and the thresholds of their rules.
+SCALES = np.dtype(
+    [
+        ("snr_db", "f8"),
+        ("threshold_db", "f8"),
+        ("spreading_s", "f8"),
+        ("points", "i8"),
+        ("box_m", "f8", (3,)),
+        ("threat_db", "f8"),
+        ("broadband_m", "f8"),
+        ("comb_m", "f8"),
+        ("tuning_span_mhz", "f8"),
+        ("point_spacing_mhz", "f8"),
+    ],
+    align=True,
+)
 
 
 def scenario_scales(scenario: Scenario) -> np.ndarray:
-    """Return the numbers of a scenario that scripts read."""
-    return np.array(
-        [
-            scenario.snr_scale_db,
-            scenario.snr_threshold_db,
-            scenario.spreading_scale_s,
-            scenario.frequency_points,
-            *scenario.box_m,
-            scenario.script_threat_db,
-            scenario.script_broadband_m,
-            scenario.script_comb_m,
-            scenario.tuning_span_mhz,
-            scenario.point_spacing_mhz,
-        ]
-    )
+    """Return what scripts read of a scenario, as a one-element record array of dtype ``SCALES``."""
+    s = scenario
+    values = (s.snr_scale_db, s.snr_threshold_db, s.spreading_scale_s, s.frequency_points, s.box_m)
+    thresholds = (s.script_threat_db, s.script_broadband_m, s.script_comb_m)
+    return np.array([(*values, *thresholds, s.tuning_span_mhz, s.point_spacing_mhz)], SCALES)
 
 
 @compiled
@@ -70,31 +84,32 @@ def play_ally(
     actions: np.ndarray,
     steps: np.ndarray,
     keys: np.ndarray,
-    scales: np.ndarray,
+    scales_array: np.ndarray,
 ) -> None:
     """Fill the actions of a scripted ally and count its steps."""
+    scales = scales_array[0]
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
-        snr = seen[SNR] * scales[SNR_SCALE]
+        snr = seen[SNR] * scales.snr_db
         hop, spread, expert = False, False, False
         preference = 0.0
         if kind == REACTIVE:
-            hop = snr < scales[THRESHOLD]
+            hop = snr < scales.threshold_db
             preference = draw(keys, i, steps[i], 3)
         elif kind in (EXPERT, EXPERT_SPREAD):
-            expert = seen[SENSED_COVERS] > 0.0 and snr < scales[_THREAT]
+            expert = seen[SENSED_COVERS] > 0.0 and snr < scales.threat_db
             hop = expert
-            spread_s = seen[SPREADING_TIME] * scales[_SPREADING_SCALE]
+            spread_s = seen[SPREADING_TIME] * scales.spreading_s
             spread = kind == EXPERT_SPREAD and (hop or 0.5 < spread_s < SPREAD_S - 0.5)
         elif kind == ALWAYS_HOP:
             hop = True
             preference = draw(keys, i, steps[i], 3)
-        action[0] = 1.0 if hop else -1.0
-        action[1] = 1.0 if spread else -1.0
-        action[2] = 1.0
-        action[3] = preference
-        action[4] = 1.0 if expert else -1.0
-        for j in range(5, ACTION_SIZE):
+        action[HOP_GATE] = 1.0 if hop else -1.0
+        action[SPREAD_GATE] = 1.0 if spread else -1.0
+        action[SPEED] = 1.0
+        action[PREFERENCE] = preference
+        action[KNOWLEDGE_GATE] = 1.0 if expert else -1.0
+        for j in range(STRATEGY_SCORES, ACTION_SIZE):
             action[j] = 0.0
         if kind == RANDOM_ALLY:
             _fill_random(action, keys, i, steps[i])
@@ -108,17 +123,17 @@ def play_opponent(
     actions: np.ndarray,
     steps: np.ndarray,
     keys: np.ndarray,
-    scales: np.ndarray,
+    scales_array: np.ndarray,
 ) -> None:
     """Fill the actions of a scripted opponent and count its steps."""
+    scales = scales_array[0]
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
         distance = fly_at_ally(seen, action, scales)
         jamming_type, tuning, in_band = kind, 0.0, False
         if kind == SWEEP:
-            points = int(scales[_POINTS])
             jamming_type, in_band = NARROWBAND, True
-            tuning = 2.0 * (steps[i] % points) / (points - 1) - 1.0
+            tuning = 2.0 * (steps[i] % scales.points) / (scales.points - 1) - 1.0
         elif kind in (ADAPTIVE, WATCHFUL):
             jamming_type = fitting_type(kind, seen, distance, scales)
         jam(action, jamming_type, tuning, in_band)
@@ -131,22 +146,22 @@ def play_opponent(
 def jam(action: np.ndarray, jamming_type: int, tuning: float, in_band: bool) -> None:
     """Fill the first six floats of an opponent."""
     for j in range(TYPES):
-        action[j] = 1.0 if j == jamming_type else -1.0
-    action[4] = tuning
-    action[5] = 1.0 if in_band else -1.0
+        action[TYPE_SCORES + j] = 1.0 if j == jamming_type else -1.0
+    action[TUNING] = tuning
+    action[IN_BAND_GATE] = 1.0 if in_band else -1.0
 
 
 @compiled
-def fitting_type(kind: int, seen: np.ndarray, distance: float, scales: np.ndarray) -> int:
+def fitting_type(kind: int, seen: np.ndarray, distance: float, scales: Record) -> int:
     """Return the type that adaptive or watchful jams with."""
     checked = seen[KNOWN_AGE] <= 0.0
     if _stayed(seen, checked) if kind == WATCHFUL else checked:
         return TONE
     if checked:
         return NARROWBAND
-    if distance < scales[_BROADBAND]:
+    if distance < scales.broadband_m:
         return BROADBAND
-    return COMB if distance < scales[_COMB] else NARROWBAND
+    return COMB if distance < scales.comb_m else NARROWBAND
 
 
 @compiled
@@ -158,20 +173,20 @@ def _stayed(seen: np.ndarray, checked: bool) -> bool:
 
 
 @compiled
-def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: np.ndarray) -> float:
+def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: Record) -> float:
     """Fill the velocity of an opponent that flies at the ally; returns their distance in m."""
     x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
     distance = math.sqrt(x * x + y * y + z * z)
     reach = max(distance, PURSUIT_M)
-    action[6], action[7], action[8] = x / reach, y / reach, z / reach
+    action[VELOCITY], action[VELOCITY + 1], action[VELOCITY + 2] = x / reach, y / reach, z / reach
     return distance
 
 
 @compiled
-def _away_m(seen: np.ndarray, scales: np.ndarray, axis: int) -> float:
+def _away_m(seen: np.ndarray, scales: Record, axis: int) -> float:
     """Return the relative position in m; the observation holds its signed root over the box."""
     root = seen[RELATIVE_POSITION + axis]
-    return math.copysign(root * root, root) * scales[_BOX + axis]
+    return math.copysign(root * root, root) * scales.box_m[axis]
 
 
 @compiled
@@ -239,11 +254,11 @@ class OracleAlly(Batched):
         known = seen[:, OPPONENT + KNOWN_FREQUENCY]
         due = seen[:, OPPONENT + NEXT_CHECK] * self._check_s < 1.5
         actions = np.zeros((len(seen), ACTION_SIZE), np.float32)
-        actions[:, 0] = np.where(np.abs(frequency - known) < self._half_point, 1, -1)
-        actions[:, 1] = np.where(due, 1, -1)
-        actions[:, 2] = 1
-        actions[:, 3] = np.where(known > 0, -1, 1)  # the end of the band that is farther away
-        actions[:, 4] = -1
+        actions[:, HOP_GATE] = np.where(np.abs(frequency - known) < self._half_point, 1, -1)
+        actions[:, SPREAD_GATE] = np.where(due, 1, -1)
+        actions[:, SPEED] = 1
+        actions[:, PREFERENCE] = np.where(known > 0, -1, 1)  # the end of the band that is farther away
+        actions[:, KNOWLEDGE_GATE] = -1
         return actions, None
 
 
@@ -263,13 +278,13 @@ class OracleOpponent(Batched):
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
     ) -> tuple[np.ndarray, Memory]:
         actions = np.full((len(seen), ACTION_SIZE), -1, np.float32)
-        actions[:, 0] = 1
-        actions[:, 4] = seen[:, ALLY + OWN_FREQUENCY]
-        actions[:, 5] = 1
+        actions[:, TYPE_SCORES + TONE] = 1
+        actions[:, TUNING] = seen[:, ALLY + OWN_FREQUENCY]
+        actions[:, IN_BAND_GATE] = 1
         start = OPPONENT + RELATIVE_POSITION
         root = seen[:, start : start + 3]
         away = np.sign(root) * root**2 * self._box
-        actions[:, 6:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), PURSUIT_M)
+        actions[:, VELOCITY:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), PURSUIT_M)
         return actions, None
 
 

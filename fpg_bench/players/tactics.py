@@ -11,6 +11,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import TACTICS
+from fpg_bench.game.actions import HOP_GATE, KNOWLEDGE_GATE, SPEED, SPREAD_GATE
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import (
@@ -29,10 +30,7 @@ from fpg_bench.players.scripted import (
     BROADBAND,
     COMB,
     NARROWBAND,
-    SNR_SCALE,
-    SPACING,
     TONE,
-    TUNING_SPAN,
     WATCHFUL,
     fitting_type,
     fly_at_ally,
@@ -43,6 +41,20 @@ from fpg_bench.players.seeded import SeededPolicy
 
 SULK, BY_TYPE = range(len(TACTICS["ally"]))
 SCAN, ALTERNATE, GUARD, HERD = range(len(TACTICS["opponent"]))
+
+ALLY_MEMORY = np.dtype(
+    [
+        ("step", "i8"),
+        ("hops", "i8"),  # in a row that ended no outage
+        ("until", "i8"),  # the step until which it stays
+    ]
+)
+OPPONENT_MEMORY = np.dtype(
+    [
+        ("step", "i8"),
+        ("moves", "i8"),  # how often a check found the ally elsewhere than it was jammed
+    ]
+)
 
 
 @dataclass(frozen=True)
@@ -108,36 +120,38 @@ def play_ally(
     observations: np.ndarray,
     actions: np.ndarray,
     memory: np.ndarray,
-    scales: np.ndarray,
+    scales_array: np.ndarray,
     constant: np.ndarray,
 ) -> None:
     """Fill the actions of an ally, which flies at full speed and hops by the knowledge base.
 
-    ``memory`` (n, 3): the step, the hops in a row that ended no outage, and the step until which it stays.
+    ``memory`` (n,) is of dtype ``ALLY_MEMORY``.
     """
+    scales = scales_array[0]
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
-        step, hops, until = memory[i, 0], memory[i, 1], memory[i, 2]
-        snr = seen[SNR] * scales[SNR_SCALE]
+        of = memory[i]
+        step = of.step
+        snr = seen[SNR] * scales.snr_db
         hop, spread = False, False
         if kind == SULK:
             if snr >= constant[0]:
-                hops = 0
-            elif step >= until and hops >= constant[1]:
-                hops, until = 0, step + int(constant[2])
-            elif step >= until:
+                of.hops = 0
+            elif step >= of.until and of.hops >= constant[1]:
+                of.hops, of.until = 0, step + int(constant[2])
+            elif step >= of.until:
                 hop = True
-                hops += 1
+                of.hops += 1
         elif seen[SENSED_COVERS] > 0.0:
             tone = seen[SENSED_TYPE + TONE] > 0.0
             spread = tone and (snr < constant[0] or seen[SPREADING_TIME] > 0.0)
             hop = snr < constant[1] and not tone
         action[:] = 0.0
-        action[0] = 1.0 if hop else -1.0
-        action[1] = 1.0 if spread else -1.0
-        action[2] = 1.0
-        action[4] = action[0]
-        memory[i, 0], memory[i, 1], memory[i, 2] = step + 1, hops, until
+        action[HOP_GATE] = 1.0 if hop else -1.0
+        action[SPREAD_GATE] = 1.0 if spread else -1.0
+        action[SPEED] = 1.0
+        action[KNOWLEDGE_GATE] = action[HOP_GATE]
+        of.step += 1
 
 
 @compiled
@@ -146,35 +160,36 @@ def play_opponent(
     observations: np.ndarray,
     actions: np.ndarray,
     memory: np.ndarray,
-    scales: np.ndarray,
+    scales_array: np.ndarray,
     constant: np.ndarray,
 ) -> None:
     """Fill the actions of an opponent, which flies at the ally.
 
-    ``memory`` (n, 3): the step, and how often a check found the ally elsewhere than it was jammed; the third
-    is unused.
+    ``memory`` (n,) is of dtype ``OPPONENT_MEMORY``.
     """
+    scales = scales_array[0]
     for i in range(observations.shape[0]):
         seen, action = observations[i], actions[i]
-        step = memory[i, 0]
+        of = memory[i]
+        step = of.step
         distance = fly_at_ally(seen, action, scales)
         checked = seen[KNOWN_AGE] <= 0.0
         if checked and seen[JAM_TYPE : JAM_TYPE + TYPES].any() and seen[JAM_CENTRE] != seen[KNOWN_FREQUENCY]:
-            memory[i, 1] += 1
+            of.moves += 1
         tuning, in_band = 0.0, False
         if kind == GUARD and distance < constant[0]:
             turn = step % int(constant[2]) - (constant[2] - 1.0) / 2.0
-            jamming_type, tuning = COMB, turn * scales[SPACING] / scales[TUNING_SPAN]
+            jamming_type, tuning = COMB, turn * scales.point_spacing_mhz / scales.tuning_span_mhz
         elif kind == GUARD:
-            jamming_type, tuning = NARROWBAND, constant[1] / scales[TUNING_SPAN]
-        elif kind == HERD and memory[i, 1] < constant[3]:
+            jamming_type, tuning = NARROWBAND, constant[1] / scales.tuning_span_mhz
+        elif kind == HERD and of.moves < constant[3]:
             jamming_type = fitting_type(WATCHFUL, seen, distance, scales)
         else:
             turn = step // int(constant[2]) % int(constant[1])
             jamming_type, in_band = int(constant[0]), True
             tuning = (2.0 * turn + 1.0) / constant[1] - 1.0
         jam(action, jamming_type, tuning, in_band)
-        memory[i, 0] = step + 1
+        of.step += 1
 
 
 class Tactic(SeededPolicy):
@@ -209,8 +224,8 @@ class Tactic(SeededPolicy):
     def _answer(
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
     ) -> tuple[np.ndarray, Memory]:
-        count = len(seen)
-        memory = np.zeros((count, 3), np.int64) if state is None else state.copy()
+        count, kind = len(seen), ALLY_MEMORY if self.side == "ally" else OPPONENT_MEMORY
+        memory = np.zeros(count, kind) if state is None else state.copy()
         if starts is not None:
             memory[starts] = 0
         actions = np.empty((count, ACTION_SIZE), np.float32)

@@ -32,6 +32,7 @@ from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.planning import LLM_CONTROLS
+from fpg_bench.planning.planner import CountsPlans
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
@@ -392,8 +393,8 @@ class _Run:
         """Export the agent, save the model, draw the learning curve, and remove the checkpoints."""
         steps = self.model.num_timesteps
         made: Row = {"steps_done": steps, "seconds": round(self.seconds, 1)}
-        if (plans := getattr(self.games.core.duel.planner, "flown", None)) is not None:
-            made["plans"] = dict(plans)  # of this part of the run
+        if isinstance(planner := self.games.core.duel.planner, CountsPlans):
+            made["plans"] = dict(planner.flown)  # of this part of the run
         about = self.about.model_copy(update=made)
         difference = max(
             write_exported(player, self.folder.agent_of(side, self.sides), about.to_dict() | {"side": side})

@@ -20,7 +20,7 @@ from fpg_bench.leaderboard.verification import verify
 from fpg_bench.players.sandbox import client, process
 from fpg_bench.players.sandbox.client import PolicyClient, check_policy
 from fpg_bench.players.sandbox.isolation import Layer, missing
-from fpg_bench.players.sandbox.process import Limits, Sandbox
+from fpg_bench.players.sandbox.process import ProcessLimits, Sandbox
 from tests.attacks.prisoner import escapes
 from tests.leaderboard.entering import enter
 from tests.leaderboard.making import as_policy, policy, write_submission
@@ -44,7 +44,7 @@ def open_doors(monkeypatch):
 
 
 def test_nothing_gets_out(open_doors):
-    prison = Sandbox("tests.attacks.prisoner", Limits())
+    prison = Sandbox("tests.attacks.prisoner", ProcessLimits())
     with prison.within(60):
         (size,) = struct.unpack("<I", prison.receive(4))
         results, passing = json.loads(prison.receive(size))

@@ -17,7 +17,7 @@ from fpg_bench.evaluation.entry import EvaluatedPlayer, entries_of, player_entry
 from fpg_bench.evaluation.evaluate import evaluate, play_into, read_results
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.evaluation.summary import Training
+from fpg_bench.evaluation.summary import TrainingCost
 from fpg_bench.evaluation.table import write_table
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import Scripted
@@ -63,8 +63,8 @@ def test_the_cost_of_training_is_kept_beside_the_records(suite, tmp_path):
     summaries = {summary.entry: summary for summary in read_results(out)[0]}
     costs = [load_agent(f"ally-scripted/ppo/seed_{seed}").card for seed in (0, 1)]
     mean = sum(card.seconds for card in costs) / 2
-    assert summaries["ppo"].training == Training(3_000_000, pytest.approx(mean))
-    assert summaries["idle"].training == Training()
+    assert summaries["ppo"].training == TrainingCost(3_000_000, pytest.approx(mean))
+    assert summaries["idle"].training == TrainingCost()
     about = json.loads((out / "evaluation.json").read_text())
     for training in ({"ppo": 3}, {"ppo": {"0": {"steps": "3M"}}}, []):
         (out / "evaluation.json").write_text(json.dumps(about | {"training": training}))

@@ -13,7 +13,7 @@ from fpg_bench.cli.evaluation import print_table
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import difference
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.evaluation.summary import Training, summarise
+from fpg_bench.evaluation.summary import TrainingCost, summarise
 from fpg_bench.evaluation.table import (
     as_csv,
     caption,
@@ -146,7 +146,7 @@ def test_ranks_and_differences_stand_beside_the_score(suite):
 
 def test_training_stands_beside_the_score(summaries, suite):
     for steps, text in ((3_000_000, "3M"), (405_000, "405k"), (400, "400"), (None, "-")):
-        training = Training() if steps is None else Training(steps, 90.0)
+        training = TrainingCost() if steps is None else TrainingCost(steps, 90.0)
         head, line = lines_of_table([dataclasses.replace(summaries[0], training=training)], suite)
         assert line[head.index("steps")] == text
         assert line[head.index("minutes")] == ("-" if steps is None else "1.5")

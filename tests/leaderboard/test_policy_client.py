@@ -12,7 +12,7 @@ from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.leaderboard.playing import smoke_test
 from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.players.sandbox.client import Limits, PolicyClient, PolicyFailed
+from fpg_bench.players.sandbox.client import PolicyClient, PolicyFailed, ProcessLimits
 from fpg_bench.players.sandbox.process import Sandbox
 from tests.leaderboard.making import as_policy, model, node, policy, through, value, weights, whole
 from tests.players.test_agent import model_bytes
@@ -113,7 +113,7 @@ def test_answers_and_states_of_another_shape_lose_every_round():
 
 
 def test_a_policy_that_never_answers_is_given_up():
-    with PolicyClient(as_policy(policy(0)), Limits(call_s=0.1, row_s=0.05)) as client:
+    with PolicyClient(as_policy(policy(0)), ProcessLimits(call_s=0.1, row_s=0.05)) as client:
         os.kill(client.pid, signal.SIGSTOP)
         with pytest.raises(PolicyFailed, match=r"no answer within 0\.2 s"):
             client.predict(np.zeros((2, 15), np.float32))
@@ -159,7 +159,7 @@ def test_an_answer_that_is_announced_as_huge_is_not_waited_for(monkeypatch):
 
 
 def test_a_process_that_cannot_begin_is_named():
-    sandbox = Sandbox("fpg_bench.no_such_module", Limits())
+    sandbox = Sandbox("fpg_bench.no_such_module", ProcessLimits())
     with pytest.raises(PolicyFailed, match="ended by itself"), sandbox.within(60):
         sandbox.receive(1)
     sandbox.close()

@@ -13,7 +13,7 @@ from fpg_bench.leaderboard.tracks import TRANSCRIPT_MATCHES
 from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER
 from fpg_bench.planning.llm.transcript import MOST_BYTES
 from fpg_bench.players.sandbox import client, onnx_checks
-from fpg_bench.players.sandbox.client import Limits
+from fpg_bench.players.sandbox.client import ProcessLimits
 from tests.pages import Reader, blocks, small, small_baselines
 from tests.planning.llm.fault_server import FaultServer, answer
 from tests.programs import ROOT
@@ -66,7 +66,7 @@ def test_the_page_s_limits_are_the_code_s():
     assert f"| {onnx_checks.MOST_MULTIPLY_ADDS:,};" in PAGE
     assert f"{onnx_checks.MOST_NODES:,} at most" in PAGE
     assert f"| {submission.MOST_TEXT_BYTES // 1000} kB each" in PAGE
-    limits = Limits()
+    limits = ProcessLimits()
     assert f"| {limits.memory_bytes >> 30} GB |" in PAGE
     each = f"{limits.call_s:g} s an answer and {limits.row_s:g} s a game in it"
     assert f"| {each}, {limits.total_s / 60:g} minutes in all" in PAGE

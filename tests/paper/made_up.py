@@ -3,7 +3,7 @@
 import numpy as np
 
 from fpg_bench.paper.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
-from fpg_bench.paper.runs import COLUMNS, FINAL, WINDOWS, Results, Run
+from fpg_bench.paper.runs import COLUMNS, FINAL, WINDOWS, Run, RunAbout, Runs
 
 SEEDS = range(10)
 LEVELS = dict.fromkeys(FIXED_PATHS, 5.0) | {"tone": 3.0, "narrowband": 6.0, "comb": 5.0, "broadband": 9.0}
@@ -27,8 +27,10 @@ def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> R
         own[0] += int(rising * 300 * part)
         row |= {"ally_points": own.tolist(), "jam_points": [100] * 15}
         rows.append(row)
-    return Run(condition, seed, {"seconds": "1", "versions": "made up"}, rows)
+    return Run(
+        condition, seed, RunAbout(scenario="made up", versions="made up", seconds=1, budget="made up"), rows
+    )
 
 
-def results(levels=LEVELS, rising=1.0, seeds=SEEDS) -> Results:
-    return Results({name: {seed: run(name, seed, levels, rising) for seed in seeds} for name in levels})
+def results(levels=LEVELS, rising=1.0, seeds=SEEDS) -> Runs:
+    return Runs({name: {seed: run(name, seed, levels, rising) for seed in seeds} for name in levels})

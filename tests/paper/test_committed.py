@@ -53,7 +53,7 @@ def test_committed_runs_have_all_seeds_and_the_present_scenario(committed):
         wanted = 1 if condition.budgets > 1 else FULL.seeds if condition.tested else 5
         assert results.seeds(condition.name) == list(range(wanted)), condition.name
         for run in results.runs[condition.name].values():
-            assert run.about["scenario"] == f"{preset}, {condition.scenario(preset).hash}", condition.name
+            assert run.about.scenario == f"{preset}, {condition.scenario(preset).hash}", condition.name
 
 
 def test_committed_figures_levels_and_tests_match_the_committed_runs(tmp_path):
@@ -82,8 +82,8 @@ def test_runs_with_more_updates_have_the_present_scenario_and_are_quoted(preset,
     for run_name, runs in results.runs.items():
         game = known[run_name.split("@")[0]].scenario(preset)
         for run in runs.values():
-            assert run.about["scenario"] == f"{preset}, {game.hash}"
-            assert run.about["budget"].startswith(f"{name}, {budget.steps} steps, ")
+            assert run.about.scenario == f"{preset}, {game.hash}"
+            assert run.about.budget.startswith(f"{name}, {budget.steps} steps, ")
     page = (COMMITTED.parent / "paper.md").read_text()
     (test,) = (each.test for each in compare(results) if each.statement == "overlap ratio: early - late")
     digits = 0 if name == "paper" else 1
@@ -96,7 +96,7 @@ def test_committed_runs_of_figures_have_fresh_seeds():
     assert min(seed for _, seed in stored) >= 100  # those below were looked at before it was chosen
     for (name, _), run in stored.items():
         known = {c.name: c for c in conditions_of(ALL, "figures", full=True)}[name.split("@")[0]]
-        assert run.about["scenario"] == f"figures, {known.scenario('figures').hash}"
+        assert run.about.scenario == f"figures, {known.scenario('figures').hash}"
 
 
 def aspect_of(comparison):
@@ -118,7 +118,7 @@ def test_committed_trained_variants_have_their_game_and_fresh_seeds():
         changes = {key: value for each in settings for key, value in each.items()}
         game = as_scenario("paper", **{"rounds_per_match": 10} | changes)
         game = dataclasses.replace(game, **known[condition.split("@")[0]].changes)
-        assert run.about["scenario"] == f"paper, {game.hash}"
+        assert run.about.scenario == f"paper, {game.hash}"
 
 
 def test_page_of_trained_variants_has_their_verdicts():
@@ -145,7 +145,7 @@ def test_pairs_on_all_paths_have_the_present_scenario():
         for name in base.runs:
             assert results.seeds(name) == list(seeds)
             for run in results.runs[name].values():
-                assert run.about["scenario"] == f"{preset}, {base.scenario(preset).hash}"
+                assert run.about.scenario == f"{preset}, {base.scenario(preset).hash}"
 
 
 def test_page_on_paths_quotes_the_gains_of_frozen_pairs():

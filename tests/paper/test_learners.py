@@ -11,7 +11,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.paper.experiment import check_learner
 from fpg_bench.training.maddpg import MADDPG
-from fpg_bench.training.maddpg.maddpg import Transitions
+from fpg_bench.training.maddpg.maddpg import JointTransitions
 
 STEPS, UPDATES = 240, 100
 NETWORKS = ("actors", "critics", "actor_targets", "critic_targets")
@@ -47,7 +47,7 @@ def random_batches(seed):
     obs, next_obs = rng.uniform(-1, 1, (2, *shape, 30))
     actions, dones = rng.uniform(-1, 1, (*shape, 18)), rng.random((*shape, 1)) < 0.1
     arrays = (obs, actions, next_obs, dones, rng.normal(size=(*shape, 2)))
-    return Transitions(*(each.astype(np.float32) for each in arrays))
+    return JointTransitions(*(each.astype(np.float32) for each in arrays))
 
 
 @pytest.mark.slow
@@ -58,7 +58,7 @@ def test_a_hundred_updates_by_jax_give_torch_s_weights(jax_learner):
     expected.update(batches)
     learner = jax_learner(model)
     for part in np.split(np.arange(UPDATES), 4):
-        learner.update(Transitions(*(each[part] for each in batches)))
+        learner.update(JointTransitions(*(each[part] for each in batches)))
     learner.write()
     for name in NETWORKS:
         assert np.abs(weights_of(model, name) - weights_of(expected, name)).max() < 1e-5

@@ -72,8 +72,8 @@ def test_swapped_paths_are_reported_but_not_counted_as_runs(monkeypatch, tmp_pat
 def test_a_stored_run_has_a_description_and_rows(made):
     out, *_ = made
     run = RunFile(out, "paper", "tiny").read()[BASE, 0]
-    assert run.about["scenario"].startswith("paper, ")
-    assert run.about["budget"].startswith("tiny, 8000 steps, ")
+    assert run.about.scenario.startswith("paper, ")
+    assert run.about.budget.startswith("tiny, 8000 steps, ")
     rows = run.rows
     assert [row["window"] for row in rows] == [*range(WINDOWS), FINAL]
     assert rows[-1]["rounds"] == 8 * 10

@@ -19,7 +19,7 @@ FAILURES = ("timeout", "http", "invalid")  # errors of a call that are the serve
 _logger = logging.getLogger(__name__)
 
 
-class Budget:
+class CallBudget:
     """Caps on calls, tokens and time, and a circuit breaker that opens after five failures in a row.
 
     Once a cap is reached or the breaker is open, the rest of the run is flown without calls; this is logged
@@ -43,7 +43,7 @@ class Budget:
         self.failures = 0
         self._is_resumed = self._is_reported = False
 
-    def __deepcopy__(self, memo: object) -> Budget:
+    def __deepcopy__(self, memo: object) -> CallBudget:
         return self
 
     def resume(self, attempts: Iterable[Attempt], where: str) -> None:

@@ -18,7 +18,7 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning.llm.answers import PARSERS, answer_schema, points_in, read_answer, uselessness
-from fpg_bench.planning.llm.budget import CALLS, SECONDS, TOKENS, Budget
+from fpg_bench.planning.llm.budget import CALLS, SECONDS, TOKENS, CallBudget
 from fpg_bench.planning.llm.client import Client, Reply, response_format
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt, reask
 from fpg_bench.planning.llm.servers import RESPONSE_FORMATS, TOKEN_FIELDS, Endpoint, endpoint_from_environment
@@ -61,7 +61,8 @@ class LLMPlanner(BatchPlanner):
         mode: ``live`` (no transcript), ``record`` (attempts in the transcript are used, all others are made
             and added) or ``replay`` (from the transcript alone, without a server); None: ``record`` where
             there is a transcript.
-        calls, tokens, seconds: caps on the complete run (see :class:`fpg_bench.planning.llm.budget.Budget`).
+        calls, tokens, seconds: caps on the complete run; see
+            :class:`fpg_bench.planning.llm.budget.CallBudget`.
         deadline_s: time for each call; None: the endpoint's.
         concurrency: number of games asked for at once. Calls under way may exceed the caps.
         chain: the start of the transcript's chain of hashes; None: no chain.
@@ -110,7 +111,7 @@ class LLMPlanner(BatchPlanner):
         self.control = control
         mode = mode or ("live" if transcript is None else "record")
         self.transcript = Transcript(transcript, mode, chain)
-        self.budget = Budget(calls, tokens, seconds)
+        self.budget = CallBudget(calls, tokens, seconds)
         self.concurrency, self.sampling_seed = concurrency, integer(sampling_seed, "sampling_seed", 0)
         if parser not in (None, *PARSERS):
             raise UserError(f"parser: expected one of {', '.join(map(str, PARSERS))}, got {parser!r:.40}")

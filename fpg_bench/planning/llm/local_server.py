@@ -23,7 +23,7 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.output import user_cache
+from fpg_bench.common.folders import user_cache
 from fpg_bench.common.strict_json import read_plain
 
 GGUF = "FPG_LLM_GGUF"  # names a model's file

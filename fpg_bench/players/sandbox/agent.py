@@ -15,12 +15,12 @@ from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Memory
 from fpg_bench.players.sandbox import client
 from fpg_bench.players.sandbox.client import Policy, check_policy
-from fpg_bench.players.sandbox.process import Limits, PolicyFailed
+from fpg_bench.players.sandbox.process import PolicyFailed, ProcessLimits
 from fpg_bench.players.seeded import Batched
 
 _logger = logging.getLogger(__name__)
 # Training asks millions of times, so only the start and each answer are limited.
-_LIMITS = Limits(total_s=1e7)
+_LIMITS = ProcessLimits(total_s=1e7)
 
 
 class SandboxedAgent(Batched):

@@ -16,13 +16,13 @@ from fpg_bench.common.strict_json import read_plain
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Memory
-from fpg_bench.players.sandbox.process import Limits, PolicyFailed, Sandbox, Unprotected
+from fpg_bench.players.sandbox.process import PolicyFailed, ProcessLimits, Sandbox, Unprotected
 from fpg_bench.players.seeded import Batched
 
 MOST_BYTES = 5_000_000  # of policy.onnx
 AGENT_FILES = {"agent.json": 64_000, "policy.onnx": MOST_BYTES}  # of an untrusted agent, and their most bytes
 SIZE = struct.Struct("<I")  # of a file that is checked, and of the answer
-_READING = Limits(memory_bytes=2**30, call_s=60, total_s=600)
+_READING = ProcessLimits(memory_bytes=2**30, call_s=60, total_s=600)
 _UNREADABLE = "cannot be read within 1 GB of memory and 60 s"
 _PROBLEMS: dict[str, list[str]] = {}  # of files that were checked, by hash; starting a process takes 0.5 s
 
@@ -122,9 +122,9 @@ class PolicyClient(Batched):
         ValueError: ``predict`` with a ``state`` that is not what the last call returned.
     """
 
-    def __init__(self, policy: Policy, limits: Limits | None = None) -> None:
+    def __init__(self, policy: Policy, limits: ProcessLimits | None = None) -> None:
         self.policy, self.card = policy, policy.card
-        self.limits = limits or Limits()
+        self.limits = limits or ProcessLimits()
         self.invalid = np.zeros(0, bool)
         self._calls = 0
         self._sandbox: Sandbox | None = None

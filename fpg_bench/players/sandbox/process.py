@@ -62,7 +62,7 @@ class PolicyFailed(UserError):
 
 
 @dataclass(frozen=True)
-class Limits:
+class ProcessLimits:
     """Limits of a process; those of time are generous, as no score depends on a clock.
 
     Attributes:
@@ -87,7 +87,7 @@ class Sandbox:
         limits: of memory and time.
     """
 
-    def __init__(self, module: str, limits: Limits) -> None:
+    def __init__(self, module: str, limits: ProcessLimits) -> None:
         if not hasattr(os, "fork"):
             raise UserError("an agent of others runs in a sandbox, which needs Linux; on Windows, use WSL")
         self.limits = limits

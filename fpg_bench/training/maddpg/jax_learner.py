@@ -19,7 +19,7 @@ import torch
 from torch import nn
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.training.maddpg.maddpg import MADDPG, Transitions
+from fpg_bench.training.maddpg.maddpg import MADDPG, JointTransitions
 from fpg_bench.training.maddpg.policies import JointPolicy
 
 Shapes = tuple[tuple[tuple[int, int], ...], ...]  # input and output size of each layer of each network
@@ -32,7 +32,7 @@ _ACTIVATIONS: dict[type[nn.Module], Callable[[jax.Array], jax.Array]] = {
     nn.ELU: jax.nn.elu,
 }
 _ADAM_KWARGS = {"betas", "eps", "fused", "foreach"}
-_TracedTransitions = Any  # Transitions of JAX arrays
+_TracedTransitions = Any  # JointTransitions of JAX arrays
 _ONE_THREAD = {"xla_cpu_multi_thread_eigen": False}
 
 
@@ -79,7 +79,7 @@ class JaxLearner:
                 self.write_actors()
         self.write()
 
-    def update(self, batches: Transitions) -> None:
+    def update(self, batches: JointTransitions) -> None:
         """Update once with each of the batches, arrays ``(updates, n, size)``."""
         self._state, _ = self._scan(self._state, batches)
 
@@ -111,7 +111,7 @@ class _Update:
         self.logit_penalty, self.logit_limit = model.logit_penalty, model.logit_limit
 
     def __call__(
-        self, state: list[Networks], batch: Transitions
+        self, state: list[Networks], batch: JointTransitions
     ) -> tuple[list[Networks], tuple[jax.Array, jax.Array]]:
         """Update critics, actors and targets once; returns the losses of critics and actors before."""
         actors, critics = state

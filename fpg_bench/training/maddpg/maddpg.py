@@ -27,7 +27,7 @@ from fpg_bench.training.maddpg.policies import JointPolicy, act_separately
 _ARRAYS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")  # of a buffer
 
 
-class Transitions(NamedTuple):
+class JointTransitions(NamedTuple):
     """Transitions as float32 arrays ``(..., n, size)``, with a reward for each player."""
 
     observations: np.ndarray
@@ -45,7 +45,7 @@ class JointReplayBuffer(ReplayBuffer):
         self.rewards = np.zeros((self.buffer_size, self.n_envs, players), np.float32)
         self._reward_scale = reward_scale
 
-    def sample_many(self, times: int, batch_size: int) -> Transitions:
+    def sample_many(self, times: int, batch_size: int) -> JointTransitions:
         """Sample batches ``(times, n, size)``, equal to as many calls of ``sample``."""
         upper = self.buffer_size if self.full else self.pos
         indices = [
@@ -58,14 +58,14 @@ class JointReplayBuffer(ReplayBuffer):
         env_indices = np.random.randint(0, self.n_envs, len(batch_inds))  # noqa: NPY002
         return ReplayBufferSamples(*map(self.to_torch, self._transitions(batch_inds, env_indices)))
 
-    def _transitions(self, batch_inds: np.ndarray, env_indices: np.ndarray) -> Transitions:
+    def _transitions(self, batch_inds: np.ndarray, env_indices: np.ndarray) -> JointTransitions:
         """Return the transitions of index arrays ``(...)``; time limits do not count as done."""
         indices = batch_inds * self.n_envs + env_indices
         obs, actions, next_obs, rewards, dones, timeouts = (
             getattr(self, name).reshape(self.buffer_size * self.n_envs, -1).take(indices, axis=0)
             for name in _ARRAYS
         )
-        return Transitions(obs, actions, next_obs, dones * (1 - timeouts), rewards * self._reward_scale)
+        return JointTransitions(obs, actions, next_obs, dones * (1 - timeouts), rewards * self._reward_scale)
 
 
 class BatchedNormalNoise(VectorizedActionNoise):
@@ -199,7 +199,7 @@ class MADDPG(OffPolicyAlgorithm):
         """Prepare for a number of steps, as ``learn`` does."""
         self._setup_learn(total_timesteps)
 
-    def collect(self) -> Transitions:
+    def collect(self) -> JointTransitions:
         """Play the steps between updates, and sample their batches ``(gradient_steps, n, size)``.
 
         The batches are empty before ``learning_starts``; all of them count as updates.
@@ -226,7 +226,7 @@ class MADDPG(OffPolicyAlgorithm):
         self.logger.record("train/actor_loss", actor_loss.item())
         self.logger.record("train/critic_loss", critic_loss.item())
 
-    def update(self, batches: Transitions) -> tuple[torch.Tensor, torch.Tensor]:
+    def update(self, batches: JointTransitions) -> tuple[torch.Tensor, torch.Tensor]:
         """Update all critics and actors once with each of the batches ``(updates, n, size)``.
 
         Returns:

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm.budget import Budget
+from fpg_bench.planning.llm.budget import CallBudget
 from fpg_bench.planning.llm.transcript import Attempt
 
 CALLED = Attempt(
@@ -34,7 +34,7 @@ def called(error=None, **changes):
     ],
 )
 def test_a_cap_that_is_reached_ends_the_calls(caps, calls, named):
-    budget = Budget(**caps)
+    budget = CallBudget(**caps)
     for _ in range(calls):
         assert budget.refusal() is None
         budget.spend(CALLED)
@@ -50,14 +50,14 @@ def test_a_cap_that_is_reached_ends_the_calls(caps, calls, named):
     ],
 )
 def test_what_a_call_took_counts(caps, attempt, is_spent):
-    budget = Budget(**caps)
+    budget = CallBudget(**caps)
     budget.spend(attempt)
     assert (budget.refusal() is not None) == is_spent
 
 
 @pytest.mark.parametrize("error", ["timeout", "http", "invalid"])
 def test_five_failures_in_a_row_open_the_circuit_and_it_stays_open(error):
-    budget = Budget()
+    budget = CallBudget()
     for _ in range(5):
         assert budget.refusal() is None
         budget.spend(called(error))
@@ -68,14 +68,14 @@ def test_five_failures_in_a_row_open_the_circuit_and_it_stays_open(error):
 
 @pytest.mark.parametrize("error", [None, "refused"])
 def test_an_answer_of_any_kind_closes_the_row(error):
-    budget = Budget()
+    budget = CallBudget()
     for attempt in [*[called("http")] * 4, called(error), *[called("http")] * 4]:
         budget.spend(attempt)
     assert budget.refusal() is None
 
 
 def test_what_was_spent_before_a_run_was_stopped_counts_once_and_its_failures_do_not():
-    budget = Budget(calls=11)
+    budget = CallBudget(calls=11)
     for _ in range(2):
         budget.resume([called("http")] * 5 + [called("budget")] * 5 + [CALLED] * 4 + [called("http")], "x")
     assert budget.refusal() is None
@@ -84,9 +84,9 @@ def test_what_was_spent_before_a_run_was_stopped_counts_once_and_its_failures_do
 
 
 def test_plans_that_got_no_answer_are_told_once_where_a_run_goes_on(caplog):
-    Budget().resume([CALLED, called("invalid"), called("refused")], "transcript x.jsonl")
+    CallBudget().resume([CALLED, called("invalid"), called("refused")], "transcript x.jsonl")
     assert not caplog.messages
-    budget, lost = Budget(), [called("http"), called("budget"), called("budget"), called("timeout")]
+    budget, lost = CallBudget(), [called("http"), called("budget"), called("budget"), called("timeout")]
     for _ in range(2):
         budget.resume([CALLED, called("invalid"), *lost], "transcript x.jsonl")
     (message,) = caplog.messages
@@ -95,7 +95,7 @@ def test_plans_that_got_no_answer_are_told_once_where_a_run_goes_on(caplog):
 
 
 def test_copies_spend_from_one_budget():
-    budget = Budget(calls=1)
+    budget = CallBudget(calls=1)
     copy.deepcopy(budget).spend(CALLED)
     assert budget.refusal() is not None
 
@@ -104,4 +104,4 @@ def test_copies_spend_from_one_budget():
 @pytest.mark.parametrize("name", ["calls", "tokens", "seconds"])
 def test_a_cap_that_is_no_positive_number_is_refused(name, cap):
     with pytest.raises(UserError, match=f"budget: {name} is"):
-        Budget(**{name: cap})
+        CallBudget(**{name: cap})
