@@ -67,7 +67,7 @@ PlayerOption = Annotated[str, typer.Option(help=f"The player: {_PLAYER}.", autoc
 def game_options(*names: str) -> Fields:
     """Return options of games, the fields of a specification, by name; no names: all but the id."""
     players = {"autocompletion": complete_player}
-    details = {"opponent": players, "ally": players, "history": {"min": 1}}
+    details: dict[str, dict[str, Any]] = {"opponent": players, "ally": players, "history": {"min": 1}}
     return Fields(GameSpec, names or option_names(), LISTS, GAME, details)
 
 

@@ -167,9 +167,9 @@ class _SelfPlay:
         head = {
             "generation": generation,
             "side": side,
-            "steps": about["steps_done"],
+            "steps": about.steps_done,
             "against": list(others),
-            "suite": about["suite"],
+            "suite": about.suite,
             "suite_score": scores.get(side),
         }
         scenario = self.games[side].resolve()
@@ -188,7 +188,8 @@ class _SelfPlay:
             "options": {},
             "training_seed": self.seed,
             "training_steps": generations * self.steps,
-            **{key: round(sum(run[key] for run in runs), 1) for key in ("steps_done", "seconds")},
+            "steps_done": sum(run.steps_done or 0 for run in runs),
+            "seconds": round(sum(run.seconds for run in runs), 1),
         }
         card = read_card(last).model_copy(update=update)
         card.write(self.folder / side, (last / "policy.onnx").read_bytes())

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import optuna
@@ -28,7 +29,7 @@ _STYLE = (
     "td,th{padding:.2em .8em;text-align:left}.table{overflow-x:auto}svg{max-width:100%;height:auto}"
     "@media (prefers-color-scheme:dark){svg{filter:invert(1) hue-rotate(180deg)}}"
 )
-_DOT = {"color": "#0072b2", "alpha": 0.7, "s": 22}
+_DOT: dict[str, Any] = {"color": "#0072b2", "alpha": 0.7, "s": 22}
 _PER_LINE = 3  # hyper-parameters of a line of panels
 
 
