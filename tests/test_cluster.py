@@ -122,7 +122,7 @@ def test_a_ray_that_does_not_start_is_one_line(monkeypatch):
     monkeypatch.setattr(ray, "init", fails)
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     with pytest.raises(UserError, match="Ray on this machine: Failed to start GCS") as error:
-        run_jobs([Job("a", int), Job("b", int)], backend="ray")
+        run_jobs([Job("a", int), Job("b", int)], Workers(2, backend="ray"))
     assert "\n" not in str(error.value)
 
 

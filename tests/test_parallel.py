@@ -226,7 +226,7 @@ def test_ctrl_c_saves_all_runs(folder):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
     assert process.returncode == 130, error
-    assert error.splitlines()[-1] == "fpg-bench: stopped; what was finished is kept"
+    assert "fpg-bench: stopped; what was finished is kept" in error.splitlines()
     assert len(list(folder.glob("runs/*/checkpoints/*/model.zip"))) == 2
     assert not (folder / "runs" / "seed_2").exists()
     for file in folder.glob("runs/*/run.json"):

@@ -155,11 +155,12 @@ PLAYS = (
         "play --every 100",
         "play --out round.html",
         "plan replay match.jsonl",
+        "scenario show link",
     ),
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "leaderboard init own",
 )
-REFUSES = ("llm fetch --wheel agent.whl",)
+REFUSES = ("llm fetch --wheel agent.whl", "scenario check match.jsonl")
 COMMANDS = [verb.removeprefix("fpg-bench ") for verb in VERBS]
 
 

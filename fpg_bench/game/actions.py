@@ -1,4 +1,4 @@
-"""Indices into an action, the nine floats of a side; docs/reference/rules.md describes them."""
+"""Indices into an action, the nine floats of a side, as the rules describe them."""
 
 # The ally's
 HOP_GATE, SPREAD_GATE, SPEED, PREFERENCE, KNOWLEDGE_GATE = range(5)

@@ -231,11 +231,6 @@ def _check_link(scenario: Scenario) -> None:
             f"spread_rate_mhz {s.spread_rate_mhz}: a processing gain below 1; "
             f"at most spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
         )
-    if s.rate_top_bit_s_hz > 1000 * s.rate_efficiency:
-        raise ScenarioError(
-            f"rate_top_bit_s_hz {s.rate_top_bit_s_hz:g}: no SNR has this rate at rate_efficiency "
-            f"{s.rate_efficiency:g}; a radio reaches about 10"
-        )
     if s.notch_width_mhz >= s.spread_bandwidth_mhz:
         raise ScenarioError(
             f"notch_width_mhz {s.notch_width_mhz}: not below spread_bandwidth_mhz {s.spread_bandwidth_mhz}"

@@ -25,7 +25,7 @@ from fpg_bench.evaluation.seeds import evaluation_seeds, training_seed
 from fpg_bench.game.actions import KNOWLEDGE_GATE
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.paper.conditions import Condition, swapped
-from fpg_bench.paper.runs import FINAL, Run, RunAbout, window_row, windows_of
+from fpg_bench.paper.runs import FINAL, PaperRun, RunAbout, window_row, windows_of
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.language_model import training_planner
@@ -130,7 +130,7 @@ def run_experiment(
     folder: Path,
     llm: Mapping[str, Any] | None = None,
     learner: str = "torch",
-) -> list[Run]:
+) -> list[PaperRun]:
     """Train both sides under a condition, and evaluate the final policies without exploration noise.
 
     Args:
@@ -177,10 +177,10 @@ def run_experiment(
         budget=f"{budget.name}, {steps} steps, {model.n_updates} updates",
     )
     rows = [*windows_of(games.rounds, steps), window_row(FINAL, steps, *final)]
-    runs = [Run(condition.name, seed, about, rows)]
+    runs = [PaperRun(condition.name, seed, about, rows)]
     for path in condition.swaps:
         swap = play_deterministic(model, make_games(path=path, planner=None))
-        runs.append(Run(swapped(condition.name, path), seed, about, [window_row(FINAL, steps, *swap)]))
+        runs.append(PaperRun(swapped(condition.name, path), seed, about, [window_row(FINAL, steps, *swap)]))
     return runs
 
 

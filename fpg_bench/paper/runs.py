@@ -120,7 +120,7 @@ class _StoredRun(Strict):
 
 
 @dataclass(frozen=True)
-class Run:
+class PaperRun:
     """One run.
 
     Attributes:
@@ -154,7 +154,7 @@ class RunFile:
     def __init__(self, folder: Path, preset: str, budget: str) -> None:
         self.path = folder / f"{preset}-{budget}.jsonl.gz"
 
-    def read(self) -> dict[tuple[str, int], Run]:
+    def read(self) -> dict[tuple[str, int], PaperRun]:
         """Return all runs by condition and seed; none if there is no file.
 
         Raises:
@@ -166,13 +166,13 @@ class RunFile:
         runs = [self._run(number, line) for number, line in enumerate(lines, 1)]
         return {(run.condition, run.seed): run for run in runs}
 
-    def add(self, runs: Iterable[Run]) -> None:
+    def add(self, runs: Iterable[PaperRun]) -> None:
         """Add runs, in place of earlier ones of the same condition and seed."""
         every = self.read() | {(run.condition, run.seed): run for run in runs}
         text = "".join(every[key].line() + "\n" for key in sorted(every))
         write_whole(self.path, gzip.compress(text.encode(), mtime=0))
 
-    def _run(self, number: int, line: bytes) -> Run:
+    def _run(self, number: int, line: bytes) -> PaperRun:
         try:
             stored = parse(_StoredRun, read_object(line), f"runs {self.path}: line {number}")
             columns = [stored.columns[name] for name in COLUMNS]
@@ -183,7 +183,7 @@ class RunFile:
             raise UserError(f"runs {self.path}: line {number} is not a run: {error}") from error
         if not rows or rows[-1]["window"] != FINAL:
             raise UserError(f"runs {self.path}: line {number} is incomplete")
-        return Run(stored.condition, stored.seed, stored.about, rows)
+        return PaperRun(stored.condition, stored.seed, stored.about, rows)
 
 
 def _rounded(value: Any) -> Any:
@@ -198,7 +198,7 @@ class Runs:
         runs: runs by condition and seed.
     """
 
-    runs: Mapping[str, Mapping[int, Run]]
+    runs: Mapping[str, Mapping[int, PaperRun]]
 
     def seeds(self, *conditions: str) -> list[int]:
         """Return the seeds that all of these conditions have, sorted; none if a condition is missing."""
@@ -250,7 +250,7 @@ def read_results(file: RunFile, wanted: Mapping[str, Iterable[int]]) -> Runs:
         UserError: an unreadable file.
     """
     stored = file.read()
-    runs: dict[str, dict[int, Run]] = {}
+    runs: dict[str, dict[int, PaperRun]] = {}
     for name, seeds in wanted.items():
         for seed in seeds:
             if (name, seed) in stored:

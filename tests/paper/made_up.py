@@ -3,7 +3,7 @@
 import numpy as np
 
 from fpg_bench.paper.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
-from fpg_bench.paper.runs import COLUMNS, FINAL, WINDOWS, Run, RunAbout, Runs
+from fpg_bench.paper.runs import COLUMNS, FINAL, WINDOWS, PaperRun, RunAbout, Runs
 
 SEEDS = range(10)
 LEVELS = dict.fromkeys(FIXED_PATHS, 5.0) | {"tone": 3.0, "narrowband": 6.0, "comb": 5.0, "broadband": 9.0}
@@ -11,7 +11,7 @@ LEVELS |= {BASE: 10.0, NO_PLANNER: 4.0, NO_KNOWLEDGE: 10.0}
 LEVELS |= {swapped(BASE, path): 7.0 for path in FIXED_PATHS}
 
 
-def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> Run:
+def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> PaperRun:
     """Return a run with the condition's level as the opponent's reward, and falling overlap."""
     rng = np.random.default_rng([seed, len(condition)])
     rows = []
@@ -27,7 +27,7 @@ def run(condition: str, seed: int, levels: dict[str, float], rising: float) -> R
         own[0] += int(rising * 300 * part)
         row |= {"ally_points": own.tolist(), "jam_points": [100] * 15}
         rows.append(row)
-    return Run(
+    return PaperRun(
         condition, seed, RunAbout(scenario="made up", versions="made up", seconds=1, budget="made up"), rows
     )
 

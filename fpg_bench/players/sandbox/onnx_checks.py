@@ -32,7 +32,7 @@ from fpg_bench.common.errors import UserError, first_line, one_line
 from fpg_bench.players.onnx_file import check_signature, plain_model, quoted, unplayable
 from fpg_bench.players.sandbox.child import SandboxChild
 from fpg_bench.players.sandbox.client import SIZE
-from fpg_bench.players.sandbox.process import Reader
+from fpg_bench.players.sandbox.process import MessageReader
 
 MOST_MULTIPLY_ADDS = 2_000_000
 MOST_NODES = 2000
@@ -78,7 +78,7 @@ Shape = tuple[int, ...]
 def main(inside: SandboxChild) -> None:
     """Receive files and answer with their problems as JSON, until the parent process is gone."""
     inside.lock_down()
-    connection, reader = inside.connection, Reader(inside.connection)
+    connection, reader = inside.connection, MessageReader(inside.connection)
     with contextlib.suppress(EOFError, ConnectionError):
         while True:
             (size,) = SIZE.unpack(reader.read(SIZE.size))

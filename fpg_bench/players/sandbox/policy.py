@@ -12,7 +12,7 @@ from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import Memory
 from fpg_bench.players.sandbox.child import SandboxChild
 from fpg_bench.players.sandbox.client import ACTIONS, FAILED, FRESH, HEAD, LOAD, READY, RESET, STARTS
-from fpg_bench.players.sandbox.process import Reader
+from fpg_bench.players.sandbox.process import MessageReader
 
 _LONGEST_REASON = 300
 _MEMORY = ("bad_alloc", "alloc", "memory")
@@ -32,7 +32,7 @@ def main(inside: SandboxChild) -> None:
 
 def serve(inside: SandboxChild) -> None:
     """Load the policy, which is the first message, then answer each message."""
-    connection, reader = inside.connection, Reader(inside.connection)
+    connection, reader = inside.connection, MessageReader(inside.connection)
     kind, size, _ = HEAD.unpack(reader.read(HEAD.size))
     assert kind == LOAD
     data = reader.read(size)
@@ -74,7 +74,7 @@ def _rehearse(noise: bool) -> None:
     OnnxPlayer(model.SerializeToString()).predict(np.zeros((2, OBSERVATION_SIZE), np.float32))
 
 
-def _array(reader: Reader, dtype: DTypeLike, rows: int, columns: int) -> np.ndarray:
+def _array(reader: MessageReader, dtype: DTypeLike, rows: int, columns: int) -> np.ndarray:
     data = reader.read(rows * columns * np.dtype(dtype).itemsize)
     return np.frombuffer(data, dtype).reshape(rows, columns)
 

@@ -94,7 +94,7 @@ class Sandbox:
         self._left_s = limits.total_s
         self._folder = tempfile.TemporaryDirectory(prefix="fpg-bench-")
         self._socket, theirs = socket.socketpair()
-        self._reader, self._timeout = Reader(self._socket), 0.0
+        self._reader, self._timeout = MessageReader(self._socket), 0.0
         self._hello: tuple[int, Layer] | None = None
         cpu_s = int(limits.start_s + limits.total_s) + 1
         numbers = map(str, (theirs.fileno(), limits.memory_bytes, cpu_s))
@@ -187,7 +187,7 @@ class Sandbox:
         return f"its process died ({signal.Signals(-status).name})"
 
 
-class Reader:
+class MessageReader:
     """Buffered reader of a socket.
 
     Args:
