@@ -3,8 +3,8 @@
 The file holds numbers and hashes only, no names, so a renamed key or option changes a command line here and
 nothing else. Each number list comes from one record, row or line of an output and has to be contained in one
 of the current output, in the same order; additional numbers are allowed. What torch has computed differs
-between processors and is left out: ``python -m tests.test_golden_verbs`` rewrites the file from two runs that
-differ in their training, and keeps what both have in common.
+between processors and is left out: ``python -m tests.test_golden_verbs [NAME ...]`` rewrites the file from two
+runs that differ in their training, and keeps what both have in common.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import json
 import re
 import shutil
 import sqlite3
+import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -209,16 +210,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", CASES)
 def test_numbers_of_each_verb(name: str, folder: Path) -> None:
-    assert missing(json.loads(GOLDEN.read_text())[name], run(CASES[name], folder)) is None
+    golden = json.loads(GOLDEN.read_text())
+    assert name in golden, f"make its numbers: python -m tests.test_golden_verbs {name}"
+    assert missing(golden[name], run(CASES[name], folder)) is None
 
 
-def write_golden() -> None:
-    """Rewrite the golden file from two runs of each verb."""
-    golden = {}
+def write_golden(names: list[str]) -> None:
+    """Rewrite the numbers of some cases, or of all, from two runs of each."""
+    golden = json.loads(GOLDEN.read_text()) if names else {}
     with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
         prepare(Path(first))
         prepare(Path(second))
-        for name, case in CASES.items():
+        for name in names or CASES:
+            case = CASES[name]
             once, twice = run(case, Path(first)), run(case, Path(second), OTHER_STEPS)
             both = {STEPS, *(value for group in twice for value in group)}
             common = [[value for value in group if value in both] for group in once]
@@ -240,4 +244,4 @@ def spaced(items: list[Any], most: int) -> list[Any]:
 
 
 if __name__ == "__main__":
-    write_golden()
+    write_golden(sys.argv[1:])

@@ -14,7 +14,7 @@ import pydantic
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import read_json, write_json
+from fpg_bench.common.files import check_writable, read_json, write_json
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.schema import PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import (
@@ -83,6 +83,7 @@ def evaluate(
         raise UserError(f"suite {suite}: measures planners; write fpg-bench plan compare --suite {suite}")
     entries = entries_of(players, played, name)
     if out is not None:
+        check_writable(Path(out))
         check_kept(entries)
     _warn_of_loop(entries, played)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:

@@ -198,7 +198,10 @@ def read_record(row: Row, where: str) -> Record:
     check_keys(row, _KEYS, where, needed=[key for key in _KEYS if key != "plans"])
     tally, plans = row["tally"], row.get("plans")
     if not isinstance(tally, dict) or tuple(tally) not in (TALLIES, (*TALLIES, CLEAN)):
-        raise UserError(f"{where}: tally: expected a mapping of {TALLIES[0]} to {TALLIES[-1]}, in order")
+        names = tally if isinstance(tally, dict) else ()
+        missing = ", ".join(name for name in TALLIES if name not in names) or "none"
+        wanted = f"a mapping of {TALLIES[0]} to {TALLIES[-1]}, in order"
+        raise UserError(f"{where}: tally: expected {wanted}; missing: {missing}")
     if isinstance(plans, dict) and any(_is_long(value) for value in plans.values()):
         raise UserError(f"{where}: plans: more than {_MOST_STATUSES} statuses")
     record = parse(Record, row, where)

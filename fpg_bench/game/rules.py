@@ -39,7 +39,7 @@ def rules_record(scenario: Scenario) -> np.ndarray:
     row["paper_snr"], row["spread_capacity"] = s.snr_model == "paper", s.spread_capacity
     row["allowed"] = [name in s.jamming_types for name in JAMMING_TYPES]
     row["half_width"] = [half + s.footprint_tolerance_mhz for half in s.footprint_half_widths_mhz]
-    row["tooth_spacing"] = (0, 0, 0, s.comb_spacing_points * s.point_spacing_mhz)
+    row["tooth_spacing"][JAMMING_TYPES.index("comb")] = s.comb_spacing_points * s.point_spacing_mhz
     row["detection"] = DETECTIONS.index(s.detection)
     row["first_check"], row["check_interval"] = s.first_check_s, s.check_interval_s
     row["ally_emission"], row["ally_speed"] = s.ally_emission_dbm, s.ally_speed_m_s

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.game.names import MOST_PATHS
+from fpg_bench.game.names import CHOSEN, JAMMING_TYPES, MOST_PATHS, OBSERVED
 
 Record = Any  # one element of an array of GAME, TALLY or RULES; Numba knows its fields
-OBSERVATION_SIZE = 15
-ACTION_SIZE = 9
-TYPES = 4  # jamming types: tone, narrowband, broadband, comb
+OBSERVATION_SIZE = len(OBSERVED["ally"])
+ACTION_SIZE = len(CHOSEN["ally"])
+TYPES = len(JAMMING_TYPES)
 SPREAD_PIECES = 4  # pieces of D(t), Eq. 4
 
 GAME = np.dtype(

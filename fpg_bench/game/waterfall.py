@@ -15,6 +15,7 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.elementary import DB, log
+from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import (
     OWN_FREQUENCY,
@@ -96,7 +97,7 @@ class Waterfall:
         edges = np.linspace(-1, 1, bins + 1)
         half = np.maximum(np.array(s.footprint_half_widths_mhz) / band_half, _TOLERANCE)
         spacing = np.full(TYPES, _NO_TEETH)
-        spacing[-1] = s.comb_spacing_points * s.point_spacing_mhz / band_half
+        spacing[JAMMING_TYPES.index("comb")] = s.comb_spacing_points * s.point_spacing_mhz / band_half
         reach = 1 + (_TOLERANCE if s.snr_model == "link" else half)  # in link no tooth lies outside the band
         width = np.minimum(2 * half, 2 / bins)  # that can be covered in a bin
         teeth = np.maximum(2 / spacing, 1)

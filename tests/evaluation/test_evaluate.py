@@ -259,3 +259,9 @@ def test_entries_of_one_name_and_seed_are_refused_however_they_come(suite, tmp_p
         play_into(
             tmp_path / "out", suite, load_suite(suite), [one, dataclasses.replace(one, fingerprint="2")]
         )
+
+
+def test_a_file_in_the_place_of_the_results_folder_is_refused_by_name(tmp_path):
+    (tmp_path / "mine").write_text("")
+    with pytest.raises(UserError, match=r"out: .*mine is a file; name a folder"):
+        evaluate(["expert"], "ally-v1", tmp_path / "mine", matches=1)
