@@ -33,7 +33,7 @@ from tests.leaderboard.example_board import HOSTILE, example_board, small_zoo, w
 ROOT = Path(__file__).parents[2]
 ROUND = Replay("replays/ally/player-1/ab.js", HOSTILE[0], HOSTILE[1], 'fpgRound({"label":"x"});\n')
 LOADING = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
-SHARED_PAGES = {"index", "ranking", "play", "crossplay", "statistics", "compare", "submit"}
+SHARED_PAGES = {"index", "ranking", "play", "try", "crossplay", "statistics", "compare", "submit"}
 
 
 class Page(HTMLParser):

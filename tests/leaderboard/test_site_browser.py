@@ -11,12 +11,13 @@ from axe_playwright_python.sync_playwright import Axe
 from scipy import stats
 
 from fpg_bench.leaderboard.site.serve import make_server
+from fpg_bench.players.agent import baselines_folder
 from tests.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds
 
 pytestmark = pytest.mark.browser
 
 ENTRIES = 27
-NAMES = ("index", "ranking", "play", "crossplay", "statistics", "compare", "submit", "rules")
+NAMES = ("index", "ranking", "play", "try", "crossplay", "statistics", "compare", "submit", "rules")
 PAGES = (WATCHED, *(f"{name}.html" for name in NAMES))
 
 
@@ -683,3 +684,56 @@ def test_obeying_the_advice_beats_doing_nothing_on_the_offered_seeds(visit):
     returns = page.evaluate(ADVISED, list(OFFERED))
     assert f": {returns[0][0] / 60:.2f} per second" in obeyed  # the advice is what the script does
     assert all(advised > idle for advised, idle in returns)
+
+
+CHAMPION = "agents/ally-champion/ppo-stack8/seed_0/policy.onnx"  # the page has it as a script, too
+
+
+def give(page, data):
+    page.locator("#policy").set_input_files({"name": "mine.onnx", "mimeType": "", "buffer": data})
+
+
+def test_a_policy_file_scores_as_the_page_s_own_version_of_the_agent(visit):
+    page = visit("try.html")
+    page.locator("#policy").set_input_files(baselines_folder() / CHAMPION)
+    expect(page.locator("#status")).to_contain_text("an unofficial score of")
+    rows = page.locator("#table tbody tr").evaluate_all(
+        "rows => rows.map(row => [...row.cells].map(cell => cell.textContent))"
+    )
+    assert len(rows) == 9  # all, and each script
+    assert all(score == own for _, score, _, _, own in rows)
+    worst = page.locator("#round option").first.inner_text()
+    rival, points = re.fullmatch(r"(.*), seed \d: (.*)", worst).groups()
+    assert f"worst against {rival}, {points} on seed" in page.locator("#status").inner_text()
+    expect(page.locator("#replay-title")).to_have_text(f"policy.onnx against {rival}")
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    page.locator("#round").select_option(index=1)
+    expect(page.locator("#replay-title")).to_have_text(re.compile("policy.onnx against"))
+    assert not violations(page)
+
+
+def test_a_policy_file_that_cannot_be_played_gets_one_line(visit):
+    from onnx import helper, load_model
+
+    page, path = visit("try.html"), baselines_folder() / CHAMPION
+    data = path.read_bytes()
+    status = page.locator("#status")
+    for broken in (b"", b"no model", data[: len(data) // 2], data[:-1]):
+        give(page, broken)
+        expect(status).to_have_text("This is not an ONNX file, or it is truncated.")
+    give(page, data + bytes(5_000_001))
+    expect(status).to_have_text(re.compile("larger than 5 MB"))
+    model = load_model(path)
+    model.graph.node.extend([helper.make_node("Erf", ["action"], ["b"]), helper.make_node("Where", [], [])])
+    give(page, model.SerializeToString())
+    expect(status).to_have_text("This page cannot play the operators Erf, Where; fpg-bench evaluate may.")
+    expect(page.locator("#scores")).to_be_hidden()
+
+
+def test_a_policy_file_can_be_dropped(visit):
+    page = visit("try.html")
+    page.locator("#drop").evaluate(
+        """zone => { const data = new DataTransfer(); data.items.add(new File(["x"], "dropped.onnx"));
+        zone.dispatchEvent(new DragEvent("drop", { dataTransfer: data, cancelable: true })); }"""
+    )
+    expect(page.locator("#status")).to_have_text("This is not an ONNX file, or it is truncated.")

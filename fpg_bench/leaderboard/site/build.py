@@ -95,6 +95,7 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     pages: list[tuple[str, str, dict[str, object]]] = [
         ("index.html", "index.html", front),
         ("play.html", "play.html", {}),
+        ("try.html", "try.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {}),
         ("statistics.html", "statistics.html", {}),

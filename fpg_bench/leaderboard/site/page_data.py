@@ -42,7 +42,8 @@ _MOST_UNITS = 201  # of a difference of scores; with more, Student's t hardly ch
 # Operators of static/game_policy.js.
 _OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
 _OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM", "ArgMax", "Sum"}
-_OPERATORS |= {"MatMul", "ReduceSum", "Abs", "Sqrt", "Mul", "Div", "Max"}
+_OPERATORS |= {"MatMul", "ReduceSum", "Abs", "Sqrt", "Add", "Sub", "Mul", "Div", "Max", "Min", "Neg", "Exp"}
+_OPERATORS |= {"Elu", "LeakyRelu", "Softmax", "Flatten", "Identity"}
 # Groups of the zoo; all play the standard game, whatever they were trained on.
 _GROUPS = ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner")
 
