@@ -387,6 +387,31 @@ def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit):
     assert page.locator("#matrix").input_value() == "jammed"
 
 
+def test_the_map_of_cross_play_leads_to_the_round_of_the_two_that_are_chosen(visit):
+    page = visit("crossplay.html")
+    marks = page.locator("#map-ally .mark")
+    assert marks.count() == ENTRIES - 1  # but for the one that is not verified
+    expect(page.locator("#map-ally .mark[aria-pressed=true]")).to_have_count(1)
+    assert page.locator("#map-ally .halo").count() == 1  # of the mixture, that is placed
+    chosen, name = page.locator("#chosen"), page.locator("#map-ally .name")
+    marks.nth(3).focus()
+    label = page.evaluate("document.activeElement.getAttribute('aria-label')")
+    assert re.fullmatch(r".*: −?[\d.]+ against herders, −?[\d.]+ against aimers", label)
+    expect(name).to_have_text(label.rpartition(": ")[0])
+    page.keyboard.press("ArrowRight")
+    after = page.evaluate("document.activeElement.getAttribute('aria-label')")
+    assert after != label
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Enter")
+    expect(chosen).to_have_text(re.compile(re.escape(label.rpartition(": ")[0]) + " against "))
+    marks.nth(1).hover()
+    expect(name).not_to_have_text(label.rpartition(": ")[0])
+    page.locator("#map summary").click()
+    rows = page.locator("#map-table-ally tbody tr")
+    assert rows.count() == marks.count()
+    assert not violations(page)
+
+
 def violations(page, impacts=("serious", "critical"), **options) -> list:
     """Violations of these impacts that axe finds on a page."""
     # Preloading would fetch styles again, which the pages forbid.

@@ -188,6 +188,20 @@ def crossplay_data(board: Board, submitted: Policies, zoo: Zoo) -> Row | None:
         "rounds": crossplay.rounds,
         "nash": asdict(crossplay.nash),
         "watch": _watched(board, submitted, zoo),
+        "placed": _placed(board, {"ally": crossplay.allies, "opponent": crossplay.opponents}),
+    }
+
+
+def _placed(board: Board, shown: Mapping[str, Sequence[str]]) -> dict[str, dict[str, Row]]:
+    """Return the scores against both kinds of the season's rivals, by side and entry of cross-play."""
+    return {
+        side: {
+            entry.slug: {group: _rounded(score.value, 1) for group, score in figures.by_group.items()}
+            for track in board.tracks
+            for entry, figures in track.verified()
+            if track.side == side and entry.slug in shown[side] and len(figures.by_group) == 2
+        }
+        for side in SIDES
     }
 
 
