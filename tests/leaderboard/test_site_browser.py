@@ -762,3 +762,16 @@ def test_a_policy_file_can_be_dropped(visit):
         zone.dispatchEvent(new DragEvent("drop", { dataTransfer: data, cancelable: true })); }"""
     )
     expect(page.locator("#status")).to_have_text("This is not an ONNX file, or it is truncated.")
+
+
+def test_a_card_of_the_front_page_leads_to_the_round_that_it_shows(visit):
+    page = visit("index.html")
+    cards = page.locator(".cards article")
+    assert cards.count() == 3
+    link = cards.first.locator("a").first
+    expect(link.locator("svg")).to_be_visible()
+    link.click()
+    page.wait_for_url("**/play.html#side=nobody*")
+    expect(page.locator("#clock")).not_to_have_text("0 / 300")
+    chosen = [page.locator(f"#{name}").input_value() for name in ("first", "rival", "seed")]
+    assert chosen == ["script:idle", "script:tone", "2"]

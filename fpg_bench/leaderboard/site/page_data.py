@@ -226,7 +226,7 @@ def _page_player(track: BoardTrack, entry: BoardEntry, submitted: Policies, zoo:
     if entry.kind == "script" and entry.plays in (*ALLIES, *OPPONENTS):
         return f"script:{entry.plays}"
     if entry.kind == "zoo" and entry.plays is not None and entry.plays in zoo:
-        return f"agent:{_agent_file(entry.plays)}"
+        return f"agent:{agent_file(entry.plays)}"
     return None
 
 
@@ -239,7 +239,7 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
         submission: Row = {"name": entry.name, "side": track.side, "flies": key.endswith("-learned")}
         agents.append((submission | {"kind": "submitted", "file": _submitted_file(key, slug)}, policy))
     for name, (about, policy) in zoo.items():
-        agents.append(({"name": name, **about, "kind": "zoo", "file": _agent_file(name)}, policy))
+        agents.append(({"name": name, **about, "kind": "zoo", "file": agent_file(name)}, policy))
     scenario = Scenario()
     content = {
         "rules": rules_data(scenario),
@@ -253,7 +253,8 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
     return files
 
 
-def _agent_file(name: str) -> str:
+def agent_file(name: str) -> str:
+    """Return the file of the site that holds the policy of an agent of the zoo."""
     return f"agents/{name.replace('/', '-')}.js"
 
 
