@@ -6,6 +6,7 @@ import hashlib
 import html
 import json
 import re
+import runpy
 import subprocess
 import sys
 from email.message import Message
@@ -433,6 +434,16 @@ def test_the_findings_link_the_rounds_of_the_cards():
     assert [html.unescape(link) for link in links] == [
         shown.href for _, rounds in finding_cards() for shown in rounds
     ]
+
+
+def test_the_waterfalls_of_a_training_are_rounds_that_can_be_played_again():
+    script = runpy.run_path(str(ROOT / "scripts/make_theatre.py"))
+    text = script["OUT"].read_text()
+    assert len(text) < 30_000
+    first, *trained = json.loads(text.removeprefix("window.fpgTheatre = ").removesuffix(";\n"))["rounds"]
+    assert first == script["record"]("random", 0)
+    assert tuple(one["steps"] for one in trained) == script["BUDGETS"]
+    assert trained[-1]["earned"] == max(one["earned"] for one in trained) > first["earned"]
 
 
 def test_serving_needs_a_site_and_a_free_port(site, tmp_path):

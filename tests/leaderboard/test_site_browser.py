@@ -775,3 +775,20 @@ def test_a_card_of_the_front_page_leads_to_the_round_that_it_shows(visit):
     expect(page.locator("#clock")).not_to_have_text("0 / 300")
     chosen = [page.locator(f"#{name}").input_value() for name in ("first", "rival", "seed")]
     assert chosen == ["script:idle", "script:tone", "2"]
+
+
+# Whether a waterfall changes within a second and a half.
+FLOWS = MOVED.replace("#film canvas", "#theatre canvas")
+
+
+@pytest.mark.parametrize("motion", ["no-preference", "reduce"])
+def test_waterfalls_of_a_training_flow_until_they_are_stopped_or_where_motion_is_wanted(visit, motion):
+    page = visit("index.html", reduced_motion=motion)
+    figures = page.locator("#theatre figure")
+    assert figures.count() == 4
+    names = [figure.locator("b").inner_text() for figure in figures.all()]
+    assert names == ["Random play", *(f"After {n} steps" for n in ("10,000", "100,000", "2,000,000"))]
+    figures.last.scroll_into_view_if_needed()
+    assert page.evaluate(FLOWS) == (motion == "no-preference")
+    page.locator("#theatre-pause").click()
+    assert page.evaluate(FLOWS) == (motion == "reduce")

@@ -147,7 +147,7 @@ def play_round(ally: str, opponent: str) -> dict[str, Any]:
 def _band(data: dict[str, Any]) -> tuple[str, str, str]:
     """Return the third minute of a round's band as paths: jamming, the ally's frequency, its outages."""
     scenario, steps = data["scenario"], data["rounds"][0]["steps"]
-    low, high = scenario["band_mhz"]
+    low, high = map(float, scenario["band_mhz"])
     low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
     width = _WIDTH // _SECONDS
 
