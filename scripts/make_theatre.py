@@ -63,7 +63,7 @@ def main() -> None:
     rounds = [record("random", 0), *(record(str(train(runs, steps)), steps) for steps in BUDGETS)]
     scenario = scenario_data(Scenario())
     content = {"band": scenario["band_mhz"], "jamming": scenario["jamming"], "rounds": rounds}
-    write_whole(OUT, f"window.fpgTheatre = {script_json(content)};\n".encode())
+    write_whole(OUT, f"fpgTheatre({script_json(content)});\n".encode())
 
 
 if __name__ == "__main__":

@@ -440,7 +440,7 @@ def test_the_waterfalls_of_a_training_are_rounds_that_can_be_played_again():
     script = runpy.run_path(str(ROOT / "scripts/make_theatre.py"))
     text = script["OUT"].read_text()
     assert len(text) < 30_000
-    first, *trained = json.loads(text.removeprefix("window.fpgTheatre = ").removesuffix(";\n"))["rounds"]
+    first, *trained = json.loads(text.removeprefix("fpgTheatre(").removesuffix(");\n"))["rounds"]
     assert first == script["record"]("random", 0)
     assert tuple(one["steps"] for one in trained) == script["BUDGETS"]
     assert trained[-1]["earned"] == max(one["earned"] for one in trained) > first["earned"]

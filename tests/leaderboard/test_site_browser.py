@@ -785,7 +785,8 @@ FLOWS = MOVED.replace("#film canvas", "#theatre canvas")
 def test_waterfalls_of_a_training_flow_until_they_are_stopped_or_where_motion_is_wanted(visit, motion):
     page = visit("index.html", reduced_motion=motion)
     figures = page.locator("#theatre figure")
-    assert figures.count() == 4
+    page.locator("#theatre-pause").scroll_into_view_if_needed()
+    expect(figures).to_have_count(4)
     names = [figure.locator("b").inner_text() for figure in figures.all()]
     assert names == ["Random play", *(f"After {n} steps" for n in ("10,000", "100,000", "2,000,000"))]
     figures.last.scroll_into_view_if_needed()

@@ -1,11 +1,11 @@
 /* Rounds of one policy from random play to the end of its training, side by side as waterfalls: frequencies across,
-   the newest second on top. A still where motion is not wanted. */
+   the newest second on top. A still where motion is not wanted. The rounds are loaded when a visitor comes near. */
 "use strict";
-(() => {
+// What the rounds' script calls.
+window.fpgTheatre = ({ band: [low, high], jamming, rounds }) => {
   const SHOWN_S = 60, SPEED = 10, STILL_S = 150; // seconds of a waterfall; seconds a second; where the still stands
   const box = document.getElementById("theatre"), pause = document.getElementById("theatre-pause");
-  const { band: [low, high], jamming, rounds } = window.fpgTheatre, last = rounds[0].frequency.length;
-  const canvases = rounds.map(figure);
+  const canvases = rounds.map(figure), last = rounds[0].frequency.length;
   let time = STILL_S, before = null, moving = false, seen = false, colours = fpgPen.readColours();
 
   function figure({ steps, jammed, earned }) {
@@ -77,4 +77,15 @@
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) move(true);
   else move(false);
   draw();
+};
+(() => {
+  const box = document.getElementById("theatre");
+  const near = new IntersectionObserver(([entry]) => {
+    if (!entry.isIntersecting) return;
+    near.disconnect();
+    const script = document.createElement("script");
+    script.src = box.dataset.file;
+    document.head.append(script);
+  }, { rootMargin: "400px" });
+  near.observe(box);
 })();
