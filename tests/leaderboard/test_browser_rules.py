@@ -19,7 +19,7 @@ from tests.leaderboard.browsing import chromium
 pytestmark = pytest.mark.browser
 
 STATIC = Path(page_data.__file__).parent / "static"
-CODE = ("draws", "flight", "rules", "knowledge", "scripts", "policy", "sight")
+CODE = ("draws", "flight", "rules", "knowledge", "scripts", "policy", "sight", "onnx")
 PATHS = ("pursuit", "circle", "triangle", "rectangle", "learned")
 GAMES = 10  # of each path and kind of actions: 100 rounds
 STEPS = 300
@@ -73,6 +73,12 @@ SIGHT = """({ rules, side, tampered }) => {
 # Asks a policy again and again, with a memory of its own.
 ASKED = """({ policy, seen }) => {
   const play = fpgPolicy.make(policy);
+  return seen.map((one) => play(one));
+}"""
+
+# The same of an ONNX file.
+FILE = """({ file, seen }) => {
+  const play = fpgPolicy.make(fpgOnnx.read(Uint8Array.from(atob(file), c => c.charCodeAt(0))));
   return seen.map((one) => play(one));
 }"""
 
@@ -174,6 +180,50 @@ def test_policies_answer_as_onnxruntime_does(page, name):
     assert policy is not None
     answers = page.evaluate(ASKED, {"policy": json.loads(json.dumps(policy)), "seen": seen.tolist()})
     np.testing.assert_allclose(answers, expected, atol=1e-5)
+    file = base64.b64encode(agent.model).decode()
+    assert page.evaluate(FILE, {"file": file, "seen": seen.tolist()}) == answers
+
+
+# Operators that other frameworks export, and those that are broadcast.
+OTHERS = """<ir_version: 9, opset_import: ["" : 20]>
+policy (float[n, 15] observation) => (float[n, 9] action)
+<float[1, 9] row = {0.5, -1, 2, 0.25, -0.5, 1, 3, -2, 0.125}, int64[3] wide = {0, 3, 3}>
+{
+  two = Constant <value = float {2.0}> ()
+  starts = Constant <value_ints = [0]> ()
+  ends = Constant <value_ints = [-6]> ()
+  axes = Constant <value_ints = [1]> ()
+  nine = Slice (observation, starts, ends, axes)
+  shifted = Sub (nine, row)
+  scaled = Div (shifted, two)
+  squares = Reshape (scaled, wide)
+  shares = Softmax <axis = -1> (squares)
+  flat = Flatten (shares)
+  grown = Exp (flat)
+  turned = Neg (grown)
+  low = Min (turned, scaled, row)
+  bent = Elu <alpha = 0.5> (low)
+  leaking = LeakyRelu <alpha = 0.125> (bent)
+  total = Add (leaking, row)
+  action = Identity (total)
+}"""
+
+
+def test_operators_of_other_frameworks_answer_as_in_onnxruntime(page):
+    import onnxruntime
+    from onnx import parser
+
+    model = parser.parse_model(OTHERS).SerializeToString()
+    seen = np.random.default_rng(0).uniform(-1, 1, (20, 15)).astype(np.float32)
+    (expected,) = onnxruntime.InferenceSession(model).run(None, {"observation": seen})
+    file = base64.b64encode(model).decode()
+    np.testing.assert_allclose(
+        page.evaluate(FILE, {"file": file, "seen": seen.tolist()}), expected, atol=1e-6
+    )
+
+
+def test_the_pages_operators_are_those_that_entries_are_chosen_by(page):
+    assert set(page.evaluate("fpgPolicy.OPERATORS")) - {"Constant"} == page_data._OPERATORS
 
 
 def test_the_game_offers_the_champions_and_knows_who_flies():

@@ -3,8 +3,10 @@
 import csv
 import dataclasses
 import hashlib
+import html
 import json
 import re
+import runpy
 import subprocess
 import sys
 from email.message import Message
@@ -24,6 +26,7 @@ from fpg_bench.game.metrics import measures
 from fpg_bench.game.state import TALLY
 from fpg_bench.leaderboard.site import views
 from fpg_bench.leaderboard.site.build import build_site
+from fpg_bench.leaderboard.site.findings import CLAIMS, finding_cards, play_round
 from fpg_bench.leaderboard.site.reading_pages import PAGES
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
@@ -33,7 +36,8 @@ from tests.leaderboard.example_board import HOSTILE, example_board, small_zoo, w
 ROOT = Path(__file__).parents[2]
 ROUND = Replay("replays/ally/player-1/ab.js", HOSTILE[0], HOSTILE[1], 'fpgRound({"label":"x"});\n')
 LOADING = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
-SHARED_PAGES = {"index", "ranking", "play", "crossplay", "statistics", "compare", "submit"}
+FINDINGS = (ROOT / "docs/results/findings.md").read_text()
+SHARED_PAGES = {"index", "ranking", "play", "try", "crossplay", "statistics", "compare", "submit"}
 
 
 class Page(HTMLParser):
@@ -405,6 +409,41 @@ def test_numbers_have_one_format_and_missing_ones_are_a_dash():
     assert [views.format_rank(rank) for rank in ((1, 1), (2, 5), None)] == ["1", "2–5", "–"]
     assert views.format_interval(Interval(0.0, -1.0, 2.0)) == "−1.0 to 2.0"
     assert views.format_interval(Interval(0.0)) == views.format_interval(None) == ""
+
+
+def test_the_rounds_on_the_cards_show_what_the_cards_claim():
+    def jammed(ally, opponent):
+        return play_round(ally, opponent)["jamming_success_rate"]
+
+    def earned(ally, opponent):
+        return play_round(ally, opponent)["ally_return"]
+
+    types, best, population = (claim.rounds for claim in CLAIMS)
+    idle_tone, idle_broadband, hop_tone, hop_broadband = (jammed(*players) for _, *players in types)
+    assert idle_tone > idle_broadband
+    assert hop_tone < hop_broadband
+    script, trained = (earned(*players) for _, *players in best)
+    assert script > 0 > trained
+    assert [opponent for *_, opponent in best] == [opponent for *_, opponent in population]
+    assert earned(*population[1][1:]) > 0
+    assert all(claim.title in FINDINGS for claim in CLAIMS)
+
+
+def test_the_findings_link_the_rounds_of_the_cards():
+    links = re.findall(r'<a href="../board/(play.html#[^"]*)">', FINDINGS)
+    assert [html.unescape(link) for link in links] == [
+        shown.href for _, rounds in finding_cards() for shown in rounds
+    ]
+
+
+def test_the_waterfalls_of_a_training_are_rounds_that_can_be_played_again():
+    script = runpy.run_path(str(ROOT / "scripts/make_theatre.py"))
+    text = script["OUT"].read_text()
+    assert len(text) < 30_000
+    first, *trained = json.loads(text.removeprefix("fpgTheatre(").removesuffix(");\n"))["rounds"]
+    assert first == script["record"]("random", 0)
+    assert tuple(one["steps"] for one in trained) == script["BUDGETS"]
+    assert trained[-1]["earned"] == max(one["earned"] for one in trained) > first["earned"]
 
 
 def test_serving_needs_a_site_and_a_free_port(site, tmp_path):

@@ -11,12 +11,13 @@ from axe_playwright_python.sync_playwright import Axe
 from scipy import stats
 
 from fpg_bench.leaderboard.site.serve import make_server
+from fpg_bench.players.agent import baselines_folder
 from tests.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds
 
 pytestmark = pytest.mark.browser
 
 ENTRIES = 27
-NAMES = ("index", "ranking", "play", "crossplay", "statistics", "compare", "submit", "rules")
+NAMES = ("index", "ranking", "play", "try", "crossplay", "statistics", "compare", "submit", "rules")
 PAGES = (WATCHED, *(f"{name}.html" for name in NAMES))
 
 
@@ -386,6 +387,31 @@ def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit):
     assert page.locator("#matrix").input_value() == "jammed"
 
 
+def test_the_map_of_cross_play_leads_to_the_round_of_the_two_that_are_chosen(visit):
+    page = visit("crossplay.html")
+    marks = page.locator("#map-ally .mark")
+    assert marks.count() == ENTRIES - 1  # but for the one that is not verified
+    expect(page.locator("#map-ally .mark[aria-pressed=true]")).to_have_count(1)
+    assert page.locator("#map-ally .halo").count() == 1  # of the mixture, that is placed
+    chosen, name = page.locator("#chosen"), page.locator("#map-ally .name")
+    marks.nth(3).focus()
+    label = page.evaluate("document.activeElement.getAttribute('aria-label')")
+    assert re.fullmatch(r".*: −?[\d.]+ against herders, −?[\d.]+ against aimers", label)
+    expect(name).to_have_text(label.rpartition(": ")[0])
+    page.keyboard.press("ArrowRight")
+    after = page.evaluate("document.activeElement.getAttribute('aria-label')")
+    assert after != label
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Enter")
+    expect(chosen).to_have_text(re.compile(re.escape(label.rpartition(": ")[0]) + " against "))
+    marks.nth(1).hover()
+    expect(name).not_to_have_text(label.rpartition(": ")[0])
+    page.locator("#map summary").click()
+    rows = page.locator("#map-table-ally tbody tr")
+    assert rows.count() == marks.count()
+    assert not violations(page)
+
+
 def violations(page, impacts=("serious", "critical"), **options) -> list:
     """Violations of these impacts that axe finds on a page."""
     # Preloading would fetch styles again, which the pages forbid.
@@ -683,3 +709,87 @@ def test_obeying_the_advice_beats_doing_nothing_on_the_offered_seeds(visit):
     returns = page.evaluate(ADVISED, list(OFFERED))
     assert f": {returns[0][0] / 60:.2f} per second" in obeyed  # the advice is what the script does
     assert all(advised > idle for advised, idle in returns)
+
+
+CHAMPION = "agents/ally-champion/ppo-stack8/seed_0/policy.onnx"  # the page has it as a script, too
+
+
+def give(page, data):
+    page.locator("#policy").set_input_files({"name": "mine.onnx", "mimeType": "", "buffer": data})
+
+
+def test_a_policy_file_scores_as_the_page_s_own_version_of_the_agent(visit):
+    page = visit("try.html")
+    page.locator("#policy").set_input_files(baselines_folder() / CHAMPION)
+    expect(page.locator("#status")).to_contain_text("an unofficial score of")
+    rows = page.locator("#table tbody tr").evaluate_all(
+        "rows => rows.map(row => [...row.cells].map(cell => cell.textContent))"
+    )
+    assert len(rows) == 9  # all, and each script
+    assert all(score == own for _, score, _, _, own in rows)
+    worst = page.locator("#round option").first.inner_text()
+    rival, points = re.fullmatch(r"(.*), seed \d: (.*)", worst).groups()
+    assert f"worst against {rival}, {points} on seed" in page.locator("#status").inner_text()
+    expect(page.locator("#replay-title")).to_have_text(f"policy.onnx against {rival}")
+    expect(page.locator("#replay-step")).to_have_attribute("max", "300")
+    page.locator("#round").select_option(index=1)
+    expect(page.locator("#replay-title")).to_have_text(re.compile("policy.onnx against"))
+    assert not violations(page)
+
+
+def test_a_policy_file_that_cannot_be_played_gets_one_line(visit):
+    from onnx import helper, load_model
+
+    page, path = visit("try.html"), baselines_folder() / CHAMPION
+    data = path.read_bytes()
+    status = page.locator("#status")
+    for broken in (b"", b"no model", data[: len(data) // 2], data[:-1]):
+        give(page, broken)
+        expect(status).to_have_text("This is not an ONNX file, or it is truncated.")
+    give(page, data + bytes(5_000_001))
+    expect(status).to_have_text(re.compile("larger than 5 MB"))
+    model = load_model(path)
+    model.graph.node.extend([helper.make_node("Erf", ["action"], ["b"]), helper.make_node("Where", [], [])])
+    give(page, model.SerializeToString())
+    expect(status).to_have_text("This page cannot play the operators Erf, Where; fpg-bench evaluate may.")
+    expect(page.locator("#scores")).to_be_hidden()
+
+
+def test_a_policy_file_can_be_dropped(visit):
+    page = visit("try.html")
+    page.locator("#drop").evaluate(
+        """zone => { const data = new DataTransfer(); data.items.add(new File(["x"], "dropped.onnx"));
+        zone.dispatchEvent(new DragEvent("drop", { dataTransfer: data, cancelable: true })); }"""
+    )
+    expect(page.locator("#status")).to_have_text("This is not an ONNX file, or it is truncated.")
+
+
+def test_a_card_of_the_front_page_leads_to_the_round_that_it_shows(visit):
+    page = visit("index.html")
+    cards = page.locator(".cards article")
+    assert cards.count() == 3
+    link = cards.first.locator("a").first
+    expect(link.locator("svg")).to_be_visible()
+    link.click()
+    page.wait_for_url("**/play.html#side=nobody*")
+    expect(page.locator("#clock")).not_to_have_text("0 / 300")
+    chosen = [page.locator(f"#{name}").input_value() for name in ("first", "rival", "seed")]
+    assert chosen == ["script:idle", "script:tone", "2"]
+
+
+# Whether a waterfall changes within a second and a half.
+FLOWS = MOVED.replace("#film canvas", "#theatre canvas")
+
+
+@pytest.mark.parametrize("motion", ["no-preference", "reduce"])
+def test_waterfalls_of_a_training_flow_until_they_are_stopped_or_where_motion_is_wanted(visit, motion):
+    page = visit("index.html", reduced_motion=motion)
+    figures = page.locator("#theatre figure")
+    page.locator("#theatre-pause").scroll_into_view_if_needed()
+    expect(figures).to_have_count(4)
+    names = [figure.locator("b").inner_text() for figure in figures.all()]
+    assert names == ["Random play", *(f"After {n} steps" for n in ("10,000", "100,000", "2,000,000"))]
+    figures.last.scroll_into_view_if_needed()
+    assert page.evaluate(FLOWS) == (motion == "no-preference")
+    page.locator("#theatre-pause").click()
+    assert page.evaluate(FLOWS) == (motion == "reduce")

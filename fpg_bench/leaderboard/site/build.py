@@ -14,6 +14,7 @@ from fpg_bench.common.files import check_own_folder, write_whole
 from fpg_bench.leaderboard.board import Board
 from fpg_bench.leaderboard.site import reading_pages, views
 from fpg_bench.leaderboard.site.entry_page import badge_file, badge_view, entry_view
+from fpg_bench.leaderboard.site.findings import finding_cards
 from fpg_bench.leaderboard.site.page_data import Policies, data_files
 from fpg_bench.leaderboard.site.replays import Replay, Replays, label_of
 from fpg_bench.rendering.replay import replay_code, replay_markup, replay_part
@@ -88,6 +89,7 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     tracks = [views.track_view(board, track) for track in board.tracks]
     front: dict[str, object] = {
         "film": _film(board, replays),
+        "cards": finding_cards(),
         "tracks": tracks,
         "n_entries": sum(len(track.entries) for track in board.tracks),
         "verified": [figures for track in board.tracks for _, figures in track.verified()],
@@ -95,6 +97,7 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     pages: list[tuple[str, str, dict[str, object]]] = [
         ("index.html", "index.html", front),
         ("play.html", "play.html", {}),
+        ("try.html", "try.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {}),
         ("statistics.html", "statistics.html", {}),

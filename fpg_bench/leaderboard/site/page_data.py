@@ -42,7 +42,8 @@ _MOST_UNITS = 201  # of a difference of scores; with more, Student's t hardly ch
 # Operators of static/game_policy.js.
 _OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
 _OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM", "ArgMax", "Sum"}
-_OPERATORS |= {"MatMul", "ReduceSum", "Abs", "Sqrt", "Mul", "Div", "Max"}
+_OPERATORS |= {"MatMul", "ReduceSum", "Abs", "Sqrt", "Add", "Sub", "Mul", "Div", "Max", "Min", "Neg", "Exp"}
+_OPERATORS |= {"Elu", "LeakyRelu", "Softmax", "Flatten", "Identity"}
 # Groups of the zoo; all play the standard game, whatever they were trained on.
 _GROUPS = ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner")
 
@@ -187,6 +188,20 @@ def crossplay_data(board: Board, submitted: Policies, zoo: Zoo) -> Row | None:
         "rounds": crossplay.rounds,
         "nash": asdict(crossplay.nash),
         "watch": _watched(board, submitted, zoo),
+        "placed": _placed(board, {"ally": crossplay.allies, "opponent": crossplay.opponents}),
+    }
+
+
+def _placed(board: Board, shown: Mapping[str, Sequence[str]]) -> dict[str, dict[str, Row]]:
+    """Return the scores against both kinds of the season's rivals, by side and entry of cross-play."""
+    return {
+        side: {
+            entry.slug: {group: _rounded(score.value, 1) for group, score in figures.by_group.items()}
+            for track in board.tracks
+            for entry, figures in track.verified()
+            if track.side == side and entry.slug in shown[side] and len(figures.by_group) == 2
+        }
+        for side in SIDES
     }
 
 
@@ -211,7 +226,7 @@ def _page_player(track: BoardTrack, entry: BoardEntry, submitted: Policies, zoo:
     if entry.kind == "script" and entry.plays in (*ALLIES, *OPPONENTS):
         return f"script:{entry.plays}"
     if entry.kind == "zoo" and entry.plays is not None and entry.plays in zoo:
-        return f"agent:{_agent_file(entry.plays)}"
+        return f"agent:{agent_file(entry.plays)}"
     return None
 
 
@@ -224,7 +239,7 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
         submission: Row = {"name": entry.name, "side": track.side, "flies": key.endswith("-learned")}
         agents.append((submission | {"kind": "submitted", "file": _submitted_file(key, slug)}, policy))
     for name, (about, policy) in zoo.items():
-        agents.append(({"name": name, **about, "kind": "zoo", "file": _agent_file(name)}, policy))
+        agents.append(({"name": name, **about, "kind": "zoo", "file": agent_file(name)}, policy))
     scenario = Scenario()
     content = {
         "rules": rules_data(scenario),
@@ -238,7 +253,8 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
     return files
 
 
-def _agent_file(name: str) -> str:
+def agent_file(name: str) -> str:
+    """Return the file of the site that holds the policy of an agent of the zoo."""
     return f"agents/{name.replace('/', '-')}.js"
 
 

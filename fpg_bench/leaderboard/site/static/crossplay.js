@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const { percent, step, one, tint, matrix, table, fill } = fpgCharts;
-  const { names, matrices, half, watch, rounds, nash } = window.fpgData;
+  const { names, matrices, half, watch, rounds, nash, placed } = window.fpgData;
   const SHOWN = {
     ally: { short: "ally's return", better: "ally", written: step, brief: one },
     opponent: { short: "opponent's return", better: "opponent", written: step, brief: one },
@@ -83,6 +83,49 @@
   who.addEventListener("change", show);
   draw();
 
+  /* ---- the map: one of each side is chosen, and their round is played ---- */
+
+  const duel = {};
+
+  /** The players of a side that have scores against two kinds of rivals, and the names of the kinds. */
+  function mapped(side) {
+    const groups = Object.keys(Object.values(placed[side])[0] ?? {}), kinds = groups.map((group) => (side === "ally" ? group : `${group} allies`));
+    const players = Object.entries(placed[side]).map(([slug, by]) => {
+      const scores = groups.map((group) => by[group]), share = nash[side][slug] ?? 0, name = called(side, slug);
+      return { slug, name, scores, share, flies: watch.opponent[slug]?.path === "learned" && side === "opponent", label: `${name}: ${kinds.map((kind, i) => `${one(scores[i])} against ${kind}`).join(", ")}` };
+    });
+    return { kinds, players };
+  }
+
+  function showDuel() {
+    const { ally, opponent } = duel;
+    const [i, j] = [slugs.ally.indexOf(ally.slug), slugs.opponent.indexOf(opponent.slug)], href = address(ally.slug, opponent.slug);
+    const link = document.getElementById("duel");
+    document.getElementById("chosen").textContent = `${ally.name} against ${opponent.name}: the ally earns ${within("ally", i, j, step)} per step; jamming success rate ${percent(matrices.jammed[i][j])}.`;
+    link.hidden = !href;
+    if (href) link.href = href;
+  }
+
+  function drawMaps() {
+    const sides = { ally: mapped("ally"), opponent: mapped("opponent") };
+    document.getElementById("map").hidden = Object.values(sides).some(({ players }) => !players.length);
+    if (document.getElementById("map").hidden) return;
+    for (const [side, { kinds, players }] of Object.entries(sides)) {
+      const mark = fpgMap.draw(document.getElementById(`map-${side}`), side, kinds, players, (place) => {
+        duel[side] = players[place];
+        mark(place);
+        showDuel();
+      });
+      const most = players.reduce((best, { share }, place) => (share > players[best].share ? place : best), 0);
+      duel[side] = players[most];
+      mark(most);
+      table(document.getElementById(`map-table-${side}`), `Scores of each ${side}`, [side === "ally" ? "Ally" : "Opponent", ...kinds.map((kind) => `Score against ${kind}`), "Share in the mixture"],
+        [...players].sort((a, b) => mean(b.scores) - mean(a.scores)).map(({ name, scores, share }) => [name, ...scores.map(one), percent(share)]));
+    }
+    showDuel();
+  }
+
+  drawMaps();
   document.getElementById("value").textContent = step(nash.value);
   for (const side of ["ally", "opponent"]) {
     const rows = Object.entries(nash[side]).filter(([, share]) => share > 0.0005).sort((a, b) => b[1] - a[1]);

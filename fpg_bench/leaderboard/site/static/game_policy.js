@@ -6,8 +6,9 @@ const fpgPolicy = (() => {
   const count = (shape) => shape.reduce((product, size) => product * size, 1);
   const tensor = (shape, data) => ({ shape, data });
 
-  /** Weights as they were written: little-endian numbers of 32 bits, or a list of integers. */
-  function read({ shape, floats, integers }) {
+  /** Weights as they were written: a tensor, little-endian numbers of 32 bits, or a list of integers. */
+  function read({ shape, data, floats, integers }) {
+    if (data) return tensor(shape, data);
     if (integers) return tensor(shape, integers);
     const bytes = Uint8Array.from(atob(floats), (sign) => sign.charCodeAt(0));
     return tensor(shape, new Float32Array(bytes.buffer));
@@ -18,7 +19,7 @@ const fpgPolicy = (() => {
   const places = (axes, rank) => axes.map((axis) => (axis < 0 ? axis + rank : axis));
 
   function gemm([a, b, c], { transA = 0, transB = 0, alpha = 1, beta = 1 }) {
-    if (transA) throw new Error("Gemm: transA is not played");
+    if (transA || a.shape.length !== 2 || b.shape.length !== 2) throw new Error("Gemm and MatMul: only two axes, not turned, are played");
     const [rows, inner] = a.shape, columns = b.shape[transB ? 0 : 1];
     const out = new Float32Array(rows * columns);
     for (let i = 0; i < rows; i++)
@@ -115,14 +116,41 @@ const fpgPolicy = (() => {
     return tensor([...x.shape.slice(0, last), ...(keepdims ? [1] : [])], data);
   }
 
-  const sum = ([first, ...others]) => tensor(first.shape, first.data.map((value, i) => others.reduce((total, x) => f32(total + x.data[i]), value)));
+  /** A tensor repeated along axes of size 1, to a shape. */
+  function spread(x, shape) {
+    if (x.data.length === count(shape)) return x.data;
+    const begin = shape.length - x.shape.length;
+    if (begin < 0 || x.shape.some((size, axis) => size !== 1 && size !== shape[begin + axis])) throw new Error(`${x.shape} is not played as ${shape}`);
+    return gathered(shape, x, (index) => x.shape.map((size, axis) => (size === 1 ? 0 : index[begin + axis]))).data;
+  }
 
-  /** An operator on two tensors of one size, or on one and a single number. */
-  const pairwise = (of) => ([a, b]) => {
-    const [long, short] = a.data.length < b.data.length ? [b, a] : [a, b], single = short.data.length === 1;
-    if (!single && short.data.length !== long.data.length) throw new Error(`${a.shape} and ${b.shape} are not played together`);
-    return tensor(long.shape, long.data.map((_, i) => of(a.data[a === short && single ? 0 : i], b.data[b === short && single ? 0 : i])));
-  };
+  /** An operator on tensors, number by number, from the first to the last. */
+  const pairwise = (of) => (inputs) => inputs.reduce((a, b) => {
+    const rank = Math.max(a.shape.length, b.shape.length), size = (x, axis) => x.shape[axis - rank + x.shape.length] ?? 1;
+    const shape = Array.from({ length: rank }, (_, axis) => (size(a, axis) === 1 ? size(b, axis) : size(a, axis)));
+    const [left, right] = [spread(a, shape), spread(b, shape)];
+    return tensor(shape, left.map((x, i) => of(x, right[i])));
+  });
+
+  function softmax([x], { axis = -1 }) {
+    const last = x.shape.length - 1, size = x.shape[last], out = new Float32Array(x.data.length);
+    if (places([axis], x.shape.length)[0] !== last) throw new Error("Softmax: only the last axis is played");
+    for (let i = 0; i < out.length; i += size) {
+      const row = x.data.slice(i, i + size), most = Math.max(...row), parts = row.map((value) => Math.exp(value - most));
+      const total = parts.reduce((sum, part) => sum + part, 0);
+      out.set(parts.map((part) => part / total), i);
+    }
+    return tensor(x.shape, out);
+  }
+
+  function flatten([x], { axis = 1 }) {
+    const rows = count(x.shape.slice(0, places([axis], x.shape.length)[0]));
+    return tensor([rows, x.data.length / rows], x.data);
+  }
+
+  function constant(_, { value, value_float: float, value_floats: floats, value_int: int, value_ints: ints }) {
+    return value ?? (floats || float !== undefined ? tensor(floats ? [floats.length] : [], Float32Array.from(floats ?? [float])) : tensor(ints ? [ints.length] : [], ints ?? [int]));
+  }
 
   function reduceSum([x, axes]) {
     if (x.shape[0] !== 1 || String(axes.data) !== String(x.shape.length - 1)) throw new Error("ReduceSum: only one row is played");
@@ -151,8 +179,11 @@ const fpgPolicy = (() => {
   const PLAYED = {
     Gemm: gemm, Tanh: each((x) => f32(Math.tanh(x))), Relu: each((x) => Math.max(0, x)), Sigmoid: each((x) => f32(sigmoid(x))), Clip: clip,
     Slice: slice, Concat: concat, Reshape: reshape, Transpose: transpose, Gather: gather, Unsqueeze: unsqueeze, Squeeze: squeeze,
-    ArgMax: argmax, Sum: sum, LSTM: lstm, MatMul: ([a, b]) => gemm([a, b], {}), ReduceSum: reduceSum, Abs: each(Math.abs), Sqrt: each(Math.sqrt),
-    Mul: pairwise((x, y) => x * y), Div: pairwise((x, y) => x / y), Max: pairwise(Math.max),
+    ArgMax: argmax, Softmax: softmax, Flatten: flatten, Constant: constant, Identity: ([x]) => x, LSTM: lstm, MatMul: ([a, b]) => gemm([a, b], {}), ReduceSum: reduceSum, Abs: each(Math.abs), Sqrt: each(Math.sqrt),
+    Neg: each((x) => -x), Exp: each(Math.exp), Elu: ([x], { alpha = 1 }) => each((y) => (y < 0 ? alpha * (Math.exp(y) - 1) : y))([x]),
+    LeakyRelu: ([x], { alpha = 0.01 }) => each((y) => (y < 0 ? alpha * y : y))([x]),
+    Sum: pairwise((x, y) => x + y), Add: pairwise((x, y) => x + y), Sub: pairwise((x, y) => x - y), Mul: pairwise((x, y) => x * y),
+    Div: pairwise((x, y) => x / y), Max: pairwise(Math.max), Min: pairwise(Math.min),
   };
 
   /** A player of one round; its memory begins empty. */

@@ -29,5 +29,9 @@ const fpgSight = (() => {
   const SIDES = { ally, opponent, nobody: () => ({}) };
   const seen = (game, side) => ({ ...truth(game), ...SIDES[side](game) });
 
-  return { FIELDS, truth, seen };
+  /** The steps of a round, field by field, and one more. */
+  const empty = () => Object.fromEntries(FIELDS.map((field) => [field, []]));
+  const add = (steps, one) => FIELDS.forEach((field) => steps[field].push(one[field]));
+
+  return { truth, seen, empty, add };
 })();

@@ -3,9 +3,10 @@
 "use strict";
 (() => {
   const { rules, scenario, agents, scales } = window.fpgData;
+  const { load, championOf } = fpgPlayers;
   const byId = (id) => document.getElementById(id);
   const view = { time: 0, dirty: true };
-  const policies = {}, other = { ally: "opponent", opponent: "ally" };
+  const other = { ally: "opponent", opponent: "ally" };
   let game = null, round, players, human = "ally", truth, shown, colours = fpgPen.readColours(), timer = null, replay = null;
 
   const scene = {
@@ -52,30 +53,6 @@
     for (const element of document.querySelectorAll("[data-side]")) element.hidden = side === "nobody" ? element.tagName !== "SPAN" : element.dataset.side !== side;
   }
 
-  // Called by a policy's script.
-  window.fpgAgent = (file, policy) => (policies[file] = policy);
-
-  /** Load a policy, which is a script of its own. */
-  function fetched(file) {
-    if (policies[file]) return Promise.resolve(policies[file]);
-    return new Promise((done, failed) => {
-      const script = document.createElement("script");
-      script.src = file;
-      script.addEventListener("load", () => done(policies[file]));
-      script.addEventListener("error", failed);
-      document.head.append(script);
-    });
-  }
-
-  /** Load a choice, `script:name` or `agent:file`; gives (side, key of a round) => player. */
-  async function load(choice) {
-    const [kind, name] = choice.split(/:(.*)/s);
-    if (kind === "script") return (side, key) => fpgScripts.make(side, name, rules, key);
-    const policy = await fetched(name);
-    return () => fpgPolicy.make(policy);
-  }
-
-  const championOf = (side) => agents.find((one) => one.side === side && one.name.includes("champion"));
   const seat = (makers, key) => Object.fromEntries(Object.entries(makers).map(([side, make]) => [side, make(side, key)]));
   const start = () => fpgRules.begin({ ...rules, steps: round.seconds }, round.seed, round.path);
   const earnedBy = (one, side) => (side === "opponent" ? one.opponentReward : one.allyReward);
@@ -109,7 +86,7 @@
     const raced = await entered();
     game = start();
     players = seat(makers, game.key);
-    [truth, shown, race] = [empty(), empty(), raced];
+    [truth, shown, race] = [fpgSight.empty(), fpgSight.empty(), raced];
     if (race) noteRace();
     for (const id of ["end", "back"]) byId(id).hidden = true;
     byId("hands").hidden = false;
@@ -126,19 +103,16 @@
     document.querySelector(".play").scrollIntoView();
   }
 
-  const empty = () => Object.fromEntries(fpgSight.FIELDS.map((field) => [field, []]));
-
   /** A second round with the champion in the visitor's place; null if no race is wanted, or can be. */
   async function entered() {
     const champion = byId("race").checked && human !== "nobody" ? championOf(human) : undefined;
     if (!champion) return null;
     const make = await load(`agent:${champion.file}`), one = start();
-    return { game: one, players: seat({ ...round.makers, [human]: make }, one.key), shown: empty(), total: 0 };
+    return { game: one, players: seat({ ...round.makers, [human]: make }, one.key), shown: fpgSight.empty(), total: 0 };
   }
 
   function noteRace() {
-    const part = fpgSight.seen(race.game, human);
-    for (const field of fpgSight.FIELDS) race.shown[field].push(part[field]);
+    fpgSight.add(race.shown, fpgSight.seen(race.game, human));
   }
 
   function goRace() {
@@ -161,11 +135,8 @@
   }
 
   function keep() {
-    const [all, part] = [fpgSight.truth(game), fpgSight.seen(game, human)];
-    for (const field of fpgSight.FIELDS) {
-      truth[field].push(all[field]);
-      shown[field].push(part[field]);
-    }
+    fpgSight.add(truth, fpgSight.truth(game));
+    fpgSight.add(shown, fpgSight.seen(game, human));
     view.time = game.step;
   }
 

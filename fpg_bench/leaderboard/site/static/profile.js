@@ -75,5 +75,5 @@ const fpgProfile = (() => {
     return ticks(low, high, 6);
   }
 
-  return { draw, MOST: MARKS.length };
+  return { draw, node, ticks, MOST: MARKS.length };
 })();
