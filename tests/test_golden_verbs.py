@@ -3,7 +3,7 @@
 The file holds numbers and hashes only, no names, so a renamed key or option changes a command line here and
 nothing else. Each number list comes from one record, row or line of an output and has to be contained in one
 of the current output, in the same order; additional numbers are allowed. What torch has computed differs
-between processors and is left out: ``python -m tests.test_golden_verbs [NAME ...]`` rewrites the file from two
+between processors and is left out: ``python -m tests.test_golden_verbs [NAME ...]`` rewrites it from two
 runs that differ in their training, and keeps what both have in common.
 """
 
