@@ -118,19 +118,21 @@ def test_no_text_of_a_submission_becomes_markup(site, pages):
         assert not re.search("[<>]", path.read_text(encoding="utf-8")), path
 
 
-def columns(site):
-    """The headings of the first table of the ranking."""
+def columns(site, kind='[^"]*'):
+    """The headings of the first table of the ranking, by their class."""
     table = (site / "ranking.html").read_text().split('id="ally"')[1].split("</thead>")[0]
-    return re.findall(r'class="sort"[^>]*>([^<]*)</button>', table)
+    return re.findall(rf'<th [^>]*class="{kind}"[^>]*><button [^>]*class="sort"[^>]*>([^<]*)</button>', table)
 
 
 def test_tables_have_columns_for_what_was_played(site, tmp_path):
-    measures = ["Worst", "Jammed", "Return per step"]
-    scores = ["Score, unseen", "Public", "Gap", "Herders", "Aimers", "Shifted"]
-    assert columns(site) == ["Rank", "Entry", *scores, *measures]
+    mission = ["Overlap ratio", "Jamming success rate"]  # right after the score, in the default columns
+    scores = ["Score, unseen", *mission, "Public", "Gap", "Herders", "Aimers", "Shifted"]
+    assert columns(site) == ["Rank", "Entry", *scores, "Worst", "Return per step"]
+    shown = [c for c in columns(site, "num") if c not in ("Rank", "Worst")]
+    assert shown == ["Score, unseen", *mission, "Public"]
     assert "Against herders" in (site / "entries/ally/player-1.html").read_text()
     build_site(example_board(3, season=None), tmp_path)
-    assert columns(tmp_path) == ["Rank", "Entry", "Score, public", *measures]
+    assert columns(tmp_path) == ["Rank", "Entry", "Score, public", *mission, "Worst", "Return per step"]
     assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
     unchanged = (tmp_path / "submit.html").stat().st_mtime_ns
@@ -211,8 +213,9 @@ def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, page
     cells = re.findall(r'<td class="num[^>]*>(?:<b>)?([^<]*)<', (site / "index.html").read_text())
     for k, (track, (_, figures)) in enumerate(zip(board.tracks, leaders, strict=True)):
         score, rank = views.format_number(figures.score.value), views.format_rank(figures.rank)
-        expected = [score, views.format_interval(figures.score), rank, str(len(track.entries))]
-        assert cells[4 * k : 4 * k + 4] == expected
+        mission = [views.format_number(figures.measures[name], "share") for name in views.MISSION]
+        assert cells[5 * k : 5 * k + 5] == [score, *mission, rank, str(len(track.entries))]
+        assert f"<small>{views.format_interval(figures.score)}</small>" in (site / "index.html").read_text()
     assert "9 entries, trained or scripted" in text
     assert "8 of 9 entries are verified: their 400 records, 40,000 rounds" in text
     assert ROUND.file in pages["index.html"].values("src")

@@ -160,7 +160,7 @@ def test_a_round_is_played_paused_and_scrubbed(visit):
     page.keyboard.press("End")  # scrolls the page, as no player has the focus
     page.wait_for_function(AT_REST)
     assert step.input_value() == "0"
-    assert page.locator("#round-summary").inner_text().startswith("Jammed ")
+    assert page.locator("#round-summary").inner_text().startswith("Overlap ratio ")
     button.click()
     expect(step).not_to_have_value(re.compile("^[0-2]$"))
     button.click()
@@ -342,7 +342,7 @@ def test_a_cell_of_cross_play_has_a_label_and_plays_a_round(visit):
     cell = page.locator("#heatmap a").first
     label = cell.get_attribute("aria-label")
     assert re.search(r"ally's return −?\d+\.\d\d ± 1\.25|ally's return −?\d+\.\d\d,", label)
-    assert "jammed" in label
+    assert "jamming success rate" in label
     cell.focus()
     page.keyboard.press("ArrowRight")
     page.keyboard.press("ArrowLeft")
@@ -371,19 +371,19 @@ def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit):
     for matrix, caption, sign in (
         ("ally", "ally's return", -1),
         ("opponent", "opponent's return", 1),
-        ("jammed", "jammed", 1),
+        ("jamming_success_rate", "jamming success rate", 1),
     ):
         page.locator("#matrix").select_option(matrix)
         values, heading = drawn(page)
         assert heading == f"{caption} of each pair"
         allies = [sign * sum(row) / len(row) for row in values]
         opponents = [-sign * sum(column) / len(column) for column in zip(*values, strict=True)]
-        rounding = 1.0 if matrix == "jammed" else 0.1  # as cells are written
+        rounding = 1.0 if matrix == "jamming_success_rate" else 0.1  # as cells are written
         for means in (allies, opponents):
             assert all(one <= other + rounding for one, other in pairwise(means))
         assert page.locator("#who").evaluate("box => box.selectedOptions[0].text") == player
     page.reload()
-    assert page.locator("#matrix").input_value() == "jammed"
+    assert page.locator("#matrix").input_value() == "jamming_success_rate"
 
 
 def violations(page, impacts=("serious", "critical"), **options) -> list:

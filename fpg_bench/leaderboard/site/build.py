@@ -143,6 +143,8 @@ def _environment(board: Board, docs: str) -> Environment:
         "board": board,
         "player": Markup(replay_markup("h3")),  # the package's own
         "roles": views.ROLES,
+        "measures": views.MEASURES,
+        "mission": views.MISSION,
         "label_of": label_of,
         "few_seeds": views.FEW_SEEDS,
         "doc_link": partial(_doc_link, docs),

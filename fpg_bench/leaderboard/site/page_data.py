@@ -177,7 +177,7 @@ def crossplay_data(board: Board, submitted: Policies, zoo: Zoo) -> Row | None:
     crossplay = board.crossplay
     if crossplay is None:
         return None
-    matrices = {**crossplay.returns, "jammed": crossplay.jamming_success_rate}
+    matrices = {**crossplay.returns, "jamming_success_rate": crossplay.jamming_success_rate}
     return {
         "names": {side: board.names(side) for side in SIDES},
         "allies": crossplay.allies,

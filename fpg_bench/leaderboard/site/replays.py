@@ -34,7 +34,7 @@ from fpg_bench.version import __version__
 _logger = logging.getLogger(__name__)
 
 STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # rivals of the public suites
-_FORM = 5  # version of labels and texts; after a change all rounds are played again
+_FORM = 6  # version of labels and texts; after a change all rounds are played again
 _ROLES = (PUBLIC, UNSEEN, RESPONSES)  # suites under the game's own rules
 _CALL, _END = "fpgRound(", ");\n"
 
@@ -175,7 +175,8 @@ def _summary(measures: Mapping[str, float | None]) -> str:
         return format_number(measures[name], "share")
 
     return (
-        f"Jammed {share('jamming_success_rate')} of the time, link broken {share('outage')}; the ally "
+        f"Overlap ratio {share('overlap_ratio')}, jamming success rate {share('jamming_success_rate')}, "
+        f"link broken {share('outage')} of the time; the ally "
         f"hops in {share('hop_rate')} of the steps and spreads in {share('spread_ratio')}; "
         f"mean SNR {format_number(measures['snr_db'], 'dB')}."
     )

@@ -32,10 +32,10 @@ MEASURES = {
     "return": Measure("Return per step", "step", "mean of its own rewards in the rounds of its score"),
     "ally_return": Measure("Ally's return", "whole", "sum of the ally's rewards per round"),
     "opponent_return": Measure("Opponent's return", "whole", "sum of the opponent's rewards per round"),
+    "overlap_ratio": Measure("Overlap ratio", "share", "time in which jamming covers the ally's frequency"),
     "jamming_success_rate": Measure(
-        "Jammed", "share", "time in which jamming covers the ally and breaks its link"
+        "Jamming success rate", "share", "time in which jamming covers the ally and breaks its link"
     ),
-    "overlap_ratio": Measure("Overlap", "share", "time in which jamming covers the ally's frequency"),
     "spectrum_overlap": Measure("Spectrum overlap", "share", "similarity of both sides' use of frequencies"),
     "outage": Measure("Outage", "share", "time in which the link is broken, jammed or not"),
     "capacity_mbit_s": Measure("Capacity", "Mbit/s", "mean rate of the link"),
@@ -58,7 +58,7 @@ MEASURES = {
     "share_broadband": Measure("Broadband", "share", "time in which it jams a broad band"),
     "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
 }
-_TABLE_MEASURES = ("jamming_success_rate", "return")  # beside the scores in a track's table
+MISSION = ("overlap_ratio", "jamming_success_rate")  # the two measures of the mission, right after each score
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ class TrackView:
 
     Attributes:
         ranking: the suite that ranks it.
-        measures: those shown in the table, by name.
+        mission: presentations of the two measures of the mission by name, as far as they were measured.
         heat_suites: suites of the heat map; ``heat_rows`` have a score and a tint, 0 to 8, per rival.
         leaders: names of entries that may be first.
     """
@@ -253,7 +253,7 @@ class TrackView:
     scale: str
     axis: Axis
     has_shifted: bool
-    measures: dict[str, Measure]
+    mission: dict[str, Measure]
     rows: list[RowView]
     heat_suites: list[BoardSuite]
     heat_rows: list[tuple[RowView, list[tuple[float, int] | None]]]
@@ -281,7 +281,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
         scale=scale_text(track),
         axis=Axis.of_scores(row.ranking for row in rows if row.ranking is not None),
         has_shifted=any(SHIFTED in figures.scores for _, figures in verified),
-        measures={name: MEASURES[name] for name in _TABLE_MEASURES if name in measured},
+        mission={name: MEASURES[name] for name in MISSION if name in measured},
         rows=rows,
         heat_suites=heat_suites,
         heat_rows=[
