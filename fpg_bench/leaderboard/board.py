@@ -41,6 +41,7 @@ from fpg_bench.leaderboard.tracks import (
     ranked_by,
 )
 from fpg_bench.leaderboard.trail import first_returns, play_options, player_of, training_of
+from fpg_bench.planning import TIERS
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
 
@@ -125,7 +126,7 @@ class PlannerFigures:
     """Figures of planners alone.
 
     Attributes:
-        tier: what it knows: ``history`` or ``ally``.
+        tier: what it knows, one of :data:`fpg_bench.planning.TIERS`.
         model: the language model, if one was recorded.
         runs: how many times it was recorded.
         season: the season after which the recording began.
@@ -153,7 +154,8 @@ class Figures:
     """The figures of a verified result.
 
     Attributes:
-        rank: best and worst rank; None where the entry has not played the suite that ranks its track.
+        rank: best and worst rank; None where the entry has not played the suite that ranks its track, and for
+            a reference.
         score: over the suite that ranks the track, else over the public one.
         scores: by role of the suite.
         by_rival: scores by role and rival.
@@ -194,6 +196,11 @@ class Figures:
     records: int
     planner: PlannerFigures | None
     fingerprint: Mapping[str, object]
+
+    @property
+    def is_reference(self) -> bool:
+        """True for a planner that sees the ally's path: a bound, which is not compared with the others."""
+        return self.planner is not None and self.planner.tier == TIERS[-1]
 
     @property
     def gap(self) -> float | None:
@@ -262,7 +269,7 @@ class BoardTrack:
     Attributes:
         ranked_by: the role of the suite that ranks it.
         scale: returns per step that score 0 and 100.
-        entries: best first; then those without a rank, then those not verified.
+        entries: best first; then those without a rank, then references, then those not verified.
     """
 
     key: str
@@ -386,9 +393,10 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
         (item for item in verified if role in item.summaries),
         key=lambda item: (-item.summaries[role].score.value, item.slug),
     )
+    compared = [item for item in ranked if not _is_reference(item)]
+    ranges = rank_ranges([item.summaries[role].samples for item in compared])
+    ranks = {item.slug: rank for item, rank in zip(compared, ranges, strict=True)}
     ranking = [item.summaries[role] for item in ranked]
-    ranges = rank_ranges([summary.samples for summary in ranking])
-    ranks = {item.slug: rank for item, rank in zip(ranked, ranges, strict=True)}
     gaps = _seeds_gaps(verified)
     entries = [
         _make_entry(
@@ -435,12 +443,18 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
     )
 
 
-def _sort_key(entry: BoardEntry) -> tuple[bool, bool, float, str]:
-    """Return the sort key of an entry: first ranked ones, then unranked ones, then those not verified."""
+def _is_reference(item: VerifiedEntry) -> bool:
+    planner = item.result.fingerprint.planner
+    return planner is not None and planner.tier == TIERS[-1]
+
+
+def _sort_key(entry: BoardEntry) -> tuple[int, float, str]:
+    """Return the sort key of an entry: ranked ones, unranked ones, references, then those not verified."""
     figures = entry.figures
     if figures is None:
-        return True, True, 0.0, entry.slug
-    return False, figures.rank is None, -figures.score.value, entry.slug
+        return 3, 0.0, entry.slug
+    place = 2 if figures.is_reference else int(figures.rank is None)
+    return place, -figures.score.value, entry.slug
 
 
 def _is_late(submission: Submission, season: SeasonKey | None) -> bool:

@@ -111,11 +111,19 @@ def format_rank(rank: tuple[int, int] | None) -> str:
     return str(best) if best == worst else f"{best}–{worst}"
 
 
+# What scores 100: a bound for allies alone; see scripts/measure_scales.py.
+_TOPS = {
+    "ally": "a link that is never jammed",
+    "opponent": "that of the best script or oracle against each public rival",
+    "planner": "that of the planner optimised over the public suite",
+}
+
+
 def scale_text(track: BoardTrack) -> str:
     """Describe the returns per step that score 0 and 100."""
     zero, top = (format_number(end, "step") for end in (track.scale.zero, track.scale.top))
-    best = "a link that is never jammed" if track.side == "ally" else "the best known to be possible"
-    return f"a score of 0 is the return of random play ({zero} per step), 100 is {best} ({top} per step)"
+    text = f"a score of 0 is the return of random play ({zero} per step), 100 is {_TOPS[track.side]} ({top} per step)"
+    return text if track.side == "ally" else f"{text}; it can be exceeded"
 
 
 def safe_link(text: str | None) -> str | None:
@@ -190,6 +198,7 @@ def warnings(figures: Figures | None) -> list[str]:
     if figures is None:
         return []
     texts = [
+        "reference: it sees the ally's path" if figures.is_reference else "",
         "late entry" if figures.is_late else "",
         seeds_gap_text(figures),
         lost_text(figures),
@@ -252,6 +261,7 @@ class TrackView:
     ranking: BoardSuite
     scale: str
     axis: Axis
+    has_tiers: bool
     has_shifted: bool
     mission: dict[str, Measure]
     rows: list[RowView]
@@ -280,6 +290,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
         ranking=next(suite for suite in track.suites if suite.role == track.ranked_by),
         scale=scale_text(track),
         axis=Axis.of_scores(row.ranking for row in rows if row.ranking is not None),
+        has_tiers=any(figures.planner is not None for _, figures in verified),
         has_shifted=any(SHIFTED in figures.scores for _, figures in verified),
         mission={name: MEASURES[name] for name in MISSION if name in measured},
         rows=rows,
