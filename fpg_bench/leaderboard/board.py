@@ -25,7 +25,7 @@ from fpg_bench.evaluation.statistics import (
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import learning_curve, over_rounds
-from fpg_bench.leaderboard.about import Training
+from fpg_bench.leaderboard.about import Training, board_name
 from fpg_bench.leaderboard.crossplay import WITHIN, Pair, Pairs, fully_played, pair_key
 from fpg_bench.leaderboard.entries import Entries, VerifiedEntry
 from fpg_bench.leaderboard.ranking import improvements, profiles
@@ -75,9 +75,9 @@ class BoardSuite:
     play: Mapping[str, str] = field(default_factory=dict)
 
     def label(self, rival: str) -> str:
-        """Return a rival's name, with the algorithm that trained it: ``o04 (TD3)``."""
+        """Return a rival's name after the algorithm that trained it: ``TD3 o04``."""
         trained = self.trained.get(rival)
-        return f"{rival} ({trained.partition(',')[0]})" if trained else rival
+        return f"{trained.partition(',')[0]} {rival}" if trained else rival
 
 
 @dataclass(frozen=True)
@@ -216,6 +216,7 @@ class BoardEntry:
     Attributes:
         kind: ``script``, ``zoo`` or ``submitted``.
         actions: the action modes of its policies; empty if it has none.
+        name: its name on the board; see :func:`fpg_bench.leaderboard.about.board_name`.
         plays: the script or zoo agent that it names.
         player: what ``fpg-bench play`` calls its script or first policy; None for planners.
         reason: why it is not verified.
@@ -503,7 +504,7 @@ def _make_entry(
     kind = "script" if submission.script is not None else "zoo" if submission.zoo is not None else "submitted"
     return BoardEntry(
         slug=submission.slug,
-        name=submission.name,
+        name=board_name(submission, submission.slug),
         authors=tuple(submission.authors),
         algorithm=submission.algorithm,
         reference=submission.reference,

@@ -13,6 +13,7 @@ from fpg_bench.cli import app
 from fpg_bench.cli.leaderboard import build
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.leaderboard.about import name_skeleton
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.folders import start_board, submission_folders
@@ -64,6 +65,13 @@ def board():
 @pytest.fixture(scope="module")
 def shown(board):
     return {track.key: track for track in board.tracks}
+
+
+def test_every_entry_has_a_short_name_that_no_other_of_its_table_has(board):
+    for track in board.tracks:
+        names = [name_skeleton(entry.name) for entry in track.entries]
+        assert len(set(names)) == len(names), track.key
+        assert all(len(entry.name) <= 40 for entry in track.entries)
 
 
 def test_everybody_on_the_board_is_verified():

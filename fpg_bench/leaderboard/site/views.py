@@ -122,7 +122,8 @@ _TOPS = {
 def scale_text(track: BoardTrack) -> str:
     """Describe the returns per step that score 0 and 100."""
     zero, top = (format_number(end, "step") for end in (track.scale.zero, track.scale.top))
-    text = f"a score of 0 is the return of random play ({zero} per step), 100 is {_TOPS[track.side]} ({top} per step)"
+    text = f"a score of 0 is the return of random play ({zero} per step)"
+    text += f", 100 is {_TOPS[track.side]} ({top} per step)"
     return text if track.side == "ally" else f"{text}; it can be exceeded"
 
 
