@@ -114,7 +114,7 @@ def test_no_text_of_a_submission_becomes_markup(site, pages):
         assert not [link for link in links if re.match(r"(?i)\s*(javascript|data|vbscript):", link)], path
     texts = "".join("".join(page.texts) for page in pages.values())
     assert all(text in texts for text in HOSTILE)
-    for path in (site / "data").iterdir():
+    for path in (site / "data").rglob("*.js"):
         assert not re.search("[<>]", path.read_text(encoding="utf-8")), path
 
 
@@ -197,8 +197,8 @@ def test_the_page_of_an_entry_has_its_citation_badge_and_rivals(site, pages):
 
 
 def test_an_entry_without_a_score_that_ranks_has_no_rank(plain_site):
-    data = json.loads((plain_site / "data/compare.js").read_text().removeprefix("window.fpgData = ")[:-2])
-    (row,) = [row for row in data["tracks"][0]["rows"] if row["slug"] == "player-2"]
+    data = (plain_site / "data/compare/ally.js").read_text().removeprefix('fpgCompared("ally", ')[:-3]
+    (row,) = [row for row in json.loads(data)["rows"] if row["slug"] == "player-2"]
     assert (row["rank"], row["gap"], row["scores"][UNSEEN]) == ("–", None, [None] * 3)
     text = Page(plain_site / entry_file(2)).text
     assert "over the public suite" in text
