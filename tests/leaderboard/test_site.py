@@ -193,7 +193,7 @@ def test_the_page_of_an_entry_has_its_citation_badge_and_rivals(site, pages):
     assert [number for number in range(1, 5) if learned in pages[entry_file(number)].text] == [2]
     assert "returns 1234.5 in all" in pages[entry_file(3)].text
     assert "fpg-bench play --ally idle --opponent trained-0" in pages[entry_file(3)].text
-    assert 'title="TD3, trained against expert">TD3 trained-0</th>' in (site / "ranking.html").read_text()
+    assert 'title="TD3, trained against expert">TD3 trained-0</th>' in (site / "statistics.html").read_text()
 
 
 def test_an_entry_without_a_score_that_ranks_has_no_rank(plain_site):

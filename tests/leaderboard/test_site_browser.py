@@ -453,10 +453,10 @@ def test_marks_of_the_mean_leave_its_interval_visible(visit):
     page = visit()
     for dot, line, width in page.locator("#ally .interval").evaluate_all(
         """pictures => pictures.map((one) => [one.querySelector(".dot").getAttribute("d"),
-        Number(one.querySelector(".range").getAttribute("y1")),
+        Number(/^M[-\\d.]+ (\\d+)H/.exec(one.querySelector(".range").getAttribute("d"))[1]),
         parseFloat(getComputedStyle(one.querySelector(".range")).strokeWidth)])"""
     ):
-        top, above, gap = map(float, re.fullmatch(r"M [\d.]+ (\d+)v(\d+)m0 (\d+)v\d+", dot).groups())
+        top, above, gap = map(float, re.fullmatch(r"M[\d.]+ (\d+)v(\d+)m0 (\d+)v\d+", dot).groups())
         assert top + above <= line - width / 2
         assert top + above + gap >= line + width / 2
 

@@ -97,7 +97,7 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
         ("play.html", "play.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {}),
-        ("statistics.html", "statistics.html", {}),
+        ("statistics.html", "statistics.html", {"tracks": tracks}),
         ("crossplay.html", "crossplay.html", {"crossplay": views.crossplay_view(board)}),
         ("submit.html", "submit.html", {}),
     ]
@@ -135,6 +135,7 @@ def _environment(board: Board, docs: str) -> Environment:
     )
     environment.filters |= {
         "number": views.format_number,
+        "sort_key": views.sort_key,
         "interval": views.format_interval,
         "signed": views.format_signed,
         "rank": views.format_rank,

@@ -91,6 +91,11 @@ def format_number(value: float | None, style: str = "score") -> str:
     return text if style in ("score", "step") else f"{text} {style}"
 
 
+def sort_key(value: float | None) -> str:
+    """Return a number as the key by which tables are sorted, to six digits; empty for None."""
+    return "" if value is None else f"{value:.6g}"
+
+
 def format_interval(score: Interval | None) -> str:
     """Format an interval as ``low to high``; empty where there is none."""
     if score is None or not math.isfinite(score.half):
