@@ -22,7 +22,7 @@ from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.state import TALLY
-from fpg_bench.leaderboard.site import build, views
+from fpg_bench.leaderboard.site import build, page_data, views
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.reading_pages import PAGES
 from fpg_bench.leaderboard.site.replays import Replay
@@ -225,6 +225,16 @@ def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, page
     without_rounds = (plain_site / "index.html").read_text()
     assert "<canvas" not in without_rounds
     assert "film.js" not in without_rounds
+
+
+def test_the_champion_of_the_game_is_the_leader_of_the_board():
+    board, zoo = example_board(6), page_data.zoo_policies()
+    slug = next(board.tracks[0].verified())[0].slug
+    data = page_data.data_files(with_entry(board, slug, kind="zoo", plays=next(iter(zoo))), {})[
+        "data/play.js"
+    ]
+    file = f"agents/{next(iter(zoo)).replace('/', '-')}.js"
+    assert json.loads(data.removeprefix("window.fpgData = ")[:-2])["leaders"]["ally"] == f"agent:{file}"
 
 
 def test_the_install_box_of_the_front_page_holds_commands_of_the_readme(pages):

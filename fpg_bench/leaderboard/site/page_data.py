@@ -10,6 +10,7 @@ import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -236,12 +237,24 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
         "rules": rules_data(scenario),
         "scenario": scenario_data(scenario),
         "agents": [about for about, _ in agents],
+        "leaders": _leaders(board, submitted, zoo),
         "scales": {track.key.removeprefix("opponent-"): asdict(track.scale) for track in board.tracks},
     }
     files = {"data/play.js": _script(content)}
     for about, policy in agents:
         files[about["file"]] = f"fpgAgent({script_json(about['file'])}, {script_json(policy)});\n"
     return files
+
+
+def _leaders(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
+    """Return the player that leads the first table of each side, as far as the page can play it."""
+    first = {track.side: track for track in reversed(board.tracks)}
+    leaders = {}
+    for side, track in first.items():
+        for entry, _ in islice(track.verified(), 1):
+            if player := _page_player(track, entry, submitted, zoo):
+                leaders[side] = player
+    return leaders
 
 
 def _agent_file(name: str) -> str:

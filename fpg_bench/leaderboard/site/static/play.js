@@ -2,7 +2,7 @@
    A side is shown what its 15 numbers hold (game_sight.js); the truth and the score of others come at the end. */
 "use strict";
 (() => {
-  const { rules, scenario, agents, scales } = window.fpgData;
+  const { rules, scenario, agents, leaders, scales } = window.fpgData;
   const byId = (id) => document.getElementById(id);
   const view = { time: 0, dirty: true };
   const policies = {}, other = { ally: "opponent", opponent: "ally" };
@@ -75,7 +75,12 @@
     return () => fpgPolicy.make(policy);
   }
 
-  const championOf = (side) => agents.find((one) => one.side === side && one.name.includes("champion"));
+  /** The board's leader of a side; a champion of the zoo where the page cannot play that one. */
+  function championOf(side) {
+    const agent = agents.find((one) => one.side === side && one.name.includes("champion"));
+    return leaders[side] ?? (agent && `agent:${agent.file}`);
+  }
+
   const seat = (makers, key) => Object.fromEntries(Object.entries(makers).map(([side, make]) => [side, make(side, key)]));
   const start = () => fpgRules.begin({ ...rules, steps: round.seconds }, round.seed, round.path);
   const earnedBy = (one, side) => (side === "opponent" ? one.opponentReward : one.allyReward);
@@ -132,7 +137,7 @@
   async function entered() {
     const champion = byId("race").checked && human !== "nobody" ? championOf(human) : undefined;
     if (!champion) return null;
-    const make = await load(`agent:${champion.file}`), one = start();
+    const make = await load(champion), one = start();
     return { game: one, players: seat({ ...round.makers, [human]: make }, one.key), shown: empty(), total: 0 };
   }
 
@@ -260,7 +265,7 @@
   async function compared(name, earned) {
     const now = round, champion = championOf(human);
     const rows = [[name, earned], ["random", inPlace(await load("script:random"))]];
-    if (champion) rows.splice(1, 0, ["the champion", inPlace(await load(`agent:${champion.file}`))]);
+    if (champion) rows.splice(1, 0, ["the champion", inPlace(await load(champion))]);
     if (now !== round) return byId("result").textContent;
     const said = rows.map(([who, value]) => `${who} ${mean(value)}`).join(", ");
     byId("link").textContent = `${said.replace(/^You/, "I")}. Beat me: ${byId("link").textContent}`;
