@@ -1,4 +1,4 @@
-"""Make the pictures of the documentation: the animation of a round, and screenshots of the leaderboard.
+"""Make the pictures of the documentation: a round as a film and a still, and screenshots of the leaderboard.
 
 python scripts/make_pictures.py docs/pictures
 python scripts/make_pictures.py docs/pictures --site leaderboard/site
@@ -10,19 +10,26 @@ import argparse
 import shutil
 from pathlib import Path
 
+from PIL import Image
+
 from fpg_bench import make_duel
 from fpg_bench.game.recording import Recording
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
 from fpg_bench.rendering.film import write_gif
+from fpg_bench.rendering.picture import Picture
 
 STEPS, SEED = 170, 12
 EVERY = 3  # steps per frame
+PLOTS = (522, 94, 1120, 640)  # of a frame: left, top, right and bottom, in pixels; a phone shows them legibly
 SCREENS = {"leaderboard.png": (1440, 900), "leaderboard-phone.png": (390, 844)}
 
 
 def make_film(path: Path) -> None:
-    """Film the first steps of a round of expert-spread against adaptive."""
+    """Film the first steps of a round of expert-spread against adaptive.
+
+    The still beside the film, a PNG, has the plots of its last frame.
+    """
     duel = make_duel(1)
     ally, opponent = (
         PolicyRunner(side, [as_player(name, side, duel.scenario)], duel.batch)
@@ -36,6 +43,8 @@ def make_film(path: Path) -> None:
         duel.batch.step(ally.act(), opponent.act())
         recording.add()
     write_gif([recording], path, every=EVERY)
+    plots = Image.fromarray(Picture(recording).draw()).crop(PLOTS)
+    plots.quantize(128).save(path.with_suffix(".png"), optimize=True)
 
 
 def take_screenshots(site: Path, folder: Path) -> None:

@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
@@ -43,6 +45,16 @@ def visit(browser, built):
     page = browser.new_page()
     yield lambda place: page.goto(f"{built.as_uri()}/{place}") and page
     page.close()
+
+
+def test_the_first_page_loads_less_than_400_kb(browser, built):
+    page, loaded = browser.new_page(), []
+    page.on("request", lambda request: loaded.append(request.url))
+    page.goto(f"{built.as_uri()}/index.html", wait_until="load")
+    page.close()
+    files = {Path(unquote(urlsplit(url).path)) for url in loaded if url.startswith("file:")}
+    assert any(path.name == "game.png" for path in files)
+    assert sum(path.stat().st_size for path in files) < 400_000
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -16,6 +17,7 @@ from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.leaderboard.folders import TRACK_FOLDERS, quoted
 from fpg_bench.leaderboard.tracks import SCENARIOS
 from fpg_bench.players.card import MOST_STEPS
+from fpg_bench.players.player import SIDES
 
 PATHS = ("pursuit", "learned")
 _ALIKE = str.maketrans({"0": "o", "1": "i", "l": "i", "j": "i", "|": "i", "!": "i"})
@@ -35,6 +37,20 @@ def name_skeleton(name: str) -> str:
     plain = name.casefold().translate(_ALIKE)
     kept = "".join(letter for letter in plain if unicodedata.category(letter)[0] in "LNS")
     return kept.replace("rn", "m").replace("vv", "w") or "".join(plain.split())
+
+
+def board_name(about: SubmissionFile, slug: str) -> str:
+    """Return the name on the board: its own, or of the package's agents algorithm and group, in short.
+
+    Such as ``PPO-stack8 champion`` for ``ally-champion/ppo-stack8``.
+    """
+    if about.zoo is None:
+        return about.name
+    group, _, algorithm = about.zoo.partition("/")
+    variant = [word for word in group.split("-") if word not in SIDES]
+    rest = slug.removeprefix(group).removeprefix(f"-{algorithm}").strip("-")  # of one in a second table
+    title = re.sub(r", (\d+) stacked frames", r"-stack\1", about.algorithm)
+    return " ".join([title, *variant, *([f"({rest})"] if rest else [])])
 
 
 # Values

@@ -25,7 +25,7 @@ from fpg_bench.evaluation.statistics import (
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import learning_curve, over_rounds
-from fpg_bench.leaderboard.about import Training
+from fpg_bench.leaderboard.about import Training, board_name
 from fpg_bench.leaderboard.crossplay import WITHIN, Pair, Pairs, fully_played, pair_key
 from fpg_bench.leaderboard.entries import Entries, VerifiedEntry
 from fpg_bench.leaderboard.ranking import improvements, profiles
@@ -41,6 +41,7 @@ from fpg_bench.leaderboard.tracks import (
     ranked_by,
 )
 from fpg_bench.leaderboard.trail import first_returns, play_options, player_of, training_of
+from fpg_bench.planning import TIERS
 from fpg_bench.players.player import SIDES
 from fpg_bench.version import __version__
 
@@ -74,9 +75,9 @@ class BoardSuite:
     play: Mapping[str, str] = field(default_factory=dict)
 
     def label(self, rival: str) -> str:
-        """Return a rival's name, with the algorithm that trained it: ``o04 (TD3)``."""
+        """Return a rival's name after the algorithm that trained it: ``TD3 o04``."""
         trained = self.trained.get(rival)
-        return f"{rival} ({trained.partition(',')[0]})" if trained else rival
+        return f"{trained.partition(',')[0]} {rival}" if trained else rival
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ class PlannerFigures:
     """Figures of planners alone.
 
     Attributes:
-        tier: what it knows: ``history`` or ``ally``.
+        tier: what it knows, one of :data:`fpg_bench.planning.TIERS`.
         model: the language model, if one was recorded.
         runs: how many times it was recorded.
         season: the season after which the recording began.
@@ -153,7 +154,8 @@ class Figures:
     """The figures of a verified result.
 
     Attributes:
-        rank: best and worst rank; None where the entry has not played the suite that ranks its track.
+        rank: best and worst rank; None where the entry has not played the suite that ranks its track, and for
+            a reference.
         score: over the suite that ranks the track, else over the public one.
         scores: by role of the suite.
         by_rival: scores by role and rival.
@@ -196,6 +198,11 @@ class Figures:
     fingerprint: Mapping[str, object]
 
     @property
+    def is_reference(self) -> bool:
+        """True for a planner that sees the ally's path: a bound, which is not compared with the others."""
+        return self.planner is not None and self.planner.tier == TIERS[-1]
+
+    @property
     def gap(self) -> float | None:
         """Score over the public suite minus score over the unseen suite."""
         public, unseen = self.scores.get(PUBLIC), self.scores.get(UNSEEN)
@@ -209,6 +216,7 @@ class BoardEntry:
     Attributes:
         kind: ``script``, ``zoo`` or ``submitted``.
         actions: the action modes of its policies; empty if it has none.
+        name: its name on the board; see :func:`fpg_bench.leaderboard.about.board_name`.
         plays: the script or zoo agent that it names.
         player: what ``fpg-bench play`` calls its script or first policy; None for planners.
         reason: why it is not verified.
@@ -262,7 +270,7 @@ class BoardTrack:
     Attributes:
         ranked_by: the role of the suite that ranks it.
         scale: returns per step that score 0 and 100.
-        entries: best first; then those without a rank, then those not verified.
+        entries: best first; then those without a rank, then references, then those not verified.
     """
 
     key: str
@@ -386,9 +394,10 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
         (item for item in verified if role in item.summaries),
         key=lambda item: (-item.summaries[role].score.value, item.slug),
     )
+    compared = [item for item in ranked if not _is_reference(item)]
+    ranges = rank_ranges([item.summaries[role].samples for item in compared])
+    ranks = {item.slug: rank for item, rank in zip(compared, ranges, strict=True)}
     ranking = [item.summaries[role] for item in ranked]
-    ranges = rank_ranges([summary.samples for summary in ranking])
-    ranks = {item.slug: rank for item, rank in zip(ranked, ranges, strict=True)}
     gaps = _seeds_gaps(verified)
     entries = [
         _make_entry(
@@ -435,12 +444,18 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
     )
 
 
-def _sort_key(entry: BoardEntry) -> tuple[bool, bool, float, str]:
-    """Return the sort key of an entry: first ranked ones, then unranked ones, then those not verified."""
+def _is_reference(item: VerifiedEntry) -> bool:
+    planner = item.result.fingerprint.planner
+    return planner is not None and planner.tier == TIERS[-1]
+
+
+def _sort_key(entry: BoardEntry) -> tuple[int, float, str]:
+    """Return the sort key of an entry: ranked ones, unranked ones, references, then those not verified."""
     figures = entry.figures
     if figures is None:
-        return True, True, 0.0, entry.slug
-    return False, figures.rank is None, -figures.score.value, entry.slug
+        return 3, 0.0, entry.slug
+    place = 2 if figures.is_reference else int(figures.rank is None)
+    return place, -figures.score.value, entry.slug
 
 
 def _is_late(submission: Submission, season: SeasonKey | None) -> bool:
@@ -489,7 +504,7 @@ def _make_entry(
     kind = "script" if submission.script is not None else "zoo" if submission.zoo is not None else "submitted"
     return BoardEntry(
         slug=submission.slug,
-        name=submission.name,
+        name=board_name(submission, submission.slug),
         authors=tuple(submission.authors),
         algorithm=submission.algorithm,
         reference=submission.reference,

@@ -16,7 +16,7 @@ from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import NAMED
 from fpg_bench.evaluation.statistics import FEW_SEEDS
-from fpg_bench.leaderboard.about import SubmissionFile, Training, name_skeleton, read_about
+from fpg_bench.leaderboard.about import SubmissionFile, Training, board_name, name_skeleton, read_about
 from fpg_bench.leaderboard.folders import (
     TRACK_FOLDERS,
     file_problem,
@@ -168,8 +168,8 @@ class Reader:
                 known.setdefault((name.casefold(),), []).append(name)
                 about, _ = self.about(track / name)
                 if about is not None and about.name:
-                    key = about.path, about.scenario, name_skeleton(about.name)
-                    known.setdefault(key, []).append(name)
+                    for skeleton in {name_skeleton(about.name), name_skeleton(board_name(about, name))}:
+                        known.setdefault((about.path, about.scenario, skeleton), []).append(name)
             for names in known.values():
                 names.sort(key=lambda name: self._precedence(track / name))
         return [self._names[track].get(key, []) for key in keys]

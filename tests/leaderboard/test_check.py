@@ -6,6 +6,7 @@ from typer.testing import CliRunner
 
 from fpg_bench.cli import app
 from fpg_bench.common.errors import UserError
+from fpg_bench.leaderboard.about import board_name
 from fpg_bench.leaderboard.playing import suites_of
 from fpg_bench.leaderboard.submission import load_submission, notes, problems
 from fpg_bench.leaderboard.tracks import PUBLIC, TrackSuites
@@ -261,6 +262,23 @@ def test_names_are_taken_once_on_a_board(tmp_path):
     for folder, other in ((first, "other"), (second, "mine")):
         assert f"is the name of {other!r}, too" in problems(folder)[0]
         load_submission(folder)  # by itself it is sound: nobody's entry can be taken off the board by a name
+
+
+def test_names_of_the_package_s_agents_on_the_board_are_short_and_taken(tmp_path):
+    board = tmp_path / "submissions" / "ally"
+    about = {
+        "training": {"steps": 6_000_000, "hours": 0, "seeds": [0, 1, 2]},
+        "zoo": "ally-champion/ppo-stack8",
+    }
+    about |= {"name": "PPO, 8 stacked frames (ally champion)", "algorithm": "PPO, 8 stacked frames"}
+    shipped = load_submission(write_submission(board / "ally-champion", (), **about))
+    assert board_name(shipped, shipped.slug) == "PPO-stack8 champion"
+    assert board_name(shipped, "ally-champion-ppo-stack8-again") == "PPO-stack8 champion (again)"
+    other = write_submission(board / "other", name="PPO-stack8  Champi0n")
+    assert "is the name of 'ally-champion', too" in problems(other)[0]
+    assert problems(board / "ally-champion") == []
+    mine = load_submission(other)
+    assert board_name(mine, mine.slug) == "PPO-stack8  Champi0n"
 
 
 @pytest.mark.parametrize(

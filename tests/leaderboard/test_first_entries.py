@@ -13,9 +13,11 @@ from fpg_bench.cli import app
 from fpg_bench.cli.leaderboard import build
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.leaderboard.about import name_skeleton
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.folders import start_board, submission_folders
+from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.submission import Reader, load_submission, problems
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
 from fpg_bench.leaderboard.verification import load_case
@@ -64,6 +66,13 @@ def board():
 @pytest.fixture(scope="module")
 def shown(board):
     return {track.key: track for track in board.tracks}
+
+
+def test_every_entry_has_a_short_name_that_no_other_of_its_table_has(board):
+    for track in board.tracks:
+        names = [name_skeleton(entry.name) for entry in track.entries]
+        assert len(set(names)) == len(names), track.key
+        assert all(len(entry.name) <= 40 for entry in track.entries)
 
 
 def test_everybody_on_the_board_is_verified():
@@ -157,6 +166,24 @@ def test_bad_words_are_one_line(words, message):
     done = CliRunner().invoke(app, ["leaderboard", "verify", *words.split()])
     assert isinstance(done.exception, UserError)
     assert str(done.exception).startswith(message)
+
+
+def test_pages_of_the_board_load_little(board, tmp_path):
+    build_site(board, tmp_path)
+
+    def loaded(page):
+        files = re.findall(
+            r'(?:<script src|<link rel="stylesheet" href)="([^"]+)"', (tmp_path / page).read_text()
+        )
+        return sum((tmp_path / file).stat().st_size for file in (page, *files))
+
+    def largest(pattern, count):
+        return sum(sorted(path.stat().st_size for path in tmp_path.glob(pattern))[-count:])
+
+    assert loaded("index.html") < 100_000
+    assert loaded("ranking.html") < 200_000
+    chosen = largest("data/compare/*.js", 1) + largest("data/compare/*/*.js", 2)
+    assert loaded("compare.html") + chosen < 300_000
 
 
 def test_a_leaderboard_starts_empty_and_is_built_with_the_game(tmp_path):

@@ -13,6 +13,7 @@ from fpg_bench.evaluation import language_models
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.leaderboard.board import make_board
 from fpg_bench.leaderboard.entries import load_entries
+from fpg_bench.leaderboard.site.views import track_view
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, UNSEEN
 from fpg_bench.leaderboard.verification import load_case
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
@@ -53,8 +54,14 @@ def test_a_board_of_planners_holds_and_tells_tier_model_and_valid_answers(entere
     track = next(track for track in make_board(load_entries(entered)).tracks if track.key == "planner")
     assert track.suites[0].rivals == ("idle", "expert")
     figures = {entry.slug: of for entry, of in track.verified()}
-    ranks = [of.rank[0] for of in figures.values()]
+    *ranked, (reference, bound) = figures.items()  # one that sees the ally's path comes last, without a rank
+    ranks = [of.rank[0] for _, of in ranked]
     assert ranks == sorted(ranks)
+    assert (reference, bound.rank, bound.is_reference) == ("pursuit", None, True)
+    assert bound.score.value > max(of.score.value for _, of in ranked)
+    view = track_view(make_board(load_entries(entered)), track)
+    assert view.leaders
+    assert "pursuit" not in view.leaders
     assert (figures["pursuit"].planner.tier, figures["pursuit"].planner.valid) == ("ally", None)
     toy = figures["toy"].planner
     assert (toy.model, toy.tier, toy.valid) == ("toy", "history", pytest.approx(2 / 3, rel=1e-5))
@@ -93,8 +100,9 @@ def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_s
     assert verdicts_of(entered)["planner/hold"][0]
     track = next(track for track in make_board(load_entries(entered)).tracks if track.key == "planner")
     assert track.ranked_by == UNSEEN
-    *others, (last, figures) = track.verified()
+    *others, (last, figures), (reference, _) = track.verified()
     assert (last.slug, figures.rank, list(figures.scores)) == ("toy", None, [PUBLIC])
+    assert reference.slug == "pursuit"
     assert figures.score == figures.scores[PUBLIC]
     assert all(other.rank and list(other.scores) == [PUBLIC, PUBLIC_SEEDS, UNSEEN] for _, other in others)
 

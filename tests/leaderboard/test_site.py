@@ -24,7 +24,7 @@ from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.state import TALLY
-from fpg_bench.leaderboard.site import views
+from fpg_bench.leaderboard.site import page_data, views
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.findings import CLAIMS, finding_cards, play_round
 from fpg_bench.leaderboard.site.reading_pages import PAGES
@@ -118,23 +118,25 @@ def test_no_text_of_a_submission_becomes_markup(site, pages):
         assert not [link for link in links if re.match(r"(?i)\s*(javascript|data|vbscript):", link)], path
     texts = "".join("".join(page.texts) for page in pages.values())
     assert all(text in texts for text in HOSTILE)
-    for path in (site / "data").iterdir():
+    for path in (site / "data").rglob("*.js"):
         assert not re.search("[<>]", path.read_text(encoding="utf-8")), path
 
 
-def columns(site):
-    """The headings of the first table of the ranking."""
+def columns(site, kind='[^"]*'):
+    """The headings of the first table of the ranking, by their class."""
     table = (site / "ranking.html").read_text().split('id="ally"')[1].split("</thead>")[0]
-    return re.findall(r'class="sort"[^>]*>([^<]*)</button>', table)
+    return re.findall(rf'<th [^>]*class="{kind}"[^>]*><button [^>]*class="sort"[^>]*>([^<]*)</button>', table)
 
 
 def test_tables_have_columns_for_what_was_played(site, tmp_path):
-    measures = ["Worst", "Jammed", "Return per step"]
-    scores = ["Score, unseen", "Public", "Gap", "Herders", "Aimers", "Shifted"]
-    assert columns(site) == ["Rank", "Entry", *scores, *measures]
+    mission = ["Overlap ratio", "Jamming success rate"]  # right after the score, in the default columns
+    scores = ["Score, unseen", *mission, "Public", "Gap", "Herders", "Aimers", "Shifted"]
+    assert columns(site) == ["Rank", "Entry", *scores, "Worst", "Return per step"]
+    shown = [c for c in columns(site, "num") if c not in ("Rank", "Worst")]
+    assert shown == ["Score, unseen", *mission, "Public"]
     assert "Against herders" in (site / "entries/ally/player-1.html").read_text()
     build_site(example_board(3, season=None), tmp_path)
-    assert columns(tmp_path) == ["Rank", "Entry", "Score, public", *measures]
+    assert columns(tmp_path) == ["Rank", "Entry", "Score, public", *mission, "Worst", "Return per step"]
     assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
     unchanged = (tmp_path / "submit.html").stat().st_mtime_ns
@@ -185,8 +187,8 @@ def test_the_page_of_an_entry_has_its_citation_badge_and_rivals(site, pages):
     badge = (site / "badges/ally/player-1.svg").read_text()
     assert ElementTree.fromstring(badge).attrib["aria-label"].startswith("fpg-bench ally: rank ")
     assert "none: it was submitted or changed after" in pages[entry_file(1)].text
-    assert "trained-0 (TD3), trained-1, trained-2" in pages[entry_file(2)].text
-    assert "trained-0TD3, trained against expert its rounds" in pages[entry_file(2)].text
+    assert "TD3 trained-0, trained-1, trained-2" in pages[entry_file(2)].text
+    assert "TD3 trained-0trained against expert its rounds" in pages[entry_file(2)].text
     command = (
         f"fpg-bench play --ally no-such/agent/seed_0{HOSTILE[1]} --opponent trained-0 --path pursuit --seed 7"
     )
@@ -195,12 +197,12 @@ def test_the_page_of_an_entry_has_its_citation_badge_and_rivals(site, pages):
     assert [number for number in range(1, 5) if learned in pages[entry_file(number)].text] == [2]
     assert "returns 1234.5 in all" in pages[entry_file(3)].text
     assert "fpg-bench play --ally idle --opponent trained-0" in pages[entry_file(3)].text
-    assert 'title="TD3, trained against expert">trained-0 (TD3)</th>' in (site / "ranking.html").read_text()
+    assert 'title="TD3, trained against expert">TD3 trained-0</th>' in (site / "statistics.html").read_text()
 
 
 def test_an_entry_without_a_score_that_ranks_has_no_rank(plain_site):
-    data = json.loads((plain_site / "data/compare.js").read_text().removeprefix("window.fpgData = ")[:-2])
-    (row,) = [row for row in data["tracks"][0]["rows"] if row["slug"] == "player-2"]
+    data = (plain_site / "data/compare/ally.js").read_text().removeprefix('fpgCompared("ally", ')[:-3]
+    (row,) = [row for row in json.loads(data)["rows"] if row["slug"] == "player-2"]
     assert (row["rank"], row["gap"], row["scores"][UNSEEN]) == ("–", None, [None] * 3)
     text = Page(plain_site / entry_file(2)).text
     assert "over the public suite" in text
@@ -213,10 +215,11 @@ def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, page
     rows = re.findall(r'href="entries/([\w-]+)/([\w-]+).html"', (site / "index.html").read_text())
     assert rows == [(t.key, entry.slug) for t, (entry, _) in zip(board.tracks, leaders, strict=True)]
     cells = re.findall(r'<td class="num[^>]*>(?:<b>)?([^<]*)<', (site / "index.html").read_text())
-    for k, (track, (_, figures)) in enumerate(zip(board.tracks, leaders, strict=True)):
+    for k, (_, figures) in enumerate(leaders):
         score, rank = views.format_number(figures.score.value), views.format_rank(figures.rank)
-        expected = [score, views.format_interval(figures.score), rank, str(len(track.entries))]
-        assert cells[4 * k : 4 * k + 4] == expected
+        mission = [views.format_number(figures.measures[name], "share") for name in views.MISSION]
+        assert cells[5 * k : 5 * k + 5] == [score, *mission, rank, "6 of 7" if k == 0 else "2"]
+        assert f"<small>{views.format_interval(figures.score)}</small>" in (site / "index.html").read_text()
     assert "9 entries, trained or scripted" in text
     assert "8 of 9 entries are verified: their 400 records, 40,000 rounds" in text
     assert ROUND.file in pages["index.html"].values("src")
@@ -226,6 +229,16 @@ def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, page
     without_rounds = (plain_site / "index.html").read_text()
     assert "<canvas" not in without_rounds
     assert "film.js" not in without_rounds
+
+
+def test_the_champion_of_the_game_is_the_leader_of_the_board():
+    board, zoo = example_board(6), page_data.zoo_policies()
+    slug = next(board.tracks[0].verified())[0].slug
+    data = page_data.data_files(with_entry(board, slug, kind="zoo", plays=next(iter(zoo))), {})[
+        "data/play.js"
+    ]
+    file = f"agents/{next(iter(zoo)).replace('/', '-')}.js"
+    assert json.loads(data.removeprefix("window.fpgData = ")[:-2])["leaders"]["ally"] == f"agent:{file}"
 
 
 def test_the_install_box_of_the_front_page_holds_commands_of_the_readme(pages):

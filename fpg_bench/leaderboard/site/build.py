@@ -100,7 +100,7 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
         ("try.html", "try.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {}),
-        ("statistics.html", "statistics.html", {}),
+        ("statistics.html", "statistics.html", {"tracks": tracks}),
         ("crossplay.html", "crossplay.html", {"crossplay": views.crossplay_view(board)}),
         ("submit.html", "submit.html", {}),
     ]
@@ -138,6 +138,7 @@ def _environment(board: Board, docs: str) -> Environment:
     )
     environment.filters |= {
         "number": views.format_number,
+        "sort_key": views.sort_key,
         "interval": views.format_interval,
         "signed": views.format_signed,
         "rank": views.format_rank,
@@ -146,6 +147,8 @@ def _environment(board: Board, docs: str) -> Environment:
         "board": board,
         "player": Markup(replay_markup("h3")),  # the package's own
         "roles": views.ROLES,
+        "measures": views.MEASURES,
+        "mission": views.MISSION,
         "label_of": label_of,
         "few_seeds": views.FEW_SEEDS,
         "doc_link": partial(_doc_link, docs),

@@ -10,6 +10,7 @@ import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def data_files(board: Board, submitted: Policies) -> dict[str, str]:
     return {
         "board.json": board_json,
         **dataset_files(board, board_json),
-        "data/compare.js": _script(compare_data(board)),
+        **_compare_files(board),
         "data/statistics.js": _script(statistics_data(board)),
         "data/crossplay.js": _script(crossplay),
         **_play_files(board, submitted, zoo),
@@ -72,20 +73,30 @@ def _script(content: Row | None) -> str:
     return f"window.fpgData = {script_json(content)};\n"
 
 
-def compare_data(board: Board) -> Row:
-    """Return the verified entries of each track, of which the page compares two."""
-    return {
+def _compare_files(board: Board) -> dict[str, str]:
+    """Return the data of the page that compares two entries: its own, a file per track, and one per entry."""
+    shared: Row = {
         "measures": {name: asdict(measure) for name, measure in MEASURES.items()},
         "student": [round(student_t(count), 4) for count in range(2, _MOST_UNITS + 1)],
-        "tracks": [_compared_track(track) for track in board.tracks],
     }
+    parts: dict[str, Row] = {}
+    for track in board.tracks:
+        parts[track.key] = _compared_track(track)
+        for entry, figures in track.verified():
+            parts[f"{track.key}/{entry.slug}"] = {
+                suite.role: asdict(figures.units[suite.role]) if suite.role in figures.units else None
+                for suite in ordered_suites(track)
+            }
+    files = {
+        f"data/compare/{name}.js": f"fpgCompared({script_json(name)}, {script_json(content)});\n"
+        for name, content in parts.items()
+    }
+    return {"data/compare.js": _script(shared), **files}
 
 
 def _compared_track(track: BoardTrack) -> Row:
     suites = ordered_suites(track)
     return {
-        "key": track.key,
-        "title": track.title,
         "ranked_by": track.ranked_by,
         "suites": [
             {"role": suite.role, **asdict(ROLES[suite.role]), "rivals": [*map(suite.label, suite.rivals)]}
@@ -114,10 +125,6 @@ def _compared_entry(
         "scores": {suite.role: _interval(figures.scores.get(suite.role)) for suite in suites},
         "by_rival": {
             suite.role: [_interval(figures.by_rival.get(suite.role, {}).get(rival)) for rival in suite.rivals]
-            for suite in suites
-        },
-        "units": {
-            suite.role: asdict(figures.units[suite.role]) if suite.role in figures.units else None
             for suite in suites
         },
         "measures": {name: _rounded(value, 4) for name, value in figures.measures.items()},
@@ -178,7 +185,7 @@ def crossplay_data(board: Board, submitted: Policies, zoo: Zoo) -> Row | None:
     crossplay = board.crossplay
     if crossplay is None:
         return None
-    matrices = {**crossplay.returns, "jammed": crossplay.jamming_success_rate}
+    matrices = {**crossplay.returns, "jamming_success_rate": crossplay.jamming_success_rate}
     return {
         "names": {side: board.names(side) for side in SIDES},
         "allies": crossplay.allies,
@@ -245,12 +252,24 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
         "rules": rules_data(scenario),
         "scenario": scenario_data(scenario),
         "agents": [about for about, _ in agents],
+        "leaders": _leaders(board, submitted, zoo),
         "scales": {track.key.removeprefix("opponent-"): asdict(track.scale) for track in board.tracks},
     }
     files = {"data/play.js": _script(content)}
     for about, policy in agents:
         files[about["file"]] = f"fpgAgent({script_json(about['file'])}, {script_json(policy)});\n"
     return files
+
+
+def _leaders(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
+    """Return the player that leads the first table of each side, as far as the page can play it."""
+    first = {track.side: track for track in reversed(board.tracks)}
+    leaders = {}
+    for side, track in first.items():
+        for entry, _ in islice(track.verified(), 1):
+            if player := _page_player(track, entry, submitted, zoo):
+                leaders[side] = player
+    return leaders
 
 
 def agent_file(name: str) -> str:

@@ -19,6 +19,7 @@ from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.recording import Recording
+from fpg_bench.leaderboard.about import board_name
 from fpg_bench.leaderboard.entries import Entries, VerifiedEntry
 from fpg_bench.leaderboard.playing import Matchup, parts_of, running_player
 from fpg_bench.leaderboard.result import round_finite
@@ -34,7 +35,7 @@ from fpg_bench.version import __version__
 _logger = logging.getLogger(__name__)
 
 STRONG = ("adaptive/pursuit", "expert/pursuit", "expert/learned", "expert")  # rivals of the public suites
-_FORM = 5  # version of labels and texts; after a change all rounds are played again
+_FORM = 7  # version of labels and texts; after a change all rounds are played again
 _ROLES = (PUBLIC, UNSEEN, RESPONSES)  # suites under the game's own rules
 _CALL, _END = "fpgRound(", ");\n"
 
@@ -146,7 +147,7 @@ def simulate_round(
         file: the script's file in the site.
     """
     recordings, measures = _play(player, suite, rival)
-    names = [submission.name, " or ".join(rival.players)]
+    names = [board_name(submission, submission.slug), " or ".join(rival.players)]
     ally, opponent = names if suite.side == "ally" else reversed(names)
     summary = _summary(measures)
     content = {
@@ -175,7 +176,8 @@ def _summary(measures: Mapping[str, float | None]) -> str:
         return format_number(measures[name], "share")
 
     return (
-        f"Jammed {share('jamming_success_rate')} of the time, link broken {share('outage')}; the ally "
+        f"Overlap ratio {share('overlap_ratio')}, jamming success rate {share('jamming_success_rate')}, "
+        f"link broken {share('outage')} of the time; the ally "
         f"hops in {share('hop_rate')} of the steps and spreads in {share('spread_ratio')}; "
         f"mean SNR {format_number(measures['snr_db'], 'dB')}."
     )

@@ -32,10 +32,10 @@ MEASURES = {
     "return": Measure("Return per step", "step", "mean of its own rewards in the rounds of its score"),
     "ally_return": Measure("Ally's return", "whole", "sum of the ally's rewards per round"),
     "opponent_return": Measure("Opponent's return", "whole", "sum of the opponent's rewards per round"),
+    "overlap_ratio": Measure("Overlap ratio", "share", "time in which jamming covers the ally's frequency"),
     "jamming_success_rate": Measure(
-        "Jammed", "share", "time in which jamming covers the ally and breaks its link"
+        "Jamming success rate", "share", "time in which jamming covers the ally and breaks its link"
     ),
-    "overlap_ratio": Measure("Overlap", "share", "time in which jamming covers the ally's frequency"),
     "spectrum_overlap": Measure("Spectrum overlap", "share", "similarity of both sides' use of frequencies"),
     "outage": Measure("Outage", "share", "time in which the link is broken, jammed or not"),
     "capacity_mbit_s": Measure("Capacity", "Mbit/s", "mean rate of the link"),
@@ -58,7 +58,7 @@ MEASURES = {
     "share_broadband": Measure("Broadband", "share", "time in which it jams a broad band"),
     "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
 }
-_TABLE_MEASURES = ("jamming_success_rate", "return")  # beside the scores in a track's table
+MISSION = ("overlap_ratio", "jamming_success_rate")  # the two measures of the mission, right after each score
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,11 @@ def format_number(value: float | None, style: str = "score") -> str:
     return text if style in ("score", "step") else f"{text} {style}"
 
 
+def sort_key(value: float | None) -> str:
+    """Return a number as the key by which tables are sorted, to six digits; empty for None."""
+    return "" if value is None else f"{value:.6g}"
+
+
 def format_interval(score: Interval | None) -> str:
     """Format an interval as ``low to high``; empty where there is none."""
     if score is None or not math.isfinite(score.half):
@@ -111,11 +116,20 @@ def format_rank(rank: tuple[int, int] | None) -> str:
     return str(best) if best == worst else f"{best}–{worst}"
 
 
+# What scores 100: a bound for allies alone; see scripts/measure_scales.py.
+_TOPS = {
+    "ally": "a link that is never jammed",
+    "opponent": "that of the best script or oracle against each public rival",
+    "planner": "that of the planner optimised over the public suite",
+}
+
+
 def scale_text(track: BoardTrack) -> str:
     """Describe the returns per step that score 0 and 100."""
     zero, top = (format_number(end, "step") for end in (track.scale.zero, track.scale.top))
-    best = "a link that is never jammed" if track.side == "ally" else "the best known to be possible"
-    return f"a score of 0 is the return of random play ({zero} per step), 100 is {best} ({top} per step)"
+    text = f"a score of 0 is the return of random play ({zero} per step)"
+    text += f", 100 is {_TOPS[track.side]} ({top} per step)"
+    return text if track.side == "ally" else f"{text}; it can be exceeded"
 
 
 def safe_link(text: str | None) -> str | None:
@@ -190,6 +204,7 @@ def warnings(figures: Figures | None) -> list[str]:
     if figures is None:
         return []
     texts = [
+        "reference: it sees the ally's path" if figures.is_reference else "",
         "late entry" if figures.is_late else "",
         seeds_gap_text(figures),
         lost_text(figures),
@@ -243,7 +258,7 @@ class TrackView:
 
     Attributes:
         ranking: the suite that ranks it.
-        measures: those shown in the table, by name.
+        mission: presentations of the two measures of the mission by name, as far as they were measured.
         heat_suites: suites of the heat map; ``heat_rows`` have a score and a tint, 0 to 8, per rival.
         leaders: names of entries that may be first.
     """
@@ -252,8 +267,9 @@ class TrackView:
     ranking: BoardSuite
     scale: str
     axis: Axis
+    has_tiers: bool
     has_shifted: bool
-    measures: dict[str, Measure]
+    mission: dict[str, Measure]
     rows: list[RowView]
     heat_suites: list[BoardSuite]
     heat_rows: list[tuple[RowView, list[tuple[float, int] | None]]]
@@ -280,8 +296,9 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
         ranking=next(suite for suite in track.suites if suite.role == track.ranked_by),
         scale=scale_text(track),
         axis=Axis.of_scores(row.ranking for row in rows if row.ranking is not None),
+        has_tiers=any(figures.planner is not None for _, figures in verified),
         has_shifted=any(SHIFTED in figures.scores for _, figures in verified),
-        measures={name: MEASURES[name] for name in _TABLE_MEASURES if name in measured},
+        mission={name: MEASURES[name] for name in MISSION if name in measured},
         rows=rows,
         heat_suites=heat_suites,
         heat_rows=[

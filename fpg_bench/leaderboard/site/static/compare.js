@@ -1,8 +1,10 @@
-/* Two entries side by side; the address keeps which. All texts are set as text, never as markup. */
+/* Two entries side by side; the address keeps which. All texts are set as text, never as markup.
+   The figures of a track, and the scores behind the intervals of an entry, are scripts that are loaded when they are chosen. */
 "use strict";
 (() => {
   const NS = "http://www.w3.org/2000/svg";
-  const { tracks, measures, student } = window.fpgData;
+  const { measures, student } = window.fpgData;
+  const parts = {}, loads = {}; // what is loaded by name, TRACK or TRACK/ENTRY, and its promise
   const { between, overall } = fpgDifferences;
   const select = Object.fromEntries(["track", "a", "b"].map((id) => [id, document.getElementById(id)]));
   const number = (value) => (value === null || value === undefined ? "–" : value.toFixed(1).replace("-", "−"));
@@ -23,8 +25,24 @@
     return element;
   }
 
-  const track = () => tracks.find((one) => one.key === select.track.value);
+  // What a script of data calls.
+  window.fpgCompared = (name, content) => {
+    parts[name] = content;
+  };
+
+  function load(name) {
+    loads[name] ??= new Promise((done) => {
+      const script = document.createElement("script");
+      script.src = `data/compare/${name}.js`;
+      script.addEventListener("load", () => done(script.remove()));
+      document.head.append(script);
+    });
+    return loads[name];
+  }
+
+  const track = () => parts[select.track.value];
   const entry = (side) => track().rows.find((row) => row.slug === select[side].value);
+  const choice = () => ["track", "a", "b"].map((id) => select[id].value).join();
 
   function fillEntries(wanted) {
     const rows = track().rows;
@@ -38,11 +56,19 @@
     }
   }
 
-  function read() {
+  async function read() {
     const asked = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
-    if (tracks.some((one) => one.key === asked.track)) select.track.value = asked.track;
-    fillEntries(asked);
-    show();
+    if ([...select.track.options].some(({ value }) => value === asked.track)) select.track.value = asked.track;
+    if (await entries(asked)) show();
+  }
+
+  /** Offer the entries of the track, once they are there; false if another track has been chosen meanwhile. */
+  async function entries(wanted) {
+    const key = select.track.value;
+    await load(key);
+    if (key !== select.track.value) return false;
+    fillEntries(wanted);
+    return true;
   }
 
   function keep() {
@@ -175,7 +201,7 @@
     return text;
   }
 
-  function show() {
+  async function show() {
     const place = document.getElementById("comparison");
     const a = entry("a"), b = entry("b");
     if (!a || !b) {
@@ -183,6 +209,11 @@
       place.replaceChildren();
       return;
     }
+    const now = choice();
+    const names = [a, b].map(({ slug }) => `${select.track.value}/${slug}`);
+    await Promise.all(names.map(load));
+    if (now !== choice()) return;
+    [a.units, b.units] = names.map((name) => parts[name]);
     document.getElementById("verdict").textContent = a === b ? "Choose two different entries." : verdict(a, b);
     const heads = [a.name, b.name];
     const links = make("p", "Their pages: ");
@@ -201,9 +232,8 @@
     place.replaceChildren(...scores, columns, links);
   }
 
-  select.track.addEventListener("change", () => {
-    fillEntries({});
-    keep();
+  select.track.addEventListener("change", async () => {
+    if (await entries({})) keep();
   });
   for (const side of ["a", "b"]) select[side].addEventListener("change", keep);
   document.getElementById("swap").addEventListener("click", () => {

@@ -6,7 +6,7 @@
   const SHOWN = {
     ally: { short: "ally's return", better: "ally", written: step, brief: one },
     opponent: { short: "opponent's return", better: "opponent", written: step, brief: one },
-    jammed: { short: "jammed", better: "opponent", written: percent, brief: (value) => percent(value, 0) },
+    jamming_success_rate: { short: "jamming success rate", better: "opponent", written: percent, brief: (value) => percent(value, 0) },
   };
   const slugs = { ally: window.fpgData.allies, opponent: window.fpgData.opponents };
   const called = (side, slug) => names[side][slug] ?? slug;
@@ -38,7 +38,7 @@
 
   function cell(key, i, j, [low, top]) {
     const [ally, opponent] = [slugs.ally[i], slugs.opponent[j]];
-    const beside = key === "jammed" ? ["ally"] : ["jammed"];
+    const beside = key === "jamming_success_rate" ? ["ally"] : ["jamming_success_rate"];
     const { brief } = SHOWN[key], wide = half[key]?.[i][j] ?? null;
     const href = address(ally, opponent);
     const figures = Object.keys(SHOWN).map((name) => `${SHOWN[name].short} ${within(name, i, j, SHOWN[name].written)}`).join(", ");
@@ -52,7 +52,7 @@
   function draw() {
     const key = shown.value;
     order = { ally: ordered("ally"), opponent: ordered("opponent") };
-    const every = matrices[key].flat(), ends = [key === "jammed" ? 0 : Math.min(...every), Math.max(...every)];
+    const every = matrices[key].flat(), ends = [key === "jamming_success_rate" ? 0 : Math.min(...every), Math.max(...every)];
     const labels = (side) => order[side].map((place) => called(side, slugs[side][place]));
     const element = document.getElementById("heatmap");
     element.className = `heat pairs of-${SHOWN[key].better}`;
@@ -71,7 +71,7 @@
     const numbers = (k) => Object.keys(SHOWN).map((key) => within(key, ...(side === "ally" ? [place, k] : [k, place]), SHOWN[key].written));
     const rows = order[other].map((k) => [called(other, slugs[other][k]), ...numbers(k)]);
     const caption = `Returns per step and jamming success rate of ${who.selectedOptions[0].text}, ${rounds} rounds per pair`;
-    table(document.getElementById("row"), caption, [side === "ally" ? "Opponent" : "Ally", "Ally's return", "Opponent's return", "Jammed"], rows);
+    table(document.getElementById("row"), caption, [side === "ally" ? "Opponent" : "Ally", "Ally's return", "Opponent's return", "Jamming success rate"], rows);
   }
 
   const asked = new URLSearchParams(location.hash.slice(1)).get("matrix");

@@ -1,7 +1,7 @@
 /* Who plays on these pages: scripts, and policies, each of which is a script to be loaded. */
 "use strict";
 const fpgPlayers = (() => {
-  const { rules, agents } = window.fpgData, policies = {};
+  const { rules, agents, leaders } = window.fpgData, policies = {};
 
   // Called by a policy's script.
   window.fpgAgent = (file, policy) => (policies[file] = policy);
@@ -26,7 +26,11 @@ const fpgPlayers = (() => {
     return () => fpgPolicy.make(policy);
   }
 
-  const championOf = (side) => agents.find((one) => one.side === side && one.name.includes("champion"));
+  /** The board's leader of a side, as a choice; a champion of the zoo where the page cannot play that one. */
+  function championOf(side) {
+    const agent = agents.find((one) => one.side === side && one.name.includes("champion"));
+    return leaders[side] ?? (agent && `agent:${agent.file}`);
+  }
 
   return { load, championOf };
 })();

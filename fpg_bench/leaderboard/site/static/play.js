@@ -107,7 +107,7 @@
   async function entered() {
     const champion = byId("race").checked && human !== "nobody" ? championOf(human) : undefined;
     if (!champion) return null;
-    const make = await load(`agent:${champion.file}`), one = start();
+    const make = await load(champion), one = start();
     return { game: one, players: seat({ ...round.makers, [human]: make }, one.key), shown: fpgSight.empty(), total: 0 };
   }
 
@@ -231,7 +231,7 @@
   async function compared(name, earned) {
     const now = round, champion = championOf(human);
     const rows = [[name, earned], ["random", inPlace(await load("script:random"))]];
-    if (champion) rows.splice(1, 0, ["the champion", inPlace(await load(`agent:${champion.file}`))]);
+    if (champion) rows.splice(1, 0, ["the champion", inPlace(await load(champion))]);
     if (now !== round) return byId("result").textContent;
     const said = rows.map(([who, value]) => `${who} ${mean(value)}`).join(", ");
     byId("link").textContent = `${said.replace(/^You/, "I")}. Beat me: ${byId("link").textContent}`;

@@ -70,7 +70,7 @@
       const policy = fpgOnnx.read(new Uint8Array(await file.arrayBuffer()));
       const make = () => fpgPolicy.make(policy), champion = fpgPlayers.championOf(TABLES[byId("plays").value].side);
       const own = await playAll(make, mine, (done) => say(`${file.name}: ${done}`));
-      const best = champion ? await fpgPlayers.load(`agent:${champion.file}`).then((load) => playAll(load, mine, (done) => say(`The champion: ${done}`))) : [];
+      const best = champion ? await fpgPlayers.load(champion).then((load) => playAll(load, mine, (done) => say(`The champion: ${done}`))) : [];
       if (own && best) show(own.sort((a, b) => a.score - b.score), best, make);
     } catch (error) {
       if (mine === turn) say(error.constructor === Error ? error.message : `This page cannot play the policy's graph: ${error.message}`);
