@@ -1,4 +1,4 @@
-"""Client of OpenAI-compatible servers: the ``openai`` package, with the limits that hostile servers need.
+"""Client of OpenAI-compatible servers: the ``openai`` package, bounded in bytes and time.
 
 Retries of passing errors and the errors of connections are the package's own. Added here are longer waits
 after a 429, a deadline for the complete question, a bound on the bytes that are read, and the removal of the
@@ -15,7 +15,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -272,9 +272,8 @@ class _Question:
     async def _restrict(self, request: httpx.Request) -> None:
         """Count a request, and keep to the headers that it needs."""
         self.calls += 1
-        for name in list(request.headers):
-            if name.lower() not in _HEADERS:
-                del request.headers[name]
+        for name in request.headers.keys() - _HEADERS:
+            del request.headers[name]
         request.headers["Connection"] = "close"  # answers take seconds, and no socket is left open
         request.headers["Accept-Encoding"] = "identity"  # what is unpacked has no bound
         if self.client.endpoint.key:
@@ -378,9 +377,6 @@ def read_reply(status: int, data: bytes, secret: str | None, refusal_codes: tupl
         refusal_codes: the codes of errors that mean a refusal.
     """
     body = _read_body(data[:LONGEST_BODY].decode("utf-8", "replace"), secret)
-    texts = "".join(_texts(body))
-    if redact(secret, texts) != texts:
-        return Reply(error="invalid", detail="the reply holds the key in pieces; nothing of it is kept")
     if status >= 300:
         reply = _failed(body, f"HTTP {status}{_ADVICE.get(status, '')}", refusal_codes)
         return replace(reply, is_permanent=(status in _PERMANENT or status < 400) and reply.error == "http")
@@ -443,31 +439,14 @@ def error_text(body: object) -> str:
 def _read_body(text: str, secret: str | None) -> Any:
     """Return a body as JSON, else as text, without the key."""
     try:
-        body = read_plain(text, halves=True)
-        choices = _object(body).get("choices")
-        for choice in choices if isinstance(choices, list) else ():
-            message = _object(_object(choice).get("message"))
-            if isinstance(message.get("content"), list):
-                message["content"] = _content(message["content"])
-        # Written and read again: finds a key that is escaped, or whose parts were joined
-        plain = json.dumps(body, ensure_ascii=False).encode("utf-8", "replace").decode()
-        return read_plain(redact(secret, plain))
+        plain = json.dumps(read_plain(text, halves=True), ensure_ascii=False)  # shows a key that was escaped
+        return read_plain(redact(secret, plain.encode("utf-8", "replace").decode()))
     except ValueError:
         return redact(secret, text)[:_LONGEST_RAW]
 
 
-def _texts(value: object) -> Iterator[str]:
-    """Yield all texts in JSON in their order, keys included."""
-    if isinstance(value, str):
-        yield value
-    for part in value if isinstance(value, list) else _object(value).items():
-        yield from _texts(list(part) if isinstance(part, tuple) else part)
-
-
 def _failed(body: object, problem: str, refusal_codes: tuple[int | str, ...]) -> Reply:
     message = error_text(body)
-    if "max_tokens" in message or "max_completion_tokens" in message:
-        problem += ", the limit is max_tokens of the server's profile (FPG_LLM_SERVER)"
     error = "refused" if _codes(body) & set(refusal_codes) else "http"
     return Reply(error=error, detail=one_line(f"{problem}: {message}" if message else problem), raw=body)
 
