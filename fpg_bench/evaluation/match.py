@@ -25,7 +25,7 @@ from fpg_bench.game.metrics import measures
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import TALLY
-from fpg_bench.planning.planner import Planner
+from fpg_bench.planning.planner import Planner, asks_language_model
 from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name
@@ -179,8 +179,7 @@ def _talk(planner: Planner, row: Row) -> tuple[Any, ...]:
 
 def _transcript(planner: Planner) -> Any:
     """Return the transcript of a planner that asks a language model; None for other planners."""
-    asks = getattr(planner, "asks_language_model", False)
-    return getattr(planner, "transcript", None) if asks else None
+    return getattr(planner, "transcript", None) if asks_language_model(planner) else None
 
 
 def _row(duel: TwoPlayerBatch, recording: Recording) -> Row:
