@@ -23,6 +23,7 @@ from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.planning.llm.servers import endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Transcript, chain_start
+from fpg_bench.planning.llm_options import LLMOptions
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
 _DECIDING = ("model", "control", "prompt_hash")
@@ -30,43 +31,44 @@ _SAMPLING = ("temperature", "sampling_seed")
 _CAPS = ("calls", "tokens", "seconds")
 
 
-def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> EvaluatedPlayer:
+def recorded_entry(name: str, suite: Suite, folder: Path, llm: LLMOptions) -> EvaluatedPlayer:
     """Return a language model whose answers are recorded in a folder; recorded answers are not asked again.
 
     Raises:
-        UserError: no endpoint, no such prompt, or a folder with transcripts of another model or prompt.
+        UserError: no endpoint, no such prompt, a control beside the planner's name, or a folder with
+            transcripts of another model or prompt.
     """
-    control, rest = LLM_CONTROLS[name], dict(options)
-    endpoint = endpoint_from_environment(rest.pop("server", None))
-    prompt = rest.pop("prompt", endpoint.server.prompt)
+    if llm.control is not None:
+        raise UserError(f"control: name one of the planners {', '.join(LLM_CONTROLS)}")
+    control, endpoint = LLM_CONTROLS[name], endpoint_from_environment(llm.server)
+    prompt = llm.prompt or endpoint.server.prompt
     about: dict[str, Any] = {
         "model": endpoint.model,
         "server": endpoint.server.name,
         "control": control,
         "prompt": prompt,
         "prompt_hash": load_prompt(prompt).hash,
-        "temperature": rest.get("temperature", endpoint.server.temperature),
-        "sampling_seed": rest.get("sampling_seed", 0),
+        "temperature": endpoint.server.temperature if llm.temperature is None else llm.temperature,
+        "sampling_seed": llm.sampling_seed or 0,
         "parser": PARSER,
         "suite": suite.name,
         "suite_hash": suite.hash,
         "matches": suite.matches,
     }
     about |= begun(about)
-    budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
+    arguments = llm.arguments()
+    budget = _budget(folder, {cap: arguments.pop(cap) for cap in _CAPS if cap in arguments})
 
     def make(ally: Rival) -> LLMPlanner:
         header = _claim(folder, about, suite)
         planner = LLMPlanner(
             suite.scenario,
             endpoint,
-            prompt=prompt,
-            control=control,
             transcript=folder / transcript_name(ally.name),
             mode="record",
             chain=chain_start(header, transcript_name(ally.name)),
             parser=header.get("parser", 1),
-            **rest,
+            **arguments | {"prompt": prompt, "control": control},
         )
         planner.budget = budget
         return planner
@@ -232,7 +234,7 @@ def replaying(
 
 
 def match_planner(
-    name: str, scenario: Scenario, path: Path | None, options: dict[str, Any]
+    name: str, scenario: Scenario, path: Path | None, llm: LLMOptions
 ) -> tuple[LLMPlanner, dict[str, Any]]:
     """Return a match's planner that asks a language model, and its description for the match's file.
 
@@ -240,17 +242,17 @@ def match_planner(
         name: one of :data:`fpg_bench.planning.LLM_CONTROLS`.
         scenario: what is played.
         path: the match's file, which is the transcript, too; None: it is not kept.
-        options: of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``.
+        llm: options of the planner.
     """
-    options = {"control": LLM_CONTROLS[name], **options}
-    endpoint = endpoint_from_environment(options.pop("server", None))
-    planner = LLMPlanner(scenario, endpoint, transcript=path, **options)
+    endpoint = endpoint_from_environment(llm.server)
+    arguments = {"control": LLM_CONTROLS[name]} | llm.arguments()
+    planner = LLMPlanner(scenario, endpoint, transcript=path, **arguments)
     prompt = planner.prompt
     return planner, {
         "model": endpoint.model,
         "server": endpoint.server.name,
         "control": planner.control,
-        **{key: options[key] for key in ("temperature", "sampling_seed") if key in options},
+        **{key: arguments[key] for key in _SAMPLING if key in arguments},
         "prompt": {"name": prompt.name, **prompt.model_dump()},
         "prompt_hash": prompt.hash,
         "parser": planner.parser,

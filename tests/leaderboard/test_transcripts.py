@@ -19,6 +19,7 @@ from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER, check_transcripts
 from fpg_bench.planning.llm.answers import answer_schema
 from fpg_bench.planning.llm.client import response_format
 from fpg_bench.planning.llm.transcript import MOST_BYTES, linked
+from fpg_bench.planning.llm_options import LLMOptions
 from fpg_bench.planning.planner import Limits
 from tests.planning.llm.real_server import LlamaServer
 
@@ -372,7 +373,7 @@ def test_a_real_server_is_recorded_and_verified_when_it_is_gone(tmp_path):
     profile = tmp_path / "server.yml"
     profile.write_text("about: short\nresponse_format: json_schema\nseed: true\n")
     with LlamaServer() as server, environment(server.url, server.model):
-        compare(["llm"], str(file), tmp_path / "real", llm={"server": str(profile)})
+        compare(["llm"], str(file), tmp_path / "real", llm=LLMOptions(server=str(profile)))
     entry, suite = enter(tmp_path / "real", tmp_path / "tiny"), load_suite(str(file))
     assert check_transcripts(entry, suite) == []
     plans = summary_of(records_of(entry, suite), suite).pooled.plans
