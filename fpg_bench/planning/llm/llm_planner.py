@@ -204,6 +204,7 @@ class LLMPlanner(BatchPlanner):
         assert self._client is not None
         request, prompt = talk.request, self.prompt
         parser = self.parser
+        judged = judge(reply.text, reply.error, request.limits, parser)
         attempt = Attempt(
             seed=request.seed,
             match=request.match,
@@ -213,7 +214,7 @@ class LLMPlanner(BatchPlanner):
             text=reply.text,
             error=reply.error,
             detail=reply.detail,
-            **judge(reply.text, reply.error, request.limits, parser),
+            **judged._asdict(),
             prompt=prompt.name,
             prompt_hash=prompt.hash,
             control=self.control,
@@ -231,7 +232,8 @@ class LLMPlanner(BatchPlanner):
 
     def _checked(self, attempt: Attempt, limits: Limits) -> Attempt:
         """Return an attempt of the transcript whose fields still follow from its text."""
-        for name, value in judge(attempt.text, attempt.error, limits, attempt.parser).items():
+        judged = judge(attempt.text, attempt.error, limits, attempt.parser)
+        for name, value in judged._asdict().items():
             if getattr(attempt, name) != value:
                 problem = f"is changed: its {name} are not what its text says"
                 raise UserError(self.transcript.complaint(attempt.where, problem))

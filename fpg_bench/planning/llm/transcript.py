@@ -19,7 +19,7 @@ import re
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
@@ -162,8 +162,16 @@ class Flown(Strict, extra="ignore"):
     planned_round: int | None
 
 
-def judge(text: str | None, error: str | None, limits: Limits, parser: int = PARSER) -> dict[str, Any]:
-    """Return the fields ``waypoints``, ``rung`` and ``status`` of an attempt with this reply.
+class Judged(NamedTuple):
+    """What follows from a reply: fields of an :class:`Attempt` of the same names."""
+
+    waypoints: list[list[float]] | None
+    rung: str
+    status: str
+
+
+def judge(text: str | None, error: str | None, limits: Limits, parser: int = PARSER) -> Judged:
+    """Return the waypoints, rung and status of an attempt with this reply.
 
     Args:
         text, error: of the reply.
@@ -172,12 +180,12 @@ def judge(text: str | None, error: str | None, limits: Limits, parser: int = PAR
     """
     if error is not None or text is None:
         status = error if error in (*UNANSWERED, "refused") else "invalid"
-        return {"waypoints": None, "rung": "none", "status": status}
+        return Judged(None, "none", status)
     answer = read_answer(text, limits, parser)
     if answer.waypoints is None:
-        return {"waypoints": None, "rung": answer.rung, "status": "refused" if answer.refused else "invalid"}
+        return Judged(None, answer.rung, "refused" if answer.refused else "invalid")
     status = "repaired" if answer.repaired else "ok"
-    return {"waypoints": answer.waypoints.tolist(), "rung": answer.rung, "status": status}
+    return Judged(answer.waypoints.tolist(), answer.rung, status)
 
 
 def agree(asked: object, recorded: object) -> bool:
