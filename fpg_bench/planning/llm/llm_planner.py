@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
@@ -27,6 +27,7 @@ from fpg_bench.planning.llm.transcript import (
     LAST,
     Attempt,
     Body,
+    Header,
     Transcript,
     Where,
     judge,
@@ -282,18 +283,18 @@ def server_seed(where: Where, sampling_seed: int = 0) -> int:
     return int.from_bytes(digest[:4], "big") >> 1
 
 
-def request_problem(attempt: Attempt, header: Mapping[str, Any], limits: Limits) -> str | None:
+def request_problem(attempt: Attempt, header: Header, limits: Limits) -> str | None:
     """Return what in a recorded request this planner would not have sent, None if it could have sent all.
 
     Args:
         attempt: the attempt; one without a request has no problem.
-        header: the run's description, with ``sampling_seed`` and ``temperature`` where they were kept.
+        header: the run's description.
         limits: of the plan that was asked for.
     """
     request = attempt.request or {}
     expected: dict[str, list[Any]] = {
-        "seed": [server_seed(attempt.where, header.get("sampling_seed", 0))],
-        "temperature": [header.get("temperature", request.get("temperature"))],
+        "seed": [server_seed(attempt.where, header.sampling_seed)],
+        "temperature": [request.get("temperature") if header.temperature is None else header.temperature],
         "response_format": [response_format(form, answer_schema(limits)) for form in RESPONSE_FORMATS],
     }
     if set(TOKEN_FIELDS) <= request.keys():
