@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from fpg_bench.planning.llm_options import LLMOptions
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.remote import pinned
 from fpg_bench.training.algorithms import find_algorithm
+from fpg_bench.training.hyperparameters import Hyperparams
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class RunConfig:
     game: GameSpec | str
     seed: int = 0
     steps: int | None = None
-    hyperparams: str | Path | Mapping[str, Any] | None = None
+    hyperparams: Hyperparams = None
     suite: str | None = None
     start: str | Path | None = None
     transcript: str | Path | None = None

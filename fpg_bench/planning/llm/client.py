@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
-from fpg_bench.common.strict_json import read_plain
+from fpg_bench.common.strict_json import Json, read_plain
 from fpg_bench.planning.llm.servers import TOKEN_FIELDS, Endpoint
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class Reply:
     tokens_in: int | None = None
     tokens_out: int | None = None
     seconds: float = 0.0
-    sent: dict[str, Any] = field(default_factory=dict)
+    sent: Json = field(default_factory=dict)
     dropped: tuple[str, ...] = ()
     calls: int = 1
     is_permanent: bool = False
@@ -123,8 +123,8 @@ class Client:
         self.dropped: set[str] = set()
 
     def request_body(
-        self, messages: Sequence[dict[str, str]], seed: int, schema: dict[str, Any] | None = None
-    ) -> dict[str, Any]:
+        self, messages: Sequence[dict[str, str]], seed: int, schema: Json | None = None
+    ) -> dict[str, object]:
         """Return the body of a request; it depends on the arguments and the server's profile alone.
 
         Args:
@@ -133,7 +133,7 @@ class Client:
             schema: the JSON schema of the answer, sent in the profile's form.
         """
         server = self.endpoint.server
-        body = {
+        body: dict[str, object] = {
             "model": self.endpoint.model,
             "messages": list(messages),
             "temperature": server.temperature,
@@ -145,7 +145,7 @@ class Client:
             body["response_format"] = response_format(server.response_format, schema)
         return body
 
-    async def complete(self, body: dict[str, Any]) -> Reply:
+    async def complete(self, body: Json) -> Reply:
         """Ask a question; return a reply within the deadline, whatever the server does.
 
         A field that the server refuses is left out, now and from now on.
@@ -171,7 +171,7 @@ class Client:
 
     def complete_all(
         self,
-        bodies: Sequence[dict[str, Any]],
+        bodies: Sequence[Json],
         concurrency: int = 1,
         keep: Callable[[int, Reply], Any] = lambda index, reply: None,
     ) -> list[Reply]:
@@ -193,11 +193,11 @@ class Client:
             raise
 
     async def _gather(
-        self, bodies: Sequence[dict[str, Any]], concurrency: int, keep: Callable[[int, Reply], Any]
+        self, bodies: Sequence[Json], concurrency: int, keep: Callable[[int, Reply], Any]
     ) -> list[Reply]:
         slots = asyncio.Semaphore(max(concurrency, 1))
 
-        async def ask(index: int, body: dict[str, Any]) -> Reply:
+        async def ask(index: int, body: Json) -> Reply:
             async with slots:
                 reply = await self.complete(body)
             keep(index, reply)
@@ -209,10 +209,10 @@ class Client:
 class _Question:
     """All requests for one question, until there is a reply."""
 
-    def __init__(self, client: Client, body: dict[str, Any]) -> None:
+    def __init__(self, client: Client, body: Json) -> None:
         self.client, self.body = client, body
         self.dropped = {name for name in client.dropped if name in body}
-        self.sent: dict[str, Any] = {}
+        self.sent: Json = {}
         self.calls = 0
         self.status: int | None = None  # of the last response
         self.is_busy = False  # the last response is a 429 that names no time to wait
@@ -340,7 +340,7 @@ def _connection_failure(endpoint: Endpoint, error: Exception) -> Reply:
     return Reply(error="http", detail=detail, is_permanent=kind == "ConnectError")
 
 
-def response_format(form: str, schema: dict[str, Any]) -> dict[str, Any]:
+def response_format(form: str, schema: Json) -> Json:
     """Return the field ``response_format`` of a request in a server profile's form."""
     if form == "json_schema":
         return {"type": form, "json_schema": {"name": "plan", "strict": True, "schema": schema}}
@@ -391,7 +391,7 @@ def read_reply(status: int, data: bytes, secret: str | None, refusal_codes: tupl
     return read_completion(body)
 
 
-def read_completion(body: dict[str, Any]) -> Reply:
+def read_completion(body: Json) -> Reply:
     """Read a chat completion: the first choice's text, or the reason that it has none."""
     choices, usage = body.get("choices"), _object(body.get("usage"))
     choice = _object(choices[0] if isinstance(choices, list) else None)
@@ -482,5 +482,5 @@ def _count(value: object) -> int | None:
     return None
 
 
-def _object(value: object) -> dict[str, Any]:
+def _object(value: object) -> Json:
     return value if isinstance(value, dict) else {}

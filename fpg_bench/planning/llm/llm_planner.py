@@ -211,7 +211,7 @@ class LLMPlanner(BatchPlanner):
             match=request.match,
             round=request.round,
             attempt=number,
-            request=reply.sent or None,
+            request=dict(reply.sent) or None,
             text=reply.text,
             error=reply.error,
             detail=reply.detail,
