@@ -16,9 +16,9 @@ import typer
 from fpg_bench.cli.completion import complete_player, complete_suite
 from fpg_bench.cli.fields import Fields
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.parallel import Workers
 from fpg_bench.game.spec import LISTS, GameSpec, option_names
-from fpg_bench.planning.llm_options import LLMOptions
 
 # Panels of long lists of options, in the order in which they are shown.
 GAME = "Game"

@@ -24,9 +24,9 @@ from fpg_bench.cli.options import (
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.output import wrapped
 from fpg_bench.common.products import load, offered
-from fpg_bench.planning.llm_options import LLMOptions
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.match import Round

@@ -30,8 +30,8 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.parallel import Workers
-from fpg_bench.planning.llm_options import LLMOptions
 
 if TYPE_CHECKING:
     from fpg_bench.training.config import RunConfig

@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.products import load
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.entry import planner_entry
@@ -14,7 +15,6 @@ from fpg_bench.evaluation.store import Progress
 from fpg_bench.evaluation.suite import PLANNER, load_suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
-from fpg_bench.planning.llm_options import LLMOptions
 
 ALL = "all"
 TRANSCRIPTS = "transcripts"  # of language models, in a results folder

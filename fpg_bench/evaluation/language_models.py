@@ -11,6 +11,7 @@ from typing import Any
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.match import Match
@@ -24,7 +25,6 @@ from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.planning.llm.servers import endpoint_from_environment
 from fpg_bench.planning.llm.transcript import Header, RunHeader, Transcript, chain_start
-from fpg_bench.planning.llm_options import LLMOptions
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
 _SAMPLING = ("temperature", "sampling_seed")

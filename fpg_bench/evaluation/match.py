@@ -16,6 +16,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
@@ -25,7 +26,6 @@ from fpg_bench.game.metrics import measures
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import TALLY
-from fpg_bench.planning.llm_options import LLMOptions
 from fpg_bench.planning.planner import Planner, asks_language_model
 from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
 from fpg_bench.players.player import SIDES, Player, PlayerSpec

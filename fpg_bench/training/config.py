@@ -12,9 +12,9 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL, OFFLINE
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.planning.llm_options import LLMOptions
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.remote import pinned
 from fpg_bench.training.algorithms import find_algorithm

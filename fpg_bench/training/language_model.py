@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning import LLM_CONTROLS
-from fpg_bench.planning.llm_options import LLMOptions
 from fpg_bench.training.run_folder import TRANSCRIPT
 
 

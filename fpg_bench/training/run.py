@@ -9,13 +9,13 @@ from typing import Any
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.evaluation.table import Results
-from fpg_bench.planning.llm_options import LLMOptions
 from fpg_bench.players.agent import load_agent, read_card, seed_folders
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder

@@ -10,11 +10,11 @@ from planning.llm.fault_server import FaultServer, answer, ok
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
-from fpg_bench.planning.llm_options import LLMOptions
 
 MATCHES, ROUNDS, ALLIES = 2, 3, ("idle", "expert")
 PLANS = MATCHES * ROUNDS * len(ALLIES)

@@ -10,9 +10,9 @@ from planning.llm.fault_server import FaultServer, error_object, ok, refusal, st
 from planning.llm.playing import GOOD, KEY, path_text
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.evaluation.match import replay_match
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
-from fpg_bench.planning.llm_options import LLMOptions
 
 from .matching import SHORT, lines, play, write
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.planning.llm.transcript import KEY, Attempt, chain_start, linked
-from fpg_bench.planning.llm_options import LLMOptions
 from tests.planning.llm.fault_server import FaultServer, answer
 
 PLANNER_SUITE = """\

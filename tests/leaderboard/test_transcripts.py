@@ -10,6 +10,7 @@ import shutil
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
@@ -19,7 +20,6 @@ from fpg_bench.leaderboard.transcripts import LARGEST_FOLDER, check_transcripts
 from fpg_bench.planning.llm.answers import answer_schema
 from fpg_bench.planning.llm.client import response_format
 from fpg_bench.planning.llm.transcript import MOST_BYTES, linked
-from fpg_bench.planning.llm_options import LLMOptions
 from fpg_bench.planning.planner import Limits
 from tests.planning.llm.real_server import LlamaServer
 

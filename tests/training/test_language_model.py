@@ -7,7 +7,7 @@ import json
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm_options import LLMOptions
+from fpg_bench.common.llm_options import LLMOptions
 from tests.planning.llm.fault_server import FaultServer, ok
 from tests.planning.llm.playing import path_text
 from tests.training.tiny import train
