@@ -34,6 +34,16 @@ from fpg_bench.evaluation.suite import Rival, Suite, load_suite
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.game.actions import (
+    HOP_GATE,
+    IN_BAND_GATE,
+    KNOWLEDGE_GATE,
+    PREFERENCE,
+    SPEED,
+    SPREAD_GATE,
+    TUNING,
+    TYPE_SCORES,
+)
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.game.state import TYPES
@@ -57,22 +67,24 @@ class Lever:
 
 
 def _one_type(kind: int) -> Values:
-    return {index: 1.0 if index == kind else -1.0 for index in range(TYPES)}
+    return {TYPE_SCORES + index: 1.0 if index == kind else -1.0 for index in range(TYPES)}
 
 
 def levers(scenario: Scenario) -> list[Lever]:
     """Return the levers of both sides in pursuit."""
     places = np.linspace(-1, 1, scenario.frequency_points)
-    points = {f"point {k}": {3: float(place), 4: -1.0} for k, place in enumerate(places)}
-    in_band = {f"point {k}": {4: float(place), 5: 1.0} for k, place in enumerate(places)}
+    points = {
+        f"point {k}": {PREFERENCE: float(place), KNOWLEDGE_GATE: -1.0} for k, place in enumerate(places)
+    }
+    in_band = {f"point {k}": {TUNING: float(place), IN_BAND_GATE: 1.0} for k, place in enumerate(places)}
     return [
-        Lever("ally", "hopping", {"never": {0: -1.0}, "always": {0: 1.0}}),
-        Lever("ally", "spreading", {"never": {1: -1.0}, "always": {1: 1.0}}),
-        Lever("ally", "speed", {"least": {2: -1.0}, "mean": {2: 0.0}, "full": {2: 1.0}}),
-        Lever("ally", "point", {"by the knowledge base": {4: 1.0}, **points}),
-        Lever("ally", "knowledge base", {"never": {4: -1.0}}),
+        Lever("ally", "hopping", {"never": {HOP_GATE: -1.0}, "always": {HOP_GATE: 1.0}}),
+        Lever("ally", "spreading", {"never": {SPREAD_GATE: -1.0}, "always": {SPREAD_GATE: 1.0}}),
+        Lever("ally", "speed", {"least": {SPEED: -1.0}, "mean": {SPEED: 0.0}, "full": {SPEED: 1.0}}),
+        Lever("ally", "point", {"by the knowledge base": {KNOWLEDGE_GATE: 1.0}, **points}),
+        Lever("ally", "knowledge base", {"never": {KNOWLEDGE_GATE: -1.0}}),
         Lever("opponent", "type", {name: _one_type(kind) for kind, name in enumerate(JAMMING_TYPES)}),
-        Lever("opponent", "tuning", {"known frequency": {4: 0.0, 5: -1.0}, **in_band}),
+        Lever("opponent", "tuning", {"known frequency": {TUNING: 0.0, IN_BAND_GATE: -1.0}, **in_band}),
     ]
 
 

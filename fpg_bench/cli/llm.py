@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import ServerOption
+from fpg_bench.cli.options import LLM
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
@@ -63,7 +63,9 @@ def serve(
 
 
 def probe(
-    server: ServerOption = None,
+    server: Annotated[
+        str | None, typer.Option(help="The server profile, by name or as a YAML file.", rich_help_panel=LLM)
+    ] = None,
     deadline: Annotated[
         float | None, typer.Option(min=0.1, help="Time limit of each question in seconds. Default: 30.")
     ] = None,

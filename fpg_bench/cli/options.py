@@ -16,6 +16,7 @@ import typer
 from fpg_bench.cli.completion import complete_player, complete_suite
 from fpg_bench.cli.fields import Fields
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.parallel import Workers
 from fpg_bench.game.spec import LISTS, GameSpec, option_names
 
@@ -96,63 +97,12 @@ _WORKERS = Fields(Workers, panel=PARALLEL, details={"n_jobs": {"min": 1}})
 WorkersOption = Annotated[Workers, _WORKERS]
 LocalWorkersOption = Annotated[Workers, dataclasses.replace(_WORKERS, names=("n_jobs",))]
 
-# Options of the planner llm; the defaults are those of LLMPlanner.
-PromptOption = Annotated[
-    str | None,
-    typer.Option(
-        help="The prompt: brief, paper, standard or a YAML file. Default: the one set in the server profile.",
-        rich_help_panel=LLM,
-    ),
-]
-ServerOption = Annotated[
-    str | None, typer.Option(help="The server profile, by name or as a YAML file.", rich_help_panel=LLM)
-]
-CallsOption = Annotated[
-    int | None,
-    typer.Option(min=1, help="Maximum number of calls in the run. Default: 20000.", rich_help_panel=LLM),
-]
-TokensOption = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        help="Maximum number of prompt and completion tokens. Default: 200 million.",
-        rich_help_panel=LLM,
-    ),
-]
-SecondsOption = Annotated[
-    float | None,
-    typer.Option(
-        min=0, help="Maximum number of seconds spent in calls. Default: a week.", rich_help_panel=LLM
-    ),
-]
-DeadlineOption = Annotated[
-    float | None,
-    typer.Option(
-        min=0,
-        help="Time limit of a call in seconds. Default: 30; for the embedded model, from its measured speed.",
-        rich_help_panel=LLM,
-    ),
-]
-TemperatureOption = Annotated[
-    float | None,
-    typer.Option(
-        min=0,
-        max=2,
-        help="Sampling temperature. Default: the one set in the server profile.",
-        rich_help_panel=LLM,
-    ),
-]
-SamplingSeedOption = Annotated[
-    int | None,
-    typer.Option(
-        min=0, help="Seed of the sampling seeds sent to the server. Default: 0.", rich_help_panel=LLM
-    ),
-]
 
-
-def llm_options(deadline: float | None, **options: Any) -> dict[str, Any]:
-    """Return the options of the planner llm that are set, under the names that LLMPlanner uses."""
-    return {name: value for name, value in (options | {"deadline_s": deadline}).items() if value is not None}
+def llm_options(*names: str) -> Fields:
+    """Return options of the planner llm, fields of :class:`LLMOptions`, by name."""
+    details: dict[str, dict[str, Any]] = {name: {"min": 1} for name in ("calls", "tokens", "concurrency")}
+    details |= {name: {"min": 0} for name in ("sampling_seed", "seconds", "deadline")}
+    return Fields(LLMOptions, names, panel=LLM, details=details | {"temperature": {"min": 0, "max": 2}})
 
 
 def print_json(rows: Iterable[Mapping[str, Any]]) -> None:

@@ -16,15 +16,7 @@ from fpg_bench.cli.options import (
     GAME,
     LLM,
     AllowOption,
-    CallsOption,
-    DeadlineOption,
-    PromptOption,
-    SamplingSeedOption,
-    SecondsOption,
-    ServerOption,
     SuiteOption,
-    TemperatureOption,
-    TokensOption,
     WideOption,
     game_options,
     llm_options,
@@ -32,12 +24,14 @@ from fpg_bench.cli.options import (
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.output import wrapped
 from fpg_bench.common.products import load, offered
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.match import Round
 
+_ASKED = ("server", "temperature", "sampling_seed", "calls", "tokens", "seconds", "deadline")
 DRAW_EVERY_S = 5.0  # drawing takes about a second, many planners less
 
 app = typer.Typer(help="Plan the opponent's path between the rounds of a match.")
@@ -69,18 +63,7 @@ def run(
         Path | None,
         typer.Option(help="A folder, the file of the match (.jsonl), or its figure (.png, .svg or .pdf)."),
     ] = None,
-    prompt: PromptOption = None,
-    control: Annotated[
-        str | None,
-        typer.Option(help="Control experiment: none, shuffled-rewards or no-history.", rich_help_panel=LLM),
-    ] = None,
-    server: ServerOption = None,
-    temperature: TemperatureOption = None,
-    sampling_seed: SamplingSeedOption = None,
-    calls: CallsOption = None,
-    tokens: TokensOption = None,
-    seconds: SecondsOption = None,
-    deadline: DeadlineOption = None,
+    llm: Annotated[LLMOptions, llm_options("prompt", "control", *_ASKED)] = LLMOptions(),
     talk: Annotated[
         bool, typer.Option("--talk", help="Print the prompts and answers.", rich_help_panel=LLM)
     ] = False,
@@ -96,10 +79,7 @@ def run(
 
     draw_match, write_match_replay = load("drawing", "match"), load("drawing", "match's page")
 
-    asked: dict[str, Any] = {"prompt": prompt, "control": control, "server": server}
-    asked |= {"temperature": temperature, "sampling_seed": sampling_seed}
-    llm = llm_options(deadline, **asked, calls=calls, tokens=tokens, seconds=seconds)
-    name = planner if control in (None, "none") else f"{planner}-{control}"
+    name = planner if llm.control in (None, "none") else f"{planner}-{llm.control}"
     file, picture, page = _targets(out, f"{name}-{ally}-{seed}")
     title = f"{name} against {ally}, seed {seed}"
     played: list[Round] = []
@@ -165,6 +145,7 @@ for name in offered("verb of plan"):
 
 
 @app.command()
+@with_fields
 def compare(
     planners: Annotated[
         list[str] | None,
@@ -181,18 +162,9 @@ def compare(
     transcripts: Annotated[
         Path | None, typer.Option(help="Folder of transcripts of language models; each adds a planner.")
     ] = None,
-    prompt: PromptOption = None,
-    server: ServerOption = None,
-    temperature: TemperatureOption = None,
-    sampling_seed: SamplingSeedOption = None,
-    calls: CallsOption = None,
-    tokens: TokensOption = None,
-    seconds: SecondsOption = None,
-    deadline: DeadlineOption = None,
     wide: WideOption = False,
-    concurrency: Annotated[
-        int | None, typer.Option(min=1, help="Maximum number of concurrent calls.", rich_help_panel=LLM)
-    ] = None,
+    *,
+    llm: Annotated[LLMOptions, llm_options("prompt", *_ASKED, "concurrency")] = LLMOptions(),
     allow: AllowOption = None,
 ) -> None:
     """Compare planners on a suite of allies; existing records are kept and not played again.
@@ -202,9 +174,6 @@ def compare(
     from fpg_bench.cli.evaluation import shown_progress, table
     from fpg_bench.evaluation.compare import compare as compare_planners
 
-    caps = {"calls": calls, "tokens": tokens, "seconds": seconds, "concurrency": concurrency}
-    sampled = {"temperature": temperature, "sampling_seed": sampling_seed}
-    llm = llm_options(deadline, prompt=prompt, server=server, **sampled, **caps)
     with shown_progress() as show:
         compare_planners(
             planners or ["all"],

@@ -61,9 +61,6 @@ def reproduce(
     """
     from fpg_bench.paper.reproduce import reproduce as run
 
-    llm_options = None
-    if llm or transcript is not None:
-        llm_options = {} if transcript is None else {"transcript": str(transcript)}
     written = run(
         target,
         out,
@@ -72,7 +69,8 @@ def reproduce(
         first_seed=first_seed,
         budget=budget,
         workers=workers,
-        llm=llm_options,
+        llm=llm,
+        transcript=transcript,
         learner=learner,
     )
     for path in written:

@@ -21,13 +21,7 @@ from fpg_bench.cli.options import (
     OUTPUT,
     TRAINING,
     AllowOption,
-    CallsOption,
-    DeadlineOption,
     HyperparamsOption,
-    PromptOption,
-    SecondsOption,
-    ServerOption,
-    TokensOption,
     WorkersOption,
     game_options,
     listed,
@@ -36,6 +30,7 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.parallel import Workers
 
 if TYPE_CHECKING:
@@ -130,12 +125,9 @@ def train(
             help="Replay the plans of another run's transcript, without a server.", rich_help_panel=LLM
         ),
     ] = None,
-    prompt: PromptOption = None,
-    server: ServerOption = None,
-    calls: CallsOption = None,
-    tokens: TokensOption = None,
-    seconds: SecondsOption = None,
-    deadline: DeadlineOption = None,
+    llm: Annotated[
+        LLMOptions, llm_options("prompt", "server", "calls", "tokens", "seconds", "deadline")
+    ] = LLMOptions(),
     allow: AllowOption = None,
 ) -> None:
     """Train an algorithm on an environment and export the agent.
@@ -151,7 +143,6 @@ def train(
     spec = GameSpec.of(env_id, against=None if from_zoo else listed(against), **game)
     if from_zoo:
         spec = load_zoo().mixture(spec)
-    llm = llm_options(deadline, prompt=prompt, server=server, calls=calls, tokens=tokens, seconds=seconds)
     config = RunConfig(
         algorithm,
         spec,

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
-from typing import Any
+
+from fpg_bench.common.strict_json import Json
 
 # Terms of the standard context, with those that are not used here.
 _TERMS = "citeAs column equivalentProperty extract field fileProperty fileObject fileSet format includes"
@@ -37,10 +38,10 @@ def metadata(
     version: str,
     cite_as: str,
     keywords: Sequence[str],
-    files: Sequence[Mapping[str, Any]],
-    rai: Mapping[str, Any],
-    **more: Any,
-) -> dict[str, Any]:
+    files: Sequence[Json],
+    rai: Json,
+    **more: object,
+) -> Json:
     """Return Croissant metadata as JSON-LD.
 
     Args:
@@ -78,7 +79,7 @@ def metadata(
     }
 
 
-def file_object(name: str, content: bytes) -> dict[str, Any]:
+def file_object(name: str, content: bytes) -> Json:
     """Return the description of a file.
 
     Args:
@@ -97,7 +98,7 @@ def file_object(name: str, content: bytes) -> dict[str, Any]:
     }
 
 
-def record_set(name: str, file: str, columns: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
+def record_set(name: str, file: str, columns: Mapping[str, tuple[str, str]]) -> Json:
     """Return the description of a table.
 
     Args:

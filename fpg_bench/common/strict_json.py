@@ -6,8 +6,10 @@ import json
 import math
 import re
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
+Json = Mapping[str, object]  # an object of JSON whose keys are not ours
 LONGEST = 64_000_000  # bytes or characters
 DEEPEST = 50  # brackets within brackets
 MOST_DIGITS = 40  # of a number, its point and exponent included; a float has 24 at most

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.croissant import file_object, metadata
+from fpg_bench.common.strict_json import Json
 from fpg_bench.datasets.spec import DatasetSpec
 from fpg_bench.version import __version__
 
 
-def croissant(spec: DatasetSpec, folder: Path) -> dict[str, Any]:
+def croissant(spec: DatasetSpec, folder: Path) -> Json:
     """Return the Croissant metadata of a data set that is finished today, as JSON-LD.
 
     Args:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.products import load
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.entry import planner_entry
@@ -27,7 +27,7 @@ def compare(
     *,
     matches: int | None = None,
     transcripts: str | Path | None = None,
-    llm: Mapping[str, Any] | None = None,
+    llm: LLMOptions = LLMOptions(),
     progress: Progress = lambda entry, rival, rounds: None,
     allow: Collection[str] = (),
 ) -> list[Summary]:
@@ -41,8 +41,7 @@ def compare(
         out: the results folder; ``records.jsonl`` grows as allies are met.
         matches: per ally; None: the suite's own.
         transcripts: a folder of transcripts; each planner in it is one more, replayed without a server.
-        llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
-            allies together, and ``server``, the profile of its endpoint.
+        llm: options of the language models, whose caps hold for all allies together.
         progress: called before each matchup and after each of its rounds.
         allow: the code and agents of the Hub that the suite's file may name; see
             :func:`fpg_bench.evaluation.suite.load_suite`.
@@ -66,11 +65,12 @@ def compare(
     for spec in specs:
         if isinstance(spec, str) and spec in LLM_CONTROLS:
             recorded = load("language model", "of a comparison")
-            entries.append(recorded(spec, played, out / TRANSCRIPTS / spec, llm or {}))
+            entries.append(recorded(spec, played, out / TRANSCRIPTS / spec, llm))
         else:
             entries.append(planner_entry(spec, played))
-    if llm and not any(isinstance(spec, str) and spec in LLM_CONTROLS for spec in specs):
-        raise UserError(f"{next(iter(llm))}: is for the planners {', '.join(LLM_CONTROLS)}; name one of them")
+    given = next(iter(llm.given()), None)
+    if given and not any(isinstance(spec, str) and spec in LLM_CONTROLS for spec in specs):
+        raise UserError(f"{given}: is for the planners {', '.join(LLM_CONTROLS)}; name one of them")
     if transcripts is not None:
         replayed = load("language model", "of transcripts")
         entries += replayed(Path(transcripts), played, [entry.name for entry in entries])

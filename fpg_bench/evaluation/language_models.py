@@ -11,6 +11,8 @@ from typing import Any
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
+from fpg_bench.common.llm_options import LLMOptions
+from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.match import Match
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
@@ -22,51 +24,57 @@ from fpg_bench.planning.llm.budget import CallBudget
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 from fpg_bench.planning.llm.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.planning.llm.servers import endpoint_from_environment
-from fpg_bench.planning.llm.transcript import Transcript, chain_start
+from fpg_bench.planning.llm.transcript import Header, RunHeader, Transcript, chain_start
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
-_DECIDING = ("model", "control", "prompt_hash")
 _SAMPLING = ("temperature", "sampling_seed")
+_DECIDING = ("model", "control", "prompt_hash", *_SAMPLING)
 _CAPS = ("calls", "tokens", "seconds")
 
 
-def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> EvaluatedPlayer:
+def recorded_entry(name: str, suite: Suite, folder: Path, llm: LLMOptions) -> EvaluatedPlayer:
     """Return a language model whose answers are recorded in a folder; recorded answers are not asked again.
 
     Raises:
-        UserError: no endpoint, no such prompt, or a folder with transcripts of another model or prompt.
+        UserError: no endpoint, no such prompt, a control beside the planner's name, or a folder with
+            transcripts of another model or prompt.
     """
-    control, rest = LLM_CONTROLS[name], dict(options)
-    endpoint = endpoint_from_environment(rest.pop("server", None))
-    prompt = rest.pop("prompt", endpoint.server.prompt)
-    about: dict[str, Any] = {
+    if llm.control is not None:
+        raise UserError(f"control: name one of the planners {', '.join(LLM_CONTROLS)}")
+    control, endpoint = LLM_CONTROLS[name], endpoint_from_environment(llm.server)
+    prompt, season = llm.prompt or endpoint.server.prompt, current_season()
+    content = {
         "model": endpoint.model,
         "server": endpoint.server.name,
         "control": control,
         "prompt": prompt,
         "prompt_hash": load_prompt(prompt).hash,
-        "temperature": rest.get("temperature", endpoint.server.temperature),
-        "sampling_seed": rest.get("sampling_seed", 0),
+        "temperature": endpoint.server.temperature if llm.temperature is None else llm.temperature,
+        "sampling_seed": llm.sampling_seed or 0,
         "parser": PARSER,
         "suite": suite.name,
         "suite_hash": suite.hash,
         "matches": suite.matches,
+        "begun": datetime.now(UTC).isoformat(timespec="seconds"),
+        "season": None if season is None else season.number,
+        "nonce": None,
     }
-    about |= begun(about)
-    budget = _budget(folder, {cap: rest.pop(cap) for cap in _CAPS if cap in rest})
+    about = parse(RunHeader, content, f"planner {name}")
+    if season is not None:
+        about = about.model_copy(update={"nonce": nonce_of(about, season)})
+    arguments = llm.arguments()
+    budget = _budget(folder, {cap: arguments.pop(cap) for cap in _CAPS if cap in arguments})
 
     def make(ally: Rival) -> LLMPlanner:
         header = _claim(folder, about, suite)
         planner = LLMPlanner(
             suite.scenario,
             endpoint,
-            prompt=prompt,
-            control=control,
             transcript=folder / transcript_name(ally.name),
             mode="record",
-            chain=chain_start(header, transcript_name(ally.name)),
-            parser=header.get("parser", 1),
-            **rest,
+            chain=chain_start(header.to_dict(), transcript_name(ally.name)),
+            parser=header.parser,
+            **arguments | {"prompt": prompt, "control": control},
         )
         planner.budget = budget
         return planner
@@ -93,77 +101,67 @@ def replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> list
 
 
 def _replayed_entry(folder: Path, suite: Suite) -> EvaluatedPlayer:
-    about, prompt = _about(folder), load_prompt(str(folder / PROMPT))
+    about, prompt = read_header(folder), load_prompt(str(folder / PROMPT))
     _check_suite(folder, about, suite)
-    if prompt.hash != about["prompt_hash"]:
+    if prompt.hash != about.prompt_hash:
         raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
 
     def make(ally: Rival) -> LLMPlanner:
-        chain = chain_start(about, transcript_name(ally.name))
+        chain = chain_start(about.to_dict(), transcript_name(ally.name))
         return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name), chain)
 
     return EvaluatedPlayer(folder.name, None, _fingerprint(about), make)
 
 
-def begun(about: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the time at which a run begins, and a nonce that could not be known before the present season.
-
-    Args:
-        about: the run's description.
-    """
-    season = current_season()
-    header = {"begun": datetime.now(UTC).isoformat(timespec="seconds")}
-    return {**header, "season": None, "nonce": None} if season is None else header | nonce_of(about, season)
+def nonce_of(about: RunHeader, season: SeasonKey) -> str:
+    """Return a hash of a season's seed and of a run's description, which nobody knew before the season."""
+    words = [season.seed, about.model, about.control, about.prompt_hash, about.suite_hash]
+    return hashlib.sha256("/".join(words).encode()).hexdigest()
 
 
-def nonce_of(about: Mapping[str, Any], season: SeasonKey) -> dict[str, Any]:
-    """Return the season's number, and a hash of its seed and of the run's description."""
-    words = [season.seed, *(about[key] for key in (*_DECIDING, "suite_hash"))]
-    return {"season": season.number, "nonce": hashlib.sha256("/".join(words).encode()).hexdigest()}
-
-
-def _claim(folder: Path, about: dict[str, Any], suite: Suite) -> dict[str, Any]:
+def _claim(folder: Path, about: RunHeader, suite: Suite) -> RunHeader:
     """Write the description and the prompt beside transcripts; refuse those of another planner.
 
     Returns:
         The description in the folder, written when the run was begun.
     """
     if any(path.stat().st_size for path in folder.glob("*.jsonl")):
-        known = _about(folder)
+        known = read_header(folder)
         _check_suite(folder, known, suite)
-        for key in (*_DECIDING, *_SAMPLING):
-            if known.get(key, about[key]) != about[key]:
+        for key in _DECIDING:
+            before, now = getattr(known, key), getattr(about, key)
+            if key in known.model_fields_set and before != now:
                 raise other_content(
-                    f"transcripts {folder}", f"answers recorded with {key} {known[key]}, not {about[key]}"
+                    f"transcripts {folder}", f"answers recorded with {key} {before}, not {now}"
                 )
         return known
     if (folder / ABOUT).exists():  # the run was begun with another ally, and nothing was answered yet
-        known = _about(folder)
-        if all(known.get(key) == about[key] for key in (*_DECIDING, *_SAMPLING, "parser", "suite_hash")):
+        known = read_header(folder)
+        if all(getattr(known, key) == getattr(about, key) for key in (*_DECIDING, "parser", "suite_hash")):
             return known
-    write_whole(folder / PROMPT, prompt_file(about["prompt"]).read_bytes())
-    write_json(folder / ABOUT, about)
+    write_whole(folder / PROMPT, prompt_file(about.prompt).read_bytes())
+    write_json(folder / ABOUT, about.to_dict())
     return about
 
 
-def _check_suite(folder: Path, about: Mapping[str, Any], suite: Suite) -> None:
+def _check_suite(folder: Path, about: RunHeader, suite: Suite) -> None:
     """Raise UserError if transcripts are not of the suite's matches."""
-    if about.get("suite_hash") != suite.hash:
+    if about.suite_hash != suite.hash:
         raise UserError(
-            f"transcripts {folder}: hold matches of another suite, {about.get('suite')!r} with "
-            f"{about.get('matches')} matches per ally; compare them with its --suite and --matches"
+            f"transcripts {folder}: hold matches of another suite, {about.suite!r} with "
+            f"{about.matches} matches per ally; compare them with its --suite and --matches"
         )
 
 
-def _about(folder: Path) -> dict[str, Any]:
-    about = read_json(folder / ABOUT, "transcripts")
-    if not all(isinstance(about.get(key), str) for key in _DECIDING):
-        raise UserError(f"transcripts {folder / ABOUT}: expected the keys {', '.join(_DECIDING)}")
-    return about
+def read_header(folder: Path) -> RunHeader:
+    """Read the description of a run beside its transcripts; raises UserError for anything else."""
+    file = folder / ABOUT
+    return parse(RunHeader, read_json(file, "transcripts"), f"transcripts {file}")
 
 
-def _fingerprint(about: Mapping[str, Any]) -> str:
-    values = [about[key] for key in (*_DECIDING, *_SAMPLING, "parser") if key in about]
+def _fingerprint(about: RunHeader) -> str:
+    given = about.to_dict()
+    values = [given[key] for key in (*_DECIDING, "parser") if key in given]
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
@@ -202,13 +200,14 @@ def replayed_planner(match: Match, path: Path) -> LLMPlanner:
         raise UserError(f"match {path}: lacks the prompt or the control of its planner") from error
     if not unchanged:
         raise UserError(f"match {path}: its prompt is not the one that was recorded")
-    return replaying(match.scenario, prompt, {**description, "control": control}, path)
+    header = parse(Header, {**description, "control": control}, f"match {path}: its planner")
+    return replaying(match.scenario, prompt, header, path)
 
 
 def replaying(
     scenario: Scenario,
     prompt: Prompt,
-    description: Mapping[str, Any],
+    header: Header,
     transcript: Path,
     chain: str | None = None,
 ) -> LLMPlanner:
@@ -217,22 +216,22 @@ def replaying(
     Args:
         scenario: what is played.
         prompt: the prompt that was recorded.
-        description: ``model``, ``prompt_hash``, ``control`` and ``parser`` (the first where it is not there),
-            with which every attempt must have been made.
+        header: that with which every attempt must have been made.
         transcript: the file.
         chain: the first hash of its chain of hashes; None: no chain.
 
     Raises:
         UserError: an attempt was made with another model, prompt, control or parser.
     """
-    recorded: dict[str, Any] = {"transcript": transcript, "mode": "replay", "chain": chain}
-    planner = LLMPlanner(scenario, prompt=prompt, control=description["control"], **recorded)
-    planner.transcript.check_header(description)
+    planner = LLMPlanner(
+        scenario, prompt=prompt, control=header.control, transcript=transcript, mode="replay", chain=chain
+    )
+    planner.transcript.check_header(header)
     return planner
 
 
 def match_planner(
-    name: str, scenario: Scenario, path: Path | None, options: dict[str, Any]
+    name: str, scenario: Scenario, path: Path | None, llm: LLMOptions
 ) -> tuple[LLMPlanner, dict[str, Any]]:
     """Return a match's planner that asks a language model, and its description for the match's file.
 
@@ -240,17 +239,17 @@ def match_planner(
         name: one of :data:`fpg_bench.planning.LLM_CONTROLS`.
         scenario: what is played.
         path: the match's file, which is the transcript, too; None: it is not kept.
-        options: of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``.
+        llm: options of the planner.
     """
-    options = {"control": LLM_CONTROLS[name], **options}
-    endpoint = endpoint_from_environment(options.pop("server", None))
-    planner = LLMPlanner(scenario, endpoint, transcript=path, **options)
+    endpoint = endpoint_from_environment(llm.server)
+    arguments = {"control": LLM_CONTROLS[name]} | llm.arguments()
+    planner = LLMPlanner(scenario, endpoint, transcript=path, **arguments)
     prompt = planner.prompt
     return planner, {
         "model": endpoint.model,
         "server": endpoint.server.name,
         "control": planner.control,
-        **{key: options[key] for key in ("temperature", "sampling_seed") if key in options},
+        **{key: arguments[key] for key in _SAMPLING if key in arguments},
         "prompt": {"name": prompt.name, **prompt.model_dump()},
         "prompt_hash": prompt.hash,
         "parser": planner.parser,

@@ -16,6 +16,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
@@ -25,7 +26,7 @@ from fpg_bench.game.metrics import measures
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import TALLY
-from fpg_bench.planning.planner import Planner
+from fpg_bench.planning.planner import Planner, asks_language_model
 from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name
@@ -73,7 +74,7 @@ def run_match(
     *,
     seed: int = 0,
     out: str | Path | None = None,
-    llm: Mapping[str, Any] | None = None,
+    llm: LLMOptions = LLMOptions(),
     progress: Progress = lambda index, played: None,
     scenario: Scenario | str | None = None,
     rounds: int = ROUNDS,
@@ -85,8 +86,7 @@ def run_match(
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
         seed: seed of the match, a whole number in [0, 2^63).
         out: file of the match, JSON lines; None: it is not kept.
-        llm: options of the planner ``llm`` (see :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`),
-            and ``server``, the profile of its endpoint.
+        llm: options of the planner ``llm``.
         progress: called with a round's index and None before it is planned, and with the round after it.
         scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard``.
         rounds: number of rounds of the match.
@@ -106,7 +106,7 @@ def run_match(
     sides = {"ally": ally, "opponent": opponent}
     players = {side: as_player(spec, side, played) for side, spec in sides.items()}
     seed = int(check_seeds(seed, 1)[0])
-    flier, description = _planner(planner, played, path, llm or {})
+    flier, description = _planner(planner, played, path, llm)
     name = planner if isinstance(planner, str) and description is None else flier.name
     match = Match(name, player_name(ally), player_name(opponent), played, seed, description)
     if path is None:
@@ -179,8 +179,7 @@ def _talk(planner: Planner, row: Row) -> tuple[Any, ...]:
 
 def _transcript(planner: Planner) -> Any:
     """Return the transcript of a planner that asks a language model; None for other planners."""
-    asks = getattr(planner, "asks_language_model", False)
-    return getattr(planner, "transcript", None) if asks else None
+    return getattr(planner, "transcript", None) if asks_language_model(planner) else None
 
 
 def _row(duel: TwoPlayerBatch, recording: Recording) -> Row:
@@ -363,17 +362,17 @@ def _short(value: object) -> str:
 
 
 def _planner(
-    spec: PlannerSpec, scenario: Scenario, path: Path | None, options: Mapping[str, Any]
+    spec: PlannerSpec, scenario: Scenario, path: Path | None, llm: LLMOptions
 ) -> tuple[Planner, dict[str, Any] | None]:
     """Return a match's planner, and the description of its language model for the file, if it asks one.
 
     ``path``, the match's file, is the language model's transcript, too.
     """
     if isinstance(spec, str) and spec in LLM_CONTROLS:
-        flier, described = load("language model", "of a match")(spec, scenario, path, dict(options))
+        flier, described = load("language model", "of a match")(spec, scenario, path, llm)
         return flier, described
-    if options:
-        raise UserError(f"{next(iter(options))}: is for the planner 'llm', not for {spec!r}")
+    if given := next(iter(llm.given()), None):
+        raise UserError(f"{given}: is for the planner 'llm', not for {spec!r}")
     planner = as_planner(spec, scenario)
     if path is not None and getattr(planner, "name", "") in LLM_CONTROLS:
         raise UserError("planner: name it 'llm' and pass its options with it, so that the file describes it")

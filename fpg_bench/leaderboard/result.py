@@ -139,9 +139,10 @@ def planner_facts(submission: Submission, suite: Suite) -> PlannerFacts:
         tier = as_planner(submission.script, suite.scenario).tier
         return PlannerFacts(tier=tier, matches=suite.matches)
     about, _ = read_recording(submission.folder, suite)
-    facts = {key: about[key] for key in ("model", "server", "control", "prompt_hash")}
+    named = ("model", "server", "control", "prompt_hash", "season")
+    facts = {name: getattr(about, name) for name in named}
     facts |= {"tier": "history", "matches": suite.matches, "runs": submission.runs}
-    facts |= {"season": about.get("season"), "prompt": Path(about["prompt"]).stem}
+    facts["prompt"] = Path(about.prompt).stem
     return parse(PlannerFacts, facts, f"transcripts of {submission.slug}")
 
 

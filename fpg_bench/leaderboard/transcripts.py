@@ -13,26 +13,39 @@ import yaml
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_json
 from fpg_bench.common.rows import Row
-from fpg_bench.evaluation.language_models import ABOUT, PROMPT, nonce_of, transcript_file, transcript_name
+from fpg_bench.common.schema import parse
+from fpg_bench.evaluation.language_models import (
+    ABOUT,
+    PROMPT,
+    nonce_of,
+    transcript_file,
+    transcript_name,
+)
 from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.leaderboard.folders import folder_problem, list_names
-from fpg_bench.planning.llm.answers import PARSERS
 from fpg_bench.planning.llm.llm_planner import request_problem
 from fpg_bench.planning.llm.prompts import CONTROLS, Prompt, load_prompt
 from fpg_bench.planning.llm.servers import TOKEN_FIELDS
-from fpg_bench.planning.llm.transcript import FIRST, LAST, Attempt, Where, chain_start, follows, packed_rows
+from fpg_bench.planning.llm.transcript import (
+    FIRST,
+    LAST,
+    Attempt,
+    RunHeader,
+    Where,
+    chain_start,
+    follows,
+    packed_rows,
+)
 from fpg_bench.planning.planner import Limits
 
 FOLDER = "transcripts"
 LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 0.1 MB
 _LARGEST = {ABOUT: 10_000, PROMPT: 16_000}
 _MOST_REPEATS = 2  # of the history in a prompt: more would make one that fills the memory
-_LONGEST_NAME, _LONGEST_PATH = 100, 1000  # of a prompt, which may be a file's path
+_LONGEST_NAME = 100
 _LIMITS = {"seconds": 1e7, "calls": 1e4, "tokens_in": 1e9, "tokens_out": 1e9}
 _RAW_CUT = 10_000  # characters that are kept of a long raw reply
-
-_ABOUT_KEYS = ("model", "server", "control", "prompt", "prompt_hash", "suite_hash", "begun")
 
 
 def check_transcripts(folder: Path, suite: Suite) -> list[str]:
@@ -65,7 +78,7 @@ def local(error: Exception, folder: Path) -> str:
     return text if len(text) <= 300 else f"{text[:299]}…"
 
 
-def read_recording(folder: Path, suite: Suite) -> tuple[Row, Prompt]:
+def read_recording(folder: Path, suite: Suite) -> tuple[RunHeader, Prompt]:
     """Return the contents of ``planner.json`` of a submission, and the prompt of its transcripts.
 
     Args:
@@ -79,7 +92,7 @@ def read_recording(folder: Path, suite: Suite) -> tuple[Row, Prompt]:
     about = _about(folder / FOLDER / ABOUT, suite)
     _check_plain(file)
     prompt = load_prompt(str(file))
-    if prompt.hash != about["prompt_hash"]:
+    if prompt.hash != about.prompt_hash:
         raise UserError(f"{file}: does not match the prompt_hash in {ABOUT}")
     _check_nonce(folder / FOLDER / ABOUT, about)
     return about, prompt
@@ -114,33 +127,30 @@ def _file_problems(where: Path, suite: Suite) -> Iterator[str]:
             yield f"{FOLDER}/{name}: {'is missing' if not there else 'is there both packed and unpacked'}"
 
 
-def _about(file: Path, suite: Suite) -> Row:
-    about = read_json(file, FOLDER)
-    for key in _ABOUT_KEYS:
-        value, most = about.get(key), _LONGEST_PATH if key == "prompt" else _LONGEST_NAME
-        if not isinstance(value, str) or not value.isprintable() or not 0 < len(value) <= most:
-            raise UserError(f"{file}: {key}: expected a line of at most {most} characters")
-    if about["control"] not in CONTROLS:
+def _about(file: Path, suite: Suite) -> RunHeader:
+    about = parse(RunHeader, read_json(file, FOLDER), str(file))
+    for key in ("model", "server", "prompt_hash", "begun"):
+        if len(getattr(about, key)) > _LONGEST_NAME:
+            raise UserError(f"{file}: {key}: expected a line of at most {_LONGEST_NAME} characters")
+    if about.control not in CONTROLS:
         raise UserError(f"{file}: control: expected one of {', '.join(CONTROLS)}")
-    if about.get("parser", 1) not in PARSERS:
-        raise UserError(f"{file}: parser: expected one of {', '.join(map(str, PARSERS))}")
-    if about["suite_hash"] != suite.hash:
+    if about.suite_hash != suite.hash:
         asked = f"--suite {suite.name} --matches {suite.matches}"
         raise UserError(f"{file}: is of other matches; record those of plan compare {asked}")
     return about
 
 
-def _check_nonce(file: Path, about: Row) -> None:
+def _check_nonce(file: Path, about: RunHeader) -> None:
     """Raise UserError if the nonce does not show that the run began after a season was closed.
 
     Runs that began before the first season have no nonce.
     """
-    current, number = current_season(), about.get("season")
-    if number is None and about.get("nonce", "") is None:
+    current, number = current_season(), about.season
+    if number is None and about.nonce is None:
         return
-    if not isinstance(number, int) or current is None or not 1 <= number <= current.number:
+    if number is None or current is None or not 1 <= number <= current.number:
         raise UserError(f"{file}: season: expected the number of a closed one, got {number!r:.40}")
-    if about.get("nonce") != nonce_of(about, season_key(number))["nonce"]:
+    if about.nonce != nonce_of(about, season_key(number)):
         raise UserError(f"{file}: nonce: does not follow from the seed of season {number} and what was asked")
 
 
@@ -162,7 +172,7 @@ def _check_plain(file: Path) -> None:
 # Attempts
 
 
-def _check_transcript(file: Path, about: Row, suite: Suite) -> None:
+def _check_transcript(file: Path, about: RunHeader, suite: Suite) -> None:
     """Check that a transcript holds exactly the attempts at the plans of its matches."""
     attempts: dict[Where, Attempt] = {}
     rows, limits = packed_rows(file), Limits.of(suite.scenario)
@@ -187,7 +197,7 @@ def _check_transcript(file: Path, about: Row, suite: Suite) -> None:
         raise UserError(f"transcript {file}: lacks the second attempt{_at(lacking[0])}")
     if extra := sorted(attempts.keys() - expected - again):
         raise UserError(f"transcript {file}: holds an attempt that nothing asks for{_at(extra[0])}")
-    link = chain_start(about, file.name.removesuffix(PACKED))
+    link = chain_start(about.to_dict(), file.name.removesuffix(PACKED))
     for number, row in enumerate(rows, 1):
         link = follows(link, row, f"transcript {file}: line {number}")
     _check_order(list(attempts.values()), f"transcript {file}")
@@ -247,18 +257,17 @@ def _attempt(row: Row, where: str) -> Attempt:
     return attempt
 
 
-def _check_made(attempt: Attempt, row: Row, about: Row, where: str) -> None:
+def _check_made(attempt: Attempt, row: Row, about: RunHeader, where: str) -> None:
     """Check that an attempt was made as ``planner.json`` says, and shows its request and reply."""
     unasked = attempt.error == "budget" and attempt.text is None
     if attempt.request is None and not unasked:
         raise UserError(f"{where} does not show what was asked")
     if attempt.request is not None and not {"model", "messages"} <= attempt.request.keys():
         raise UserError(f"{where} does not show the model and messages of its request")
-    model = about["model"] if attempt.request is None else attempt.request["model"]
+    model = about.model if attempt.request is None else attempt.request["model"]
     made = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
     for name, value in {**made, "parser": attempt.parser}.items():
-        stated = about.get(name, 1)  # runs before there were versions of the parser have the first
-        if value != stated:
+        if value != (stated := getattr(about, name)):
             raise UserError(f"{where} was made with {name} {value!r:.60}, and not {stated!r:.60}")
     raw = row.get("raw")
     is_shown = isinstance(raw, dict) or (isinstance(raw, str) and len(raw) == _RAW_CUT)

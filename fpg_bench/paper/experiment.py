@@ -128,7 +128,7 @@ def run_experiment(
     budget: Budget,
     seed: int,
     folder: Path,
-    llm: Mapping[str, Any] | None = None,
+    transcript: str | Path | None = None,
     learner: str = "torch",
 ) -> list[PaperRun]:
     """Train both sides under a condition, and evaluate the final policies without exploration noise.
@@ -139,7 +139,7 @@ def run_experiment(
         budget: length of the training.
         seed: training seed. It starts from the same networks and matches under every condition.
         folder: folder for the transcript of a language model.
-        llm: options of the language-model planner, and ``transcript`` to replay one.
+        transcript: transcript of a language model, which is replayed; None: it is asked.
         learner: ``torch``, or ``jax``, which is faster and needs the extra ``fast``. Both give the same
             weights apart from the rounding of sums.
 
@@ -154,9 +154,7 @@ def run_experiment(
     libraries = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
     versions = [f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in libraries)]
     scenario, steps = condition.scenario(preset), condition.budgets * budget.steps
-    llm_options = dict(llm or {}) if condition.planner == "llm" else {}
-    transcript = llm_options.pop("transcript", None)
-    planner = training_planner(condition.planner, folder, transcript, llm_options)
+    planner = training_planner(condition.planner, folder, transcript if condition.planner == "llm" else None)
     make_games = partial(Recorded, budget.games, scenario=scenario, planner=planner, path=condition.path)
     start = time.monotonic()
     games = make_games()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
@@ -26,7 +25,8 @@ def reproduce(
     n_seeds: int | None = None,
     first_seed: int = 0,
     budget: str | Budget = "quick",
-    llm: Mapping[str, Any] | None = None,
+    llm: bool = False,
+    transcript: str | Path | None = None,
     learner: str = "torch",
     workers: Workers | int = 2,
 ) -> list[Path]:
@@ -42,8 +42,8 @@ def reproduce(
             default of the budget.
         first_seed: first training seed. Confirming a finding requires seeds that were not used to find it.
         budget: ``quick``, ``full``, ``hundredth``, ``tenth``, ``paper``, or a :class:`Budget`.
-        llm: options of the language-model planner, which is then trained against as well; the environment
-            names its endpoint. ``transcript`` replays that file. None: no language model.
+        llm: train against the language-model planner as well; the environment names its endpoint.
+        transcript: transcript of a language model, which is replayed in its place.
         learner: ``torch`` or ``jax``; the latter is faster and requires the extra ``fast``.
         workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.
 
@@ -59,9 +59,9 @@ def reproduce(
     count = integer(budget.seeds if n_seeds is None else n_seeds, "n_seeds")
     seeds = range(first_seed, first_seed + count)
     file = RunFile(out, scenario, budget.name)
-    conditions = _conditions(target, scenario, budget, llm)
-    failed = run_jobs(_missing(file, conditions, scenario, budget, seeds, llm, learner), workers)
-    names = [name for each in _conditions(ALL, scenario, BUDGETS["full"], {}) for name in each.runs]
+    conditions = _conditions(target, scenario, budget, llm or transcript is not None)
+    failed = run_jobs(_missing(file, conditions, scenario, budget, seeds, transcript, learner), workers)
+    names = [name for each in _conditions(ALL, scenario, BUDGETS["full"], True) for name in each.runs]
     results = read_results(file, dict.fromkeys(names, seeds))
     drawn = draw(results, scenario, out / "figures")
     command = f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --n-seeds {count}"
@@ -78,7 +78,7 @@ def _missing(
     preset: str,
     budget: Budget,
     seeds: range,
-    llm: Mapping[str, Any] | None,
+    transcript: str | Path | None,
     learner: str,
 ) -> list[Job]:
     """Return a job for each run that a file lacks; the job adds it.
@@ -99,7 +99,7 @@ def _missing(
         for seed in _seeds(condition, seeds):
             if (condition.name, seed) not in stored:
                 folder = transcripts / condition.name / f"seed_{seed}"
-                train = partial(run_experiment, condition, preset, budget, seed, folder, llm, learner)
+                train = partial(run_experiment, condition, preset, budget, seed, folder, transcript, learner)
                 jobs.append(Job(f"{preset} {condition.name} seed {seed}", train, file.add))
     return jobs
 
@@ -112,9 +112,9 @@ def _budget(budget: str | Budget) -> Budget:
     return BUDGETS[budget]
 
 
-def _conditions(target: str, scenario: str, budget: Budget, llm: Mapping[str, Any] | None) -> list[Condition]:
+def _conditions(target: str, scenario: str, budget: Budget, llm: bool) -> list[Condition]:
     conditions = conditions_of(target, scenario, budget.name == "full")
-    if llm is not None and target in (ALL, "fig3", "fig7"):
+    if llm and target in (ALL, "fig3", "fig7"):
         conditions.append(Condition(LLM, "llm"))
     return conditions
 

@@ -132,6 +132,18 @@ class Planner(Protocol):
 
 
 @runtime_checkable
+class AsksLanguageModel(Protocol):
+    """A planner that says whether it asks a language model, which takes time and money."""
+
+    asks_language_model: bool
+
+
+def asks_language_model(planner: object) -> bool:
+    """Return whether a planner asks a language model."""
+    return isinstance(planner, AsksLanguageModel) and planner.asks_language_model
+
+
+@runtime_checkable
 class CountsPlans(Protocol):
     """A planner that counts the rounds flown on a plan of each status."""
 

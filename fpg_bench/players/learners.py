@@ -30,6 +30,7 @@ EPSILON = 0.1  # of epsilon-greedy and Q-learning
 LEARNING_RATE, DISCOUNT = 0.2, 0.9  # of Q-learning
 STAY, SPREAD, HOP, HOP_BY_KNOWLEDGE = range(4)  # what Q-learning chooses from
 CHOICES = 4
+LAST_STATE, LAST_CHOICE = range(2)  # what Q-learning remembers of the step before
 STATES = 2 * (TYPES + 1)  # whether it is covered, times the sensed type or none
 
 
@@ -76,8 +77,8 @@ def play_q_learning(
 ) -> None:
     """Fill the actions of tabular Q-learning, and update its values ``(n, states, choices)``.
 
-    Its state is whether it is covered, and the sensed type or none. ``last`` (n, 2) are the last state and
-    choice.
+    Its state is whether it is covered, and the sensed type or none. ``last`` ``(n, 2)`` has the state and
+    the choice of the step before.
     """
     row = rules[0]
     for i in range(observations.shape[0]):
@@ -89,7 +90,7 @@ def play_q_learning(
         if seen[SENSED_COVERS] > 0.0:
             state += TYPES + 1
         if steps[i] > 0:
-            before, choice = last[i, 0], last[i, 1]
+            before, choice = last[i, LAST_STATE], last[i, LAST_CHOICE]
             gain = _gain(seen, row) - _costs(seen, choice >= HOP, row)
             target = gain + DISCOUNT * values[i, state, _best(values[i, state])]
             values[i, before, choice] += LEARNING_RATE * (target - values[i, before, choice])
@@ -98,7 +99,7 @@ def play_q_learning(
             choice = rng.integer(keys[i], steps[i], rng.PLAYER_DRAW + 1, CHOICES)
         preference = 2.0 * rng.uniform(keys[i], steps[i], rng.PLAYER_DRAW + 2) - 1.0
         _act(actions[i], choice >= HOP, choice == SPREAD, choice == HOP_BY_KNOWLEDGE, preference)
-        last[i, 0], last[i, 1] = state, choice
+        last[i, LAST_STATE], last[i, LAST_CHOICE] = state, choice
         steps[i] += 1
 
 

@@ -19,6 +19,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
+from fpg_bench.planning.planner import asks_language_model
 from fpg_bench.players.player import Player
 
 GREATEST_DIFFERENCE = 1e-4  # of an action entry, between a model and what plays in its place
@@ -269,7 +270,7 @@ def _check_not_normalized(name: str, model: Any) -> None:
 def _copied_games(model: Any) -> Any:
     """Return a copy of a model's games that does not learn; None if they cannot be copied or played."""
     env, core = games_of(model), core_of(model)
-    asks = getattr(getattr(core, "planner", None), "asks_language_model", False)
+    asks = asks_language_model(getattr(core, "planner", None))
     if core is None or asks or _RECORDERS & set(_names(env, lambda layer: True)):
         return None
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,13 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL, OFFLINE
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.remote import pinned
 from fpg_bench.training.algorithms import find_algorithm
+from fpg_bench.training.hyperparameters import Hyperparams
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,7 @@ class RunConfig:
         start: folder of a finished run of the same side, algorithm and networks (for PPO also ``bc``); the
             new run starts from its weights, optimizer and normalization, and skips imitation.
         transcript: transcript of a run with a language model; its plans are replayed without a server.
-        llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, and ``server``, the profile of
-            the endpoint.
+        llm: options of a language model's planner.
         allow: the ``package.module:object`` and agents of the Hub that the files of the hyper-parameters, of
             the suite and of a game may name; neither is run on a file's word.
         dataset: data set of an offline algorithm, a :class:`fpg_bench.datasets.read.Dataset`; see
@@ -51,11 +52,11 @@ class RunConfig:
     game: GameSpec | str
     seed: int = 0
     steps: int | None = None
-    hyperparams: str | Path | Mapping[str, Any] | None = None
+    hyperparams: Hyperparams = None
     suite: str | None = None
     start: str | Path | None = None
     transcript: str | Path | None = None
-    llm: Mapping[str, Any] | None = None
+    llm: LLMOptions = LLMOptions()
     dataset: Any = None
     allow: Collection[str] = ()
 
@@ -105,6 +106,5 @@ class RunConfig:
 
     def options(self) -> dict[str, Any]:
         """Return the options beside those of the game: ``start``, ``transcript``, and those of ``llm``."""
-        llm = {name.removesuffix("_s"): value for name, value in (self.llm or {}).items()}
-        options = {"transcript": self.transcript, "start": self.start, **llm}
+        options = {"transcript": self.transcript, "start": self.start, **self.llm.given()}
         return {name: value for name, value in options.items() if value is not None}

@@ -20,6 +20,7 @@ from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.rl_zoo3_format import argument_problems, read_entry, whole_arguments
 
 # Arguments of algorithms that the runner sets itself.
+Hyperparams = str | Path | Mapping[str, object] | None  # a YAML file, an entry of one, or what is shipped
 _RESERVED = {"env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}
 _NOISE = ("noise_type", "noise_std")  # rl-zoo3's form of action_noise
 _TRANSLATED = ("log_std_init", "net_arch")  # of policies; checked where the model is made
@@ -89,7 +90,7 @@ class Hyperparameters(Strict):
 def load_hyperparameters(
     algorithm: str | Algorithm,
     game: str | GameSpec,
-    file: str | Path | Mapping[str, Any] | None = None,
+    file: Hyperparams = None,
     *,
     allow: Collection[str] = (),
 ) -> Hyperparameters:

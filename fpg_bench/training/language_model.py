@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.planning import LLM_CONTROLS
 from fpg_bench.training.run_folder import TRANSCRIPT
 
 
 def training_planner(
-    spec: object, out: Path, replayed: str | Path | None = None, llm: Mapping[str, Any] | None = None
+    spec: object, out: Path, replayed: str | Path | None = None, llm: LLMOptions = LLMOptions()
 ) -> Any:
     """Return the planner of a run's games.
 
@@ -21,7 +21,7 @@ def training_planner(
         spec: the planner, by name or as an object.
         out: the run's folder, where the transcript of a language model is written.
         replayed: transcript of another run, whose plans are replayed without a server.
-        llm: options of the language model's planner, and ``server``, the profile of its endpoint.
+        llm: options of the language model's planner.
 
     Returns:
         For a language model a function of the scenario that makes its planner; any other planner as it is.
@@ -32,11 +32,10 @@ def training_planner(
     if not (isinstance(spec, str) and spec in LLM_CONTROLS):
         if replayed is not None:
             raise UserError(f"transcript: nothing to replay with the planner {spec!r}")
-        if llm:
-            raise UserError(f"{next(iter(llm))}: is for a language model, not for the planner {spec!r}")
+        if given := next(iter(llm.given()), None):
+            raise UserError(f"{given}: is for a language model, not for the planner {spec!r}")
         return spec
-    options = {"control": LLM_CONTROLS[spec], **(llm or {})}
-    server = options.pop("server", None)
+    arguments = {"control": LLM_CONTROLS[spec]} | llm.arguments()
 
     def make(scenario: Scenario) -> Any:
         from fpg_bench.planning.llm.background import BackgroundPlanner
@@ -44,8 +43,8 @@ def training_planner(
         from fpg_bench.planning.llm.servers import endpoint_from_environment
 
         if replayed is not None:
-            return BackgroundPlanner(LLMPlanner(scenario, transcript=replayed, mode="replay", **options))
-        endpoint = endpoint_from_environment(server)
-        return BackgroundPlanner(LLMPlanner(scenario, endpoint, transcript=out / TRANSCRIPT, **options))
+            return BackgroundPlanner(LLMPlanner(scenario, transcript=replayed, mode="replay", **arguments))
+        endpoint = endpoint_from_environment(llm.server)
+        return BackgroundPlanner(LLMPlanner(scenario, endpoint, transcript=out / TRANSCRIPT, **arguments))
 
     return make

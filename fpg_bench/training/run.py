@@ -9,7 +9,9 @@ from typing import Any
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.parallel import Workers
+from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.suite import suite_of
@@ -168,7 +170,6 @@ def _config_of(run: Path, allow: Collection[str]) -> RunConfig:
         [about.algorithm, about.game.to_dict(), about.hyperparameters, options], allow, f"run {run}"
     )
     known: dict[str, Any] = {name: options.pop(name, None) for name in ("start", "transcript")}
-    llm = {"deadline_s" if name == "deadline" else name: value for name, value in options.items()}
     return RunConfig(
         about.algorithm,
         about.game,
@@ -176,7 +177,7 @@ def _config_of(run: Path, allow: Collection[str]) -> RunConfig:
         about.training_steps,
         about.hyperparameters,
         suite=None if about.game.is_duel else about.suite,
-        llm=llm or None,
+        llm=parse(LLMOptions, options, f"run {run}: options"),
         allow=allow,
         **known,
     )

@@ -286,7 +286,7 @@ class _Run:
         config = self.config
         planner = config.planner
         asks = isinstance(planner, str) and planner in LLM_CONTROLS
-        if asks or config.transcript is not None or config.llm:
+        if asks or config.transcript is not None or config.llm.given():
             make_planner = load("language model", "of a training")
             planner = make_planner(planner, self.folder.path, config.transcript, config.llm)
         game = dataclasses.replace(config.spec, planner=planner)

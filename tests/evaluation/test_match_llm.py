@@ -10,6 +10,7 @@ from planning.llm.fault_server import FaultServer, error_object, ok, refusal, st
 from planning.llm.playing import GOOD, KEY, path_text
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.evaluation.match import replay_match
 from fpg_bench.planning.llm.llm_planner import LLMPlanner
 
@@ -112,7 +113,7 @@ def test_the_file_holds_a_prompt_of_ones_own(asks, file, tmp_path):
     )
     with FaultServer([GOOD]) as server:
         asks(server)
-        play(file, "llm-no-history", llm={"prompt": str(prompt)})
+        play(file, "llm-no-history", llm=LLMOptions(prompt=str(prompt)))
         text = server.requests[-1].body["messages"][-1]["content"]
         assert text.startswith("Fly from (")
     prompt.unlink()

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fpg_bench.common.strict_json import Json
 from fpg_bench.planning.planner import Array, Limits, Request
 
 PARSER = 2  # version of the parser that reads new answers
@@ -85,7 +86,7 @@ def points_in(text: str) -> Array:
     return np.array(_triples(text) or np.zeros((0, 3)), float)
 
 
-def answer_schema(limits: Limits) -> dict[str, Any]:
+def answer_schema(limits: Limits) -> Json:
     """Return the JSON schema of an answer: exactly n objects {x, y, z} of whole metres inside the box.
 
     Flat, with integers: servers that enforce a schema do not enforce the bounds of other numbers.
@@ -98,7 +99,7 @@ def answer_schema(limits: Limits) -> dict[str, Any]:
     return _object({"waypoints": {"type": "array", "items": _object(sides), **count}})
 
 
-def _object(properties: dict[str, Any]) -> dict[str, Any]:
+def _object(properties: Json) -> Json:
     return {
         "type": "object",
         "properties": properties,

@@ -1,4 +1,4 @@
-"""Client of OpenAI-compatible servers: the ``openai`` package, with the limits that hostile servers need.
+"""Client of OpenAI-compatible servers: the ``openai`` package, bounded in bytes and time.
 
 Retries of passing errors and the errors of connections are the package's own. Added here are longer waits
 after a 429, a deadline for the complete question, a bound on the bytes that are read, and the removal of the
@@ -15,13 +15,13 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
-from fpg_bench.common.strict_json import read_plain
+from fpg_bench.common.strict_json import Json, read_plain
 from fpg_bench.planning.llm.servers import TOKEN_FIELDS, Endpoint
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class Reply:
     tokens_in: int | None = None
     tokens_out: int | None = None
     seconds: float = 0.0
-    sent: dict[str, Any] = field(default_factory=dict)
+    sent: Json = field(default_factory=dict)
     dropped: tuple[str, ...] = ()
     calls: int = 1
     is_permanent: bool = False
@@ -123,8 +123,8 @@ class Client:
         self.dropped: set[str] = set()
 
     def request_body(
-        self, messages: Sequence[dict[str, str]], seed: int, schema: dict[str, Any] | None = None
-    ) -> dict[str, Any]:
+        self, messages: Sequence[dict[str, str]], seed: int, schema: Json | None = None
+    ) -> dict[str, object]:
         """Return the body of a request; it depends on the arguments and the server's profile alone.
 
         Args:
@@ -133,7 +133,7 @@ class Client:
             schema: the JSON schema of the answer, sent in the profile's form.
         """
         server = self.endpoint.server
-        body = {
+        body: dict[str, object] = {
             "model": self.endpoint.model,
             "messages": list(messages),
             "temperature": server.temperature,
@@ -145,7 +145,7 @@ class Client:
             body["response_format"] = response_format(server.response_format, schema)
         return body
 
-    async def complete(self, body: dict[str, Any]) -> Reply:
+    async def complete(self, body: Json) -> Reply:
         """Ask a question; return a reply within the deadline, whatever the server does.
 
         A field that the server refuses is left out, now and from now on.
@@ -171,7 +171,7 @@ class Client:
 
     def complete_all(
         self,
-        bodies: Sequence[dict[str, Any]],
+        bodies: Sequence[Json],
         concurrency: int = 1,
         keep: Callable[[int, Reply], Any] = lambda index, reply: None,
     ) -> list[Reply]:
@@ -193,11 +193,11 @@ class Client:
             raise
 
     async def _gather(
-        self, bodies: Sequence[dict[str, Any]], concurrency: int, keep: Callable[[int, Reply], Any]
+        self, bodies: Sequence[Json], concurrency: int, keep: Callable[[int, Reply], Any]
     ) -> list[Reply]:
         slots = asyncio.Semaphore(max(concurrency, 1))
 
-        async def ask(index: int, body: dict[str, Any]) -> Reply:
+        async def ask(index: int, body: Json) -> Reply:
             async with slots:
                 reply = await self.complete(body)
             keep(index, reply)
@@ -209,10 +209,10 @@ class Client:
 class _Question:
     """All requests for one question, until there is a reply."""
 
-    def __init__(self, client: Client, body: dict[str, Any]) -> None:
+    def __init__(self, client: Client, body: Json) -> None:
         self.client, self.body = client, body
         self.dropped = {name for name in client.dropped if name in body}
-        self.sent: dict[str, Any] = {}
+        self.sent: Json = {}
         self.calls = 0
         self.status: int | None = None  # of the last response
         self.is_busy = False  # the last response is a 429 that names no time to wait
@@ -272,9 +272,8 @@ class _Question:
     async def _restrict(self, request: httpx.Request) -> None:
         """Count a request, and keep to the headers that it needs."""
         self.calls += 1
-        for name in list(request.headers):
-            if name.lower() not in _HEADERS:
-                del request.headers[name]
+        for name in request.headers.keys() - _HEADERS:
+            del request.headers[name]
         request.headers["Connection"] = "close"  # answers take seconds, and no socket is left open
         request.headers["Accept-Encoding"] = "identity"  # what is unpacked has no bound
         if self.client.endpoint.key:
@@ -341,7 +340,7 @@ def _connection_failure(endpoint: Endpoint, error: Exception) -> Reply:
     return Reply(error="http", detail=detail, is_permanent=kind == "ConnectError")
 
 
-def response_format(form: str, schema: dict[str, Any]) -> dict[str, Any]:
+def response_format(form: str, schema: Json) -> Json:
     """Return the field ``response_format`` of a request in a server profile's form."""
     if form == "json_schema":
         return {"type": form, "json_schema": {"name": "plan", "strict": True, "schema": schema}}
@@ -378,9 +377,6 @@ def read_reply(status: int, data: bytes, secret: str | None, refusal_codes: tupl
         refusal_codes: the codes of errors that mean a refusal.
     """
     body = _read_body(data[:LONGEST_BODY].decode("utf-8", "replace"), secret)
-    texts = "".join(_texts(body))
-    if redact(secret, texts) != texts:
-        return Reply(error="invalid", detail="the reply holds the key in pieces; nothing of it is kept")
     if status >= 300:
         reply = _failed(body, f"HTTP {status}{_ADVICE.get(status, '')}", refusal_codes)
         return replace(reply, is_permanent=(status in _PERMANENT or status < 400) and reply.error == "http")
@@ -395,7 +391,7 @@ def read_reply(status: int, data: bytes, secret: str | None, refusal_codes: tupl
     return read_completion(body)
 
 
-def read_completion(body: dict[str, Any]) -> Reply:
+def read_completion(body: Json) -> Reply:
     """Read a chat completion: the first choice's text, or the reason that it has none."""
     choices, usage = body.get("choices"), _object(body.get("usage"))
     choice = _object(choices[0] if isinstance(choices, list) else None)
@@ -443,31 +439,14 @@ def error_text(body: object) -> str:
 def _read_body(text: str, secret: str | None) -> Any:
     """Return a body as JSON, else as text, without the key."""
     try:
-        body = read_plain(text, halves=True)
-        choices = _object(body).get("choices")
-        for choice in choices if isinstance(choices, list) else ():
-            message = _object(_object(choice).get("message"))
-            if isinstance(message.get("content"), list):
-                message["content"] = _content(message["content"])
-        # Written and read again: finds a key that is escaped, or whose parts were joined
-        plain = json.dumps(body, ensure_ascii=False).encode("utf-8", "replace").decode()
-        return read_plain(redact(secret, plain))
+        plain = json.dumps(read_plain(text, halves=True), ensure_ascii=False)  # shows a key that was escaped
+        return read_plain(redact(secret, plain.encode("utf-8", "replace").decode()))
     except ValueError:
         return redact(secret, text)[:_LONGEST_RAW]
 
 
-def _texts(value: object) -> Iterator[str]:
-    """Yield all texts in JSON in their order, keys included."""
-    if isinstance(value, str):
-        yield value
-    for part in value if isinstance(value, list) else _object(value).items():
-        yield from _texts(list(part) if isinstance(part, tuple) else part)
-
-
 def _failed(body: object, problem: str, refusal_codes: tuple[int | str, ...]) -> Reply:
     message = error_text(body)
-    if "max_tokens" in message or "max_completion_tokens" in message:
-        problem += ", the limit is max_tokens of the server's profile (FPG_LLM_SERVER)"
     error = "refused" if _codes(body) & set(refusal_codes) else "http"
     return Reply(error=error, detail=one_line(f"{problem}: {message}" if message else problem), raw=body)
 
@@ -503,5 +482,5 @@ def _count(value: object) -> int | None:
     return None
 
 
-def _object(value: object) -> dict[str, Any]:
+def _object(value: object) -> Json:
     return value if isinstance(value, dict) else {}

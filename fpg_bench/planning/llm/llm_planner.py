@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
@@ -27,6 +27,7 @@ from fpg_bench.planning.llm.transcript import (
     LAST,
     Attempt,
     Body,
+    Header,
     Transcript,
     Where,
     judge,
@@ -204,16 +205,17 @@ class LLMPlanner(BatchPlanner):
         assert self._client is not None
         request, prompt = talk.request, self.prompt
         parser = self.parser
+        judged = judge(reply.text, reply.error, request.limits, parser)
         attempt = Attempt(
             seed=request.seed,
             match=request.match,
             round=request.round,
             attempt=number,
-            request=reply.sent or None,
+            request=dict(reply.sent) or None,
             text=reply.text,
             error=reply.error,
             detail=reply.detail,
-            **judge(reply.text, reply.error, request.limits, parser),
+            **judged._asdict(),
             prompt=prompt.name,
             prompt_hash=prompt.hash,
             control=self.control,
@@ -231,7 +233,8 @@ class LLMPlanner(BatchPlanner):
 
     def _checked(self, attempt: Attempt, limits: Limits) -> Attempt:
         """Return an attempt of the transcript whose fields still follow from its text."""
-        for name, value in judge(attempt.text, attempt.error, limits, attempt.parser).items():
+        judged = judge(attempt.text, attempt.error, limits, attempt.parser)
+        for name, value in judged._asdict().items():
             if getattr(attempt, name) != value:
                 problem = f"is changed: its {name} are not what its text says"
                 raise UserError(self.transcript.complaint(attempt.where, problem))
@@ -280,18 +283,18 @@ def server_seed(where: Where, sampling_seed: int = 0) -> int:
     return int.from_bytes(digest[:4], "big") >> 1
 
 
-def request_problem(attempt: Attempt, header: Mapping[str, Any], limits: Limits) -> str | None:
+def request_problem(attempt: Attempt, header: Header, limits: Limits) -> str | None:
     """Return what in a recorded request this planner would not have sent, None if it could have sent all.
 
     Args:
         attempt: the attempt; one without a request has no problem.
-        header: the run's description, with ``sampling_seed`` and ``temperature`` where they were kept.
+        header: the run's description.
         limits: of the plan that was asked for.
     """
     request = attempt.request or {}
     expected: dict[str, list[Any]] = {
-        "seed": [server_seed(attempt.where, header.get("sampling_seed", 0))],
-        "temperature": [header.get("temperature", request.get("temperature"))],
+        "seed": [server_seed(attempt.where, header.sampling_seed)],
+        "temperature": [request.get("temperature") if header.temperature is None else header.temperature],
         "response_format": [response_format(form, answer_schema(limits)) for form in RESPONSE_FORMATS],
     }
     if set(TOKEN_FIELDS) <= request.keys():

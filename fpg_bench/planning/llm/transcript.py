@@ -19,9 +19,9 @@ import re
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_bounded
@@ -49,6 +49,19 @@ _IN_RAW = ("text", "model", "tokens_in", "tokens_out")  # fields that an attempt
 _NUMBERS = re.compile(r"([-+]?[0-9]++(?:\.[0-9]++)?)")
 _logger = logging.getLogger(__name__)
 
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError(text)
+    return text
+
+
+Line = Annotated[
+    str,
+    Field(min_length=1, max_length=1000),
+    AfterValidator(_printable),
+    Expected("a line of at most 1000 characters"),
+]
 _Version = Annotated[int, Field(ge=1, le=PARSER), Expected(f"a whole number from 1 to {PARSER}")]
 Body = dict[str, Any]  # a request without headers
 Where = tuple[int, int, int, int]  # seed, match, round, attempt
@@ -146,6 +159,50 @@ class Attempt(Strict, extra="ignore"):
         return next((name for name in _IN_RAW if getattr(self, name) != getattr(reply, name)), None)
 
 
+class Header(Strict, extra="allow"):
+    """What every attempt of a run was made with; further keys are kept, since the chain hashes them all.
+
+    Attributes:
+        model: name of the model that was asked.
+        control: what was withheld from it; ``none``: nothing.
+        prompt_hash: hash of the prompt.
+        temperature, sampling_seed: of sampling; runs of early versions do not say.
+        parser: the version of the parser that read the answers; runs without it were read by the first.
+    """
+
+    model: Line
+    control: Line
+    prompt_hash: Line
+    temperature: int | float | None = None
+    sampling_seed: int = 0
+    parser: _Version = 1
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the keys that it was read from or made with."""
+        return self.model_dump(exclude_unset=True)
+
+
+class RunHeader(Header):
+    """Content of ``planner.json``, beside the transcripts of a comparison.
+
+    Attributes:
+        server: name of the server's profile.
+        prompt: the prompt, by name or as a file.
+        suite, suite_hash, matches: the suite that is played, and its matches per ally.
+        begun: time at which the run began.
+        season, nonce: number of the season at that time, and a hash that could not be known before it.
+    """
+
+    server: Line
+    prompt: Line
+    suite: str
+    suite_hash: Line
+    matches: int
+    begun: Line
+    season: int | None = None
+    nonce: str | None = ""
+
+
 class Flown(Strict, extra="ignore"):
     """The plan that one round flew where planning runs beside the game.
 
@@ -162,8 +219,16 @@ class Flown(Strict, extra="ignore"):
     planned_round: int | None
 
 
-def judge(text: str | None, error: str | None, limits: Limits, parser: int = PARSER) -> dict[str, Any]:
-    """Return the fields ``waypoints``, ``rung`` and ``status`` of an attempt with this reply.
+class Judged(NamedTuple):
+    """What follows from a reply: fields of an :class:`Attempt` of the same names."""
+
+    waypoints: list[list[float]] | None
+    rung: str
+    status: str
+
+
+def judge(text: str | None, error: str | None, limits: Limits, parser: int = PARSER) -> Judged:
+    """Return the waypoints, rung and status of an attempt with this reply.
 
     Args:
         text, error: of the reply.
@@ -172,12 +237,12 @@ def judge(text: str | None, error: str | None, limits: Limits, parser: int = PAR
     """
     if error is not None or text is None:
         status = error if error in (*UNANSWERED, "refused") else "invalid"
-        return {"waypoints": None, "rung": "none", "status": status}
+        return Judged(None, "none", status)
     answer = read_answer(text, limits, parser)
     if answer.waypoints is None:
-        return {"waypoints": None, "rung": answer.rung, "status": "refused" if answer.refused else "invalid"}
+        return Judged(None, answer.rung, "refused" if answer.refused else "invalid")
     status = "repaired" if answer.repaired else "ok"
-    return {"waypoints": answer.waypoints.tolist(), "rung": answer.rung, "status": status}
+    return Judged(answer.waypoints.tolist(), answer.rung, status)
 
 
 def agree(asked: object, recorded: object) -> bool:
@@ -192,7 +257,7 @@ def agree(asked: object, recorded: object) -> bool:
 # The chain of hashes
 
 
-def chain_start(header: Mapping[str, Any], name: str) -> str:
+def chain_start(header: Mapping[str, object], name: str) -> str:
     """Return the hash at which a transcript's chain begins: of its run's header and its own name."""
     return _digest([dict(header), name])
 
@@ -323,21 +388,17 @@ class Transcript:
         """Return the version of the parser that read the first attempt; the newest without attempts."""
         return next((attempt.parser for attempt in self.attempts()), PARSER)
 
-    def check_header(self, header: Mapping[str, Any]) -> None:
-        """Check that every attempt was made with the model, prompt and control of the run's header.
-
-        Args:
-            header: ``model``, ``prompt_hash`` and ``control``, and ``parser`` unless it is the first.
+    def check_header(self, header: Header) -> None:
+        """Check that every attempt was made with the model, prompt, control and parser of the run's header.
 
         Raises:
             UserError: the first attempt that was not.
         """
         for attempt in self.attempts():
-            model = header.get("model") if attempt.request is None else attempt.request.get("model")
+            model = header.model if attempt.request is None else attempt.request.get("model")
             used = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
             for name, value in {**used, "parser": attempt.parser}.items():
-                stated = header.get(name, 1 if name == "parser" else None)
-                if value != stated:
+                if value != (stated := getattr(header, name)):
                     problem = f"was recorded with {name} {value}, and not {stated} as its header says"
                     raise UserError(self.complaint(attempt.where, problem))
 

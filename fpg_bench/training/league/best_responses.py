@@ -25,12 +25,11 @@ from fpg_bench.players.player import SIDES
 from fpg_bench.players.registry import as_player, card_of, policy_hash
 from fpg_bench.players.tactics import draw_variants
 from fpg_bench.training.config import RunConfig
-from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.hyperparameters import Hyperparams, load_hyperparameters
 from fpg_bench.training.league.evaluation import MATCHES, check_same, evaluate_against, result_row
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
 
-Hyperparams = str | Path | Mapping[str, Any] | None
 T = TypeVar("T", str, int)
 
 RESULT = "best_responses.json"

@@ -26,12 +26,11 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.config import RunConfig
-from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.hyperparameters import Hyperparams, load_hyperparameters
 from fpg_bench.training.league.evaluation import MATCHES, check_same, evaluate_against, result_row
 from fpg_bench.training.run_folder import RunFolder, command_line
 from fpg_bench.training.train import train
 
-Hyperparams = str | Path | Mapping[str, Any] | None
 ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
 SEED_STRIDE = 1000  # generation g of self-play with seed k has training seed 1000 k + g
 _logger = logging.getLogger(__name__)

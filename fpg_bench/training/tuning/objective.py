@@ -25,9 +25,8 @@ from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import by_side, make_model, tells_divergence
 from fpg_bench.training.tuning.space import format_values, merge_values, suggest
-from fpg_bench.training.tuning.study import Task
+from fpg_bench.training.tuning.study import N_EVALS, Task
 
-N_EVALS = 4  # evaluations during a seed's budget, one per quarter
 FAILURES = (ArithmeticError, RuntimeError, ValueError)  # of a trial with unsuitable values
 
 _logger = logging.getLogger(__name__)

@@ -14,6 +14,7 @@ from typing import Any
 import optuna
 import pydantic
 import sqlalchemy
+from optuna.distributions import BaseDistribution as Distribution
 from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
 from optuna.trial import FrozenTrial, TrialState
 
@@ -32,6 +33,7 @@ from fpg_bench.training.tuning.space import Space, load_space, to_params
 DATABASE = "study.db"
 HEARTBEAT_S = 60  # a trial counts as lost after three missed heartbeats
 MAX_RETRIES = 2  # of a trial whose worker was lost
+N_EVALS = 4  # of a policy during the budget of a seed, one per quarter
 FIRST_SEED = 100_000  # training seed of trials, far from those of shipped agents
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
@@ -295,19 +297,35 @@ def _no_experimental_warnings() -> Iterator[None]:
         yield
 
 
-class SeededTPESampler(optuna.samplers.TPESampler):
-    """TPE sampler that is reseeded for each trial, so that a resumed study continues its sequence of values.
+class SeededSampler(optuna.samplers.BaseSampler):
+    """TPE with a new sampler for each trial, so that a resumed study continues its sequence of values.
 
     The seed is the number of earlier trials that are not retries. A retried trial has the seed of its first
     try.
     """
 
     def before_trial(self, study: optuna.Study, trial: FrozenTrial) -> None:
-        """Seed the sampler for this trial."""
+        """Make the sampler of this trial."""
         trials = study.get_trials(deepcopy=False)
         first = trial.number if (retried := _retried(trial)) is None else retried
-        super().__init__(seed=sum(_retried(earlier) is None for earlier in trials[:first]))
-        super().before_trial(study, trial)
+        seed = sum(_retried(earlier) is None for earlier in trials[:first])
+        self._sampler = optuna.samplers.TPESampler(seed=seed)
+
+    def infer_relative_search_space(self, study: optuna.Study, trial: FrozenTrial) -> dict[str, Distribution]:
+        """Return the parameters that are sampled together."""
+        return self._sampler.infer_relative_search_space(study, trial)
+
+    def sample_relative(
+        self, study: optuna.Study, trial: FrozenTrial, search_space: dict[str, Distribution]
+    ) -> dict[str, Any]:
+        """Return the values of the parameters that are sampled together."""
+        return self._sampler.sample_relative(study, trial, search_space)
+
+    def sample_independent(
+        self, study: optuna.Study, trial: FrozenTrial, param_name: str, param_distribution: Distribution
+    ) -> Any:
+        """Return the value of any other parameter."""
+        return self._sampler.sample_independent(study, trial, param_name, param_distribution)
 
 
 def _retried(trial: FrozenTrial) -> int | None:
@@ -326,12 +344,11 @@ def open_study(
     storage: Storage,
     name: str,
     task: Task,
-    sampler: optuna.samplers.BaseSampler | None = None,
-    pruner: optuna.pruners.BasePruner | None = None,
 ) -> optuna.Study:
     """Create a study, or load the one of that name.
 
-    A new study queues one trial: the present hyper-parameters, as far as they lie in the space.
+    A new study queues one trial: the present hyper-parameters, as far as they lie in the space. Asynchronous
+    successive halving prunes from half of a seed's budget on: fast learners need not end best.
 
     Raises:
         UserError: the study has another task, or the database fails.
@@ -341,8 +358,8 @@ def open_study(
             storage=storage,
             study_name=name,
             direction="maximize",
-            sampler=sampler or SeededTPESampler(),
-            pruner=pruner,
+            sampler=SeededSampler(),
+            pruner=optuna.pruners.SuccessiveHalvingPruner(min_resource=N_EVALS // 2, reduction_factor=2),
             load_if_exists=True,
         )
         stored = study.user_attrs

@@ -15,7 +15,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.training.tuning.objective import N_EVALS, Objective
+from fpg_bench.training.tuning.objective import Objective
 from fpg_bench.training.tuning.space import format_values, from_params
 from fpg_bench.training.tuning.study import (
     DATABASE,
@@ -44,8 +44,6 @@ def tune(
     timeout: float | None = None,
     study_name: str | None = None,
     storage: str | None = None,
-    sampler: optuna.samplers.BaseSampler | None = None,
-    pruner: optuna.pruners.BasePruner | None = None,
     n_seeds: int = N_SEEDS,
     steps: int | None = None,
     space: str | Path | None = None,
@@ -71,8 +69,6 @@ def tune(
         timeout: seconds after which no worker begins a new trial.
         study_name: name of the study; None for the algorithm and the id.
         storage: SQLAlchemy URL of a database; None for SQLite in the folder.
-        sampler: None for TPE, seeded by the trial's number; only this makes a single worker reproducible.
-        pruner: None for asynchronous successive halving.
         n_seeds: number of training seeds of a trial.
         steps: training budget of a seed; None for half of that in the hyper-parameter file.
         space: YAML file of a search space; None for the shipped one.
@@ -105,11 +101,9 @@ def tune(
         allow=allow,
     )
     Objective(task, allow=allow)  # refuses an unsuitable search space
-    if pruner is None:  # prunes from half of a seed's budget on: fast learners need not end best
-        pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=N_EVALS // 2, reduction_factor=2)
     opened = open_storage(Path(out), storage)
     name = study_name or f"{algorithm} {task.game.id}"
-    study = open_study(opened, name, task, sampler, pruner)
+    study = open_study(opened, name, task)
     with opened.errors():
         is_finished = count_finished(study) >= n_trials
     if is_finished:
@@ -118,7 +112,7 @@ def tune(
         run_worker(study, opened, partial(Objective, task, allow=allow), n_trials, timeout)
     else:
         folder = Path(out).absolute()
-        work = partial(_work, task, folder, storage, name, sampler, pruner, n_trials, timeout, allow)
+        work = partial(_work, task, folder, storage, name, n_trials, timeout, allow)
         jobs = [Job(f"worker {index}", work) for index in range(workers.n_jobs)]
         check_all_done(run_jobs(jobs, workers))
     with opened.errors():
@@ -141,8 +135,6 @@ def _work(
     out: Path,
     storage: str | None,
     study_name: str,
-    sampler: optuna.samplers.BaseSampler | None,
-    pruner: optuna.pruners.BasePruner,
     n_trials: int,
     timeout: float | None,
     allow: Collection[str],
@@ -154,5 +146,5 @@ def _work(
             f"{socket.gethostname()} does not see {out / DATABASE}; set a database with --storage"
         )
     opened = open_storage(out, storage)
-    study = open_study(opened, study_name, task, sampler, pruner)
+    study = open_study(opened, study_name, task)
     run_worker(study, opened, partial(Objective, task, allow=allow), n_trials, timeout)

@@ -398,8 +398,3 @@ def test_it_works_beside_a_running_event_loop_in_threads_and_awaited():
 def test_a_stream_of_events_is_named():
     reply = read(b'data: {"id": "x", "choices": []}\n\ndata: [DONE]\n')
     assert "a stream of events, which was not asked for" in reply.detail
-
-
-def test_too_many_tokens_are_the_profiles():
-    reply = read({"error": {"message": "max_tokens is too large: 8192"}}, status=400)
-    assert "max_tokens of the server's profile (FPG_LLM_SERVER)" in reply.detail

@@ -5,13 +5,16 @@ from __future__ import annotations
 import fcntl
 import gzip
 import json
+from pathlib import Path
 
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.llm.transcript import Attempt, Flown, Transcript, chain_start
+from fpg_bench.planning.llm.transcript import Attempt, Flown, Header, RunHeader, Transcript, chain_start
 
 from .playing import path, request
+
+ROOT = Path(__file__).parents[3]
 
 BODY = {
     "model": "tiny",
@@ -138,9 +141,9 @@ def test_a_raw_reply_that_was_cut_proves_nothing(recorded):
 @pytest.mark.parametrize("name", HEADER)
 def test_attempts_are_made_as_is_told_beside_them(recorded, name):
     transcript = Transcript(recorded, "replay")
-    transcript.check_header(HEADER)
+    transcript.check_header(Header(**HEADER))
     with pytest.raises(UserError, match=f"attempt 0 was recorded with {name} .* and not other"):
-        transcript.check_header({**HEADER, name: "other"})
+        transcript.check_header(Header(**{**HEADER, name: "other"}))
 
 
 def test_the_key_is_advice(recorded, caplog):
@@ -203,3 +206,14 @@ def test_a_packed_transcript_is_replayed_and_never_added_to(tmp_path):
     packed.write_bytes(packed.read_bytes()[:-9])
     with pytest.raises(UserError, match=r"asked.jsonl.gz: cannot be unpacked"):
         Transcript(packed, "replay").attempts()
+
+
+@pytest.mark.parametrize(
+    "file",
+    [*ROOT.glob("results/*/transcripts/*/planner.json"), *ROOT.glob("leaderboard/**/planner.json")],
+    ids=lambda file: file.parents[1].name + "/" + file.parent.name,
+)
+def test_a_header_holds_what_its_file_holds_to_the_letter(file):
+    content = json.loads(file.read_text())
+    header = RunHeader(**content)
+    assert json.dumps(header.to_dict(), sort_keys=True) == json.dumps(content, sort_keys=True)

@@ -37,10 +37,10 @@ def fake_task(**changes):
     return Task.model_validate(TASK | changes)
 
 
-def open_fake(folder, url=None, pruner=None):
+def open_fake(folder, url=None):
     """Open the fake study in a folder or database."""
     storage = open_storage(Path(folder), url)
-    return storage, open_study(storage, "fake", fake_task(), pruner=pruner)
+    return storage, open_study(storage, "fake", fake_task())
 
 
 def highest_x(trial):
@@ -49,9 +49,9 @@ def highest_x(trial):
     return x
 
 
-def work(folder, n_trials, objective=highest_x, *, url=None, pruner=None):
+def work(folder, n_trials, objective=highest_x, *, url=None):
     """Run a worker of the fake study in this process; return the study."""
-    storage, study = open_fake(folder, url, pruner)
+    storage, study = open_fake(folder, url)
     run_worker(study, storage, lambda check_stop: objective, n_trials)
     return study
 

@@ -10,7 +10,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.training.tuning.study import (
     DATABASE,
     MAX_RETRIES,
-    SeededTPESampler,
+    SeededSampler,
     load_study,
     open_storage,
     open_study,
@@ -127,7 +127,7 @@ def test_present_values_are_queued_once(tmp_path):
 
 def draw(interrupted=()):
     """Return the values of ten trials, of which some are interrupted once, after suggesting or before."""
-    study = optuna.create_study(direction="maximize", sampler=SeededTPESampler())
+    study = optuna.create_study(direction="maximize", sampler=SeededSampler())
     study.enqueue_trial({"x": 0.25})
     drawn = []
     while len(drawn) < 10:

@@ -280,7 +280,7 @@ def test_two_workers_share_the_trials(tmp_path, words, monkeypatch):
 def test_a_worker_that_does_not_see_the_study_needs_a_database(tmp_path, words):
     task = make_task("ppo", ENV_ID, n_seeds=1, **words)
     with pytest.raises(UserError, match=r"does not see .*study.db; set a database with --storage"):
-        _work(task, tmp_path, None, "study", None, None, 1, None, ())
+        _work(task, tmp_path, None, "study", 1, None, ())
 
 
 def test_nothing_to_export_or_show(tmp_path):
