@@ -143,15 +143,17 @@ def curves(
 ) -> None:
     """Draw learning curves of several runs: the mean over training seeds, with its 95 % interval.
 
-    Example: fpg-bench curves runs/ppo runs/sac --out curves.svg
+    Runs that differ by their training seed alone are one curve. Grey lines: random play, the best script.
+
+    Example: fpg-bench curves runs/ppo_0 runs/ppo_1 runs/sac --out curves.svg
     """
     require_extra("evaluate", "scipy", "matplotlib")
     from fpg_bench.common.canvas import check_figure, write_figure
-    from fpg_bench.evaluation.curves import draw_curves, read_runs
+    from fpg_bench.evaluation.curves import draw_curves, levels_of, read_runs
 
     check_figure(out)
     check_target(out)
-    write_figure(draw_curves(read_runs(runs)), out)
+    write_figure(draw_curves(read_runs(runs), levels=levels_of(runs)), out)
     typer.echo(f"written: {out}")
 
 

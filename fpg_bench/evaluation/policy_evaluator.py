@@ -59,7 +59,7 @@ class PolicyEvaluator:
             raise UserError(
                 f"suite {loaded.name}: measures the {loaded.side}, not the {side or 'ally or opponent'}"
             )
-        played = loaded if scenario is None else _in_scenario(loaded, scenario)
+        played = loaded if scenario is None else in_scenario(loaded, scenario)
         self.suite = dataclasses.replace(played, matches=-(-rounds // played.rounds_per_match))
 
     def score(self, player: PlayerSpec) -> dict[str, Any]:
@@ -108,7 +108,7 @@ class PolicyEvaluator:
         return rewards, Pooled(tally, points, len(played), 0, None).measures
 
 
-def _in_scenario(suite: Suite, scenario: Scenario) -> Suite:
+def in_scenario(suite: Suite, scenario: Scenario) -> Suite:
     """Return the suite in another scenario, in which each rival keeps its path."""
     if scenario.hash == suite.scenario.hash:
         return suite

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
@@ -28,6 +29,7 @@ from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
+from fpg_bench.evaluation.curves import limit_scores, score_levels
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
@@ -402,7 +404,8 @@ class _Run:
         )
         save_model(self.model, self.folder.path)
         if rows := self.folder.evaluations.read():
-            _draw_curve(rows, f"{about.algorithm}, {self.config.spec.id}", self.folder.curve)
+            levels = score_levels(self.suites, self.games.core.scenario)
+            _draw_curve(rows, levels, f"{about.algorithm}, {self.config.spec.id}", self.folder.curve)
         rate = round(steps / self.seconds)
         result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         about.model_copy(update=result).write(self.folder.path)
@@ -442,14 +445,18 @@ def _check_start(run: Path, about: RunDescription) -> None:
             raise UserError(f"start {run}: {key} is {found!r} there, expected {expected!r}")
 
 
-def _draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:
+def _draw_curve(rows: Sequence[Row], levels: Mapping[str, float], title: str, path: Path) -> None:
     """Draw each side's score over the steps, from the rows of ``evaluations.jsonl``, into a PNG file."""
+    from matplotlib.ticker import EngFormatter
+
     figure = blank_figure(6, 3.6)
     axes = figure.subplots()
+    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     for side in dict.fromkeys(row["side"] for row in rows):
         points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
         axes.plot(*zip(*points, strict=True), "o-", ms=3, color=SIDE_COLOURS[side], label=side)
     axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=title)
+    limit_scores(axes, [np.array([row["score"] for row in rows])], levels)
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
     write_figure(figure, path)
