@@ -98,7 +98,7 @@ def evaluate(
             out,
             matches=matches,
             name=name,
-            progress=lambda entry, rival, rounds: show(f"{entry.name} - {rival.name}"),
+            progress=lambda entry, rival, rounds, *of: show(f"{entry.name} - {rival.name}", *of),
             workers=workers,
             allow=allow or (),
         )
@@ -158,23 +158,44 @@ def curves(
 
 
 @contextlib.contextmanager
-def shown_progress() -> Iterator[Callable[[str], None]]:
-    """Yield a function that shows progress: a bar on a terminal, otherwise a line every half minute."""
-    from rich.progress import Progress
+def shown_progress() -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a function that shows what is under way, and how much of it is done: ``show(what, done, total)``.
+
+    On a terminal it draws a bar with count, share and time left; elsewhere it prints a line each half minute.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.table import Column
 
     from fpg_bench.common.parallel import LINE_EVERY_S
 
     last_line = time.monotonic()
-    with Progress(transient=True, disable=not is_terminal(sys.stderr)) as bar:
+    columns = (
+        TextColumn("{task.description}", markup=False, table_column=Column(ratio=1, no_wrap=True)),
+        BarColumn(bar_width=16),
+        MofNCompleteColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    is_hidden = not is_terminal(sys.stderr)
+    with Progress(*columns, console=console, transient=True, expand=True, disable=is_hidden) as bar:
         task = bar.add_task("", total=None)
 
-        def show(line: str) -> None:
+        def show(what: str, done: int, total: int) -> None:
             nonlocal last_line
-            bar.update(task, description=line)
+            bar.update(task, description=printable(what), completed=done, total=total)
             if bar.disable and time.monotonic() - last_line >= LINE_EVERY_S:
                 last_line = time.monotonic()
                 if sys.stderr is not None:
-                    print(printable(line), file=sys.stderr, flush=True)
+                    print(printable(f"{what}: {done:,} of {total:,} rounds"), file=sys.stderr, flush=True)
 
         yield show
 

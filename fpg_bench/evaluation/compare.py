@@ -28,7 +28,7 @@ def compare(
     matches: int | None = None,
     transcripts: str | Path | None = None,
     llm: Mapping[str, Any] | None = None,
-    progress: Progress = lambda entry, rival, rounds: None,
+    progress: Progress = lambda entry, rival, rounds, done, total: None,
     allow: Collection[str] = (),
 ) -> list[Summary]:
     """Play planners against a suite of allies; records that the folder has already are not played again.
@@ -43,7 +43,8 @@ def compare(
         transcripts: a folder of transcripts; each planner in it is one more, replayed without a server.
         llm: options of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`, whose caps hold for all
             allies together, and ``server``, the profile of its endpoint.
-        progress: called before each matchup and after each of its rounds.
+        progress: called before each matchup and after each of its rounds; see
+            :func:`fpg_bench.evaluation.evaluate.evaluate`.
         allow: the code and agents of the Hub that the suite's file may name; see
             :func:`fpg_bench.evaluation.suite.load_suite`.
 
