@@ -21,7 +21,7 @@ from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import suites_folder
-from tests.programs import fpg, python, started
+from tests.programs import ROOT, fpg, python, started
 from tests.working import wait_for
 
 TINY = """\
@@ -350,3 +350,18 @@ def test_ctrl_c_while_evaluating_keeps_finished_lines(tmp_path):
     assert process.returncode == 130, error
     first = RowFile(lines).read()[0]
     assert (first["rival"], len(first["returns"])) == ("tone/pursuit", 500)
+
+
+@pytest.mark.parametrize("words", ["zoo", "zoo --all", "envs", "players", "suites"])
+def test_lists_fit_80_columns(words, capsys):
+    app(words.split(), standalone_mode=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if len(line) > 80 and str(ROOT) not in line] == []
+
+
+def test_flags_have_no_type_in_the_help(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    app(["train", "--help"], standalone_mode=False)
+    printed = capsys.readouterr().out
+    assert "--resume" in printed
+    assert "bool" not in printed
