@@ -24,6 +24,7 @@ from torch.distributions import Distribution
 from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure, write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
@@ -38,6 +39,7 @@ from fpg_bench.planning.planner import CountsPlans
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
+    DescriptionCallback,
     EvalCheckpointCallback,
     GameMeasuresCallback,
     ProgressCallback,
@@ -82,6 +84,7 @@ def train(
     progress: bool = True,
     restart: bool = False,
     resume: bool = False,
+    log_rounds: bool = False,
 ) -> Path:
     """Train a run and export the agent.
 
@@ -109,6 +112,8 @@ def train(
         progress: show a progress bar, or log lines if standard output is not a terminal.
         restart: discard an unfinished run in the folder and start over.
         resume: continue an unfinished run in the folder, or start one if there is none.
+        log_rounds: log a picture and a film of a round at each evaluation, for TensorBoard; needs the extra
+            ``video``.
 
     Returns:
         The agent's folder; if both sides learn, it holds an agent folder for each.
@@ -121,6 +126,8 @@ def train(
     torch.set_num_threads(1)
     if restart and resume:
         raise UserError("resume continues a run, restart starts it over; give only one of them")
+    if log_rounds:
+        require_extra("video", "PIL")
     run = _Run(config, RunFolder(Path(out)))
     run.setup()
     evaluators = {
@@ -135,7 +142,7 @@ def train(
                 run.resume(state)
             else:
                 run.folder.clear()
-            run.learn(evaluators, evaluations, progress)
+            run.learn(evaluators, evaluations, progress, log_rounds)
             run.finish()
     return run.folder.agent
 
@@ -159,6 +166,7 @@ def train_seeds(
     evaluations: int = EVALUATIONS,
     restart: bool = False,
     workers: Workers | int = 2,
+    log_rounds: bool = False,
 ) -> None:
     """Train several seeds of a run in parallel; finished ones are not repeated.
 
@@ -169,6 +177,7 @@ def train_seeds(
         evaluations: number of evaluations during each training.
         restart: discard unfinished runs and start them over; otherwise they are resumed.
         workers: number of parallel trainings, one thread each, or :class:`fpg_bench.common.parallel.Workers`.
+        log_rounds: see :func:`train`.
 
     Raises:
         UserError: something unknown or out of range, folders that hold other runs, a language model as the
@@ -182,7 +191,13 @@ def train_seeds(
     for seed in seeds:
         run, folder = dataclasses.replace(config, seed=seed), Path(out) / f"seed_{seed}"
         call = partial(
-            train, run, evaluations=evaluations, restart=restart, resume=not restart, progress=False
+            train,
+            run,
+            evaluations=evaluations,
+            restart=restart,
+            resume=not restart,
+            progress=False,
+            log_rounds=log_rounds,
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
@@ -351,7 +366,13 @@ class _Run:
         self.about = self.about.model_copy(update={"imitation_error": round(error, 6)})
         self._seed_games()
 
-    def learn(self, evaluators: Mapping[str, PolicyEvaluator], n_evals: int, progress: bool) -> None:
+    def learn(
+        self,
+        evaluators: Mapping[str, PolicyEvaluator],
+        n_evals: int,
+        progress: bool,
+        log_rounds: bool = False,
+    ) -> None:
         """Train to the budget.
 
         Raises:
@@ -366,13 +387,21 @@ class _Run:
         with StopRequest(_STOPPING) as stop:
             self._imitate(stop)
             checkpoints = EvalCheckpointCallback(
-                self.folder.checkpoints, clock, evaluators, self.folder.evaluations, budget, n_evals, stop
+                self.folder.checkpoints,
+                clock,
+                evaluators,
+                self.folder.evaluations,
+                budget,
+                n_evals,
+                stop,
+                log_rounds,
             )
             try:
                 if model.num_timesteps < budget:
                     steps = budget - model.num_timesteps
                     _warn_of_overshoot(model, steps)
-                    callbacks = [GameMeasuresCallback(), checkpoints, *bars]
+                    about = DescriptionCallback(started, tuple(evaluators))
+                    callbacks = [about, GameMeasuresCallback(), checkpoints, *bars]
                     model.learn(steps, callbacks, log_interval=1, reset_num_timesteps=False)
             except ValueError as error:
                 if tells_divergence(error, self.sides) or not is_finite(model):
