@@ -139,7 +139,7 @@ def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
     return records
 
 
-def _tell(suite: Suite, entry: EvaluatedPlayer, rival: Rival, rounds: int) -> None:
+def _tell(suite: Suite, entry: EvaluatedPlayer, rival: Rival, rounds: int, *of: int) -> None:
     if not rounds and rival == suite.rivals[0]:
         seed = "" if entry.training_seed is None else f"/seed_{entry.training_seed}"
         _logger.info(f"scoring {entry.name}{seed} against {suite.name}")

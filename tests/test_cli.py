@@ -1,3 +1,4 @@
+import io
 import os
 import re
 import shlex
@@ -20,7 +21,7 @@ from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
 from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import suites_folder
-from tests.programs import fpg, python, started
+from tests.programs import ROOT, fpg, python, started
 from tests.working import wait_for
 
 TINY = """\
@@ -300,8 +301,30 @@ def test_where_no_bar_can_be_drawn_a_line_says_what_is_under_way(monkeypatch, ca
     monkeypatch.setattr(evaluation, "time", SimpleNamespace(monotonic=lambda: next(now)))
     with evaluation.shown_progress() as show:
         for k in range(4):
-            show(f"meeting {k}")
-    assert capsys.readouterr().err.split("\n") == ["meeting 1", "meeting 3", ""]
+            show(f"meeting {k}", 1000 * k, 4000)
+    assert capsys.readouterr().err.split("\n") == [
+        "meeting 1: 1,000 of 4,000 rounds",
+        "meeting 3: 3,000 of 4,000 rounds",
+        "",
+    ]
+
+
+def test_a_bar_has_the_count_the_share_and_the_time_left_at_80_columns(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    for name, value in {"COLUMNS": "80", "TERM": "xterm", "NO_COLOR": "1"}.items():
+        monkeypatch.setenv(name, value)
+    with evaluation.shown_progress() as show:
+        show("ally-link-population/ppo-stack8 - narrowband/pursuit", 1000, 4000)
+        wait_for(lambda: "4000" in terminal.getvalue())
+    drawn = re.sub(r"\x1b\[[^A-Za-z]*[A-Za-z]", "", terminal.getvalue())
+    (last,) = {line for line in re.split(r"[\r\n]+", drawn) if "1000/4000" in line}
+    assert re.fullmatch(r"ally-link-pop.* 1000/4000 +25% (-|\d+):[-\d:]+ *", last)
+    assert len(last) <= 80
 
 
 def test_a_run_that_is_stopped_before_it_saved_says_so(monkeypatch, capsys, tmp_path):
@@ -327,3 +350,18 @@ def test_ctrl_c_while_evaluating_keeps_finished_lines(tmp_path):
     assert process.returncode == 130, error
     first = RowFile(lines).read()[0]
     assert (first["rival"], len(first["returns"])) == ("tone/pursuit", 500)
+
+
+@pytest.mark.parametrize("words", ["zoo", "zoo --all", "envs", "players", "suites"])
+def test_lists_fit_80_columns(words, capsys):
+    app(words.split(), standalone_mode=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if len(line) > 80 and str(ROOT) not in line] == []
+
+
+def test_flags_have_no_type_in_the_help(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    app(["train", "--help"], standalone_mode=False)
+    printed = capsys.readouterr().out
+    assert "--resume" in printed
+    assert "bool" not in printed

@@ -11,6 +11,7 @@ import sys
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperOption
 
 from fpg_bench.cli import evaluation, listing, plan, scenario, training
 from fpg_bench.cli.fields import with_fields
@@ -23,6 +24,11 @@ app = typer.Typer(
     help="Benchmark suite for the UAV frequency point game.",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
+)
+_display_type = TyperOption.display_type_rich
+# A flag takes no value, so its line in --help needs no type.
+TyperOption.display_type_rich = (  # type: ignore[method-assign]
+    lambda option, ctx: None if option.is_flag else _display_type(option, ctx)
 )
 _VERBS: dict[str, Any] = {  # in the order of --help; None: a product's, which is there or not
     "play": evaluation.play,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -84,7 +85,7 @@ def make(
             spec,
             out,
             workers=workers,
-            progress=lambda done, total: show(f"{spec.name}: {done:,} of {total:,} rounds"),
+            progress=partial(show, spec.name),
         )
     print_line(f"written: {folder}")
 
@@ -111,7 +112,7 @@ def check(
                 data,
                 share(sample),
                 sample_seed,
-                progress=lambda done, total: show(f"{data}: {done:,} of {total:,} rounds"),  # noqa: B023
+                progress=partial(show, str(data)),
             )
             print_line(line)
 

@@ -98,7 +98,7 @@ def evaluate(
             out,
             matches=matches,
             name=name,
-            progress=lambda entry, rival, rounds: show(f"{entry.name} - {rival.name}"),
+            progress=lambda entry, rival, rounds, *of: show(f"{entry.name} - {rival.name}", *of),
             workers=workers,
             allow=allow or (),
         )
@@ -143,36 +143,59 @@ def curves(
 ) -> None:
     """Draw learning curves of several runs: the mean over training seeds, with its 95 % interval.
 
-    Example: fpg-bench curves runs/ppo runs/sac --out curves.svg
+    Runs that differ by their training seed alone are one curve. Grey lines: random play, the best script.
+
+    Example: fpg-bench curves runs/ppo_0 runs/ppo_1 runs/sac --out curves.svg
     """
     require_extra("evaluate", "scipy", "matplotlib")
     from fpg_bench.common.canvas import check_figure, write_figure
-    from fpg_bench.evaluation.curves import draw_curves, read_runs
+    from fpg_bench.evaluation.curves import draw_curves, levels_of, read_runs
 
     check_figure(out)
     check_target(out)
-    write_figure(draw_curves(read_runs(runs)), out)
+    write_figure(draw_curves(read_runs(runs), levels=levels_of(runs)), out)
     typer.echo(f"written: {out}")
 
 
 @contextlib.contextmanager
-def shown_progress() -> Iterator[Callable[[str], None]]:
-    """Yield a function that shows progress: a bar on a terminal, otherwise a line every half minute."""
-    from rich.progress import Progress
+def shown_progress() -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a function that shows what is under way, and how much of it is done: ``show(what, done, total)``.
+
+    On a terminal it draws a bar with count, share and time left; elsewhere it prints a line each half minute.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.table import Column
 
     from fpg_bench.common.parallel import LINE_EVERY_S
 
     last_line = time.monotonic()
-    with Progress(transient=True, disable=not is_terminal(sys.stderr)) as bar:
+    columns = (
+        TextColumn("{task.description}", markup=False, table_column=Column(ratio=1, no_wrap=True)),
+        BarColumn(bar_width=16),
+        MofNCompleteColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    is_hidden = not is_terminal(sys.stderr)
+    with Progress(*columns, console=console, transient=True, expand=True, disable=is_hidden) as bar:
         task = bar.add_task("", total=None)
 
-        def show(line: str) -> None:
+        def show(what: str, done: int, total: int) -> None:
             nonlocal last_line
-            bar.update(task, description=line)
+            bar.update(task, description=printable(what), completed=done, total=total)
             if bar.disable and time.monotonic() - last_line >= LINE_EVERY_S:
                 last_line = time.monotonic()
                 if sys.stderr is not None:
-                    print(printable(line), file=sys.stderr, flush=True)
+                    print(printable(f"{what}: {done:,} of {total:,} rounds"), file=sys.stderr, flush=True)
 
         yield show
 

@@ -10,7 +10,7 @@ import typer
 
 from fpg_bench.cli.completion import complete_id, complete_suite
 from fpg_bench.cli.fields import Given
-from fpg_bench.cli.options import JsonOption, game_options, name_all, print_json
+from fpg_bench.cli.options import JsonOption, game_options, name_all, print_json, print_wrapped
 from fpg_bench.common.documentation import page
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
@@ -54,7 +54,7 @@ def envs(
         _print_env(config)
         typer.echo(f"    actions: nine floats; as a list of choices: {id_with(config.id, 'discrete')}")
     elif is_duel:
-        typer.echo(_BOTH_SIDES)
+        print_wrapped(_BOTH_SIDES)
     else:
         _print_all_envs()
 
@@ -67,23 +67,24 @@ def _print_all_envs() -> None:
 
     for config in ENVS.values():
         _print_env(config)
-    typer.echo(_BOTH_SIDES)
-    print_line(f"A round: 300 steps of 1 s. All numbers lie in [-1, 1]; scales: {page('reference/rules')}")
+    print_wrapped(_BOTH_SIDES)
+    print_wrapped(f"A round: 300 steps of 1 s. All numbers lie in [-1, 1]; scales: {page('reference/rules')}")
     for side in SIDES:
         name_all(f"{side} sees", (f"{k} {name}" for k, name in enumerate(OBSERVED[side])))
         name_all(f"{side} chooses", (f"{k} {name}" for k, name in enumerate(CHOSEN[side])))
-    typer.echo(
+    print_wrapped(
         "Choices from a list: actions='discrete' or 'multi-discrete', or an id such as "
-        "FPG/AllyVsScriptedDiscrete-v0;\n    fpg-bench envs ID lists them.\n"
-        "The ally's spectrum in place of the numbers: observation='waterfall'."
+        "FPG/AllyVsScriptedDiscrete-v0; fpg-bench envs ID lists them."
     )
+    print_wrapped("The ally's spectrum in place of the numbers: observation='waterfall'.")
 
 
 def _print_env(config: EnvConfig) -> None:
     """Print an id with its defaults."""
     flown = f"planned by {config.planner}" if config.planner else config.path
-    typer.echo(f"{config.id}\n    {config.about}")
-    typer.echo(
+    typer.echo(config.id)
+    print_wrapped(f"    {config.about}")
+    print_wrapped(
         f"    you play: {config.side}; {config.other_side}: {config.other}; opponent's path: {flown}; "
         f"rounds a match: {config.rounds_per_match}"
     )
@@ -133,14 +134,18 @@ def zoo(
     if as_json:
         print_json(rows)
         return
-    typer.echo(f"{'agent':40} {'seeds':>5} {'steps':>10} {'score':>6} {'95 % interval':>14}  suite")
+    width, suite_name = max(len(row["agent"]) for row in rows), None
+    typer.echo(f"{'agent':{width}} {'seeds':>5} {'steps':>9} {'score':>6} {'95 % interval':>13}")
     for row in rows:
+        if row["suite"] != suite_name:
+            suite_name = row["suite"]
+            typer.echo(f"on {suite_name}")
         interval = "-" if "seeds" in row else ""
         if row["low"] is not None:
             interval = f"[{number(row['low'])}, {number(row['high'])}]"
         typer.echo(
-            f"{row['agent']:40} {row.get('seeds', ''):5} {row['steps']:10,} {number(row['score']):>6} "
-            f"{interval:>14}  {row['suite']}"
+            f"{row['agent']:{width}} {row.get('seeds', ''):5} {row['steps']:9,} {number(row['score']):>6} "
+            f"{interval:>13}".rstrip()
         )
     damaged = [member.name for member in members if not member.is_whole()]
     for name in damaged:
@@ -148,7 +153,7 @@ def zoo(
     size = sum(file.stat().st_size for member in members for file in member.folder.iterdir())
     whole = "all policies are whole" if not damaged else f"{len(damaged)} policies are changed"
     typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; {whole}")
-    typer.echo(f"champions: {', '.join(name for side in SIDES for name in _champions(side))}")
+    name_all("champions", (name for side in SIDES for name in _champions(side)))
 
 
 def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[dict[str, Any]]:
@@ -198,7 +203,7 @@ def players() -> None:
     for tier, names in _planners().items():
         name_all(f"planners, tier {tier}", names)
     name_all("paths", PATHS)
-    typer.echo("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
+    print_wrapped("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
     if "hf://" in offered("agents"):
         typer.echo("On the Hugging Face Hub: hf://owner/name, or hf://owner/name@revision")
 
@@ -230,7 +235,7 @@ def suites(
         typer.echo(f"{suite.name}: {_described(suite)}")
         name_all("", [rival.name for rival in suite.rivals])
     if name is None:
-        print_line(f"Your own: a YAML file of the same form, see {page('benchmark/protocol')}")
+        print_wrapped(f"Your own: a YAML file of the same form, see {page('benchmark/protocol')}")
 
 
 def _described(suite: Suite) -> str:

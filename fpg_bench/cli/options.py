@@ -17,6 +17,7 @@ from fpg_bench.cli.completion import complete_player, complete_suite
 from fpg_bench.cli.fields import Fields
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.llm_options import LLMOptions
+from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
 from fpg_bench.game.spec import LISTS, GameSpec, option_names
 
@@ -124,6 +125,11 @@ def name_all(head: str, names: Iterable[str]) -> None:
     text = ", ".join(names)
     if text:
         typer.echo(f"{head}:" if head else "", nl=bool(head))
-        typer.echo(
-            textwrap.fill(text, 78, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
-        )
+        print_wrapped(f"    {text}")
+
+
+def print_wrapped(text: str) -> None:
+    """Print a text wrapped for a terminal of 80 columns, further lines indented; a long path stays whole."""
+    print_line(
+        textwrap.fill(text, 78, subsequent_indent="    ", break_on_hyphens=False, break_long_words=False)
+    )

@@ -182,7 +182,7 @@ def compare(
             matches=matches,
             transcripts=transcripts,
             llm=llm,
-            progress=lambda entry, ally, rounds: show(f"{entry.name} - {ally.name}, {rounds} rounds played"),
+            progress=lambda entry, ally, rounds, *of: show(f"{entry.name} - {ally.name}", *of),
             allow=allow or (),
         )
     table(out, wide)

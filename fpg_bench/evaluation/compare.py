@@ -28,7 +28,7 @@ def compare(
     matches: int | None = None,
     transcripts: str | Path | None = None,
     llm: LLMOptions = LLMOptions(),
-    progress: Progress = lambda entry, rival, rounds: None,
+    progress: Progress = lambda entry, rival, rounds, done, total: None,
     allow: Collection[str] = (),
 ) -> list[Summary]:
     """Play planners against a suite of allies; records that the folder has already are not played again.
@@ -42,7 +42,8 @@ def compare(
         matches: per ally; None: the suite's own.
         transcripts: a folder of transcripts; each planner in it is one more, replayed without a server.
         llm: options of the language models, whose caps hold for all allies together.
-        progress: called before each matchup and after each of its rounds.
+        progress: called before each matchup and after each of its rounds; see
+            :func:`fpg_bench.evaluation.evaluate.evaluate`.
         allow: the code and agents of the Hub that the suite's file may name; see
             :func:`fpg_bench.evaluation.suite.load_suite`.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +13,18 @@ import numpy as np
 from fpg_bench.common.canvas import blank_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.evaluation.run_description import RunDescription
+from fpg_bench.evaluation.entry import distinct_names
+from fpg_bench.evaluation.policy_evaluator import in_scenario
+from fpg_bench.evaluation.run_description import MADE_BY, RunDescription
 from fpg_bench.evaluation.statistics import student_t
+from fpg_bench.evaluation.suite import Scale, read_suite
+from fpg_bench.evaluation.summary import summarise
+from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.agent import seed_folders
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 EVALUATIONS = "evaluations.jsonl"  # scores during training, in a run's folder
@@ -27,6 +34,7 @@ _POINTS = 200
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 _DASHES = ("-", "--", "-.", ":", (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))  # for print without colours
 _LOWEST = -100.0  # of the axis; early policies may score far below
+_MARGIN = 0.15  # of the axis beyond the means, on either side; a band over two seeds is cut there
 
 Styles = Mapping[str, Mapping[str, Any]]
 
@@ -92,44 +100,121 @@ def read_runs(runs: Sequence[str | Path]) -> list[Row]:
     """Return the evaluations of runs, as :func:`curves` takes them.
 
     Args:
-        runs: folders of a run, or of the runs of several training seeds, ``seed_0``, ``seed_1``, ... Each
-            becomes a curve by the name of its algorithm, or of its folder where algorithms are the same.
+        runs: folders of a run, or of the runs of several training seeds, ``seed_0``, ``seed_1``, ... Runs
+            that differ by their training seed alone become a curve, as agents become an entry: by the name
+            of the algorithm, or of their folders where algorithms are the same.
 
     Raises:
         UserError: a folder without evaluations, or runs that were evaluated on several suites.
     """
-    by_run = {str(run).rstrip("/"): _evaluations(Path(run)) for run in runs}
-    suites = {row["suite"]: run for run, rows in by_run.items() for row in rows}
+    folders = {folder: run for run in map(Path, runs) for folder in seed_folders(run) or [run]}
+    abouts = _descriptions(folders)
+    suites = {about.suite: folder for folder, about in abouts.items()}
     if len(suites) > 1:
         (one, first), (other, second), *_ = suites.items()
         raise UserError(f"curves: {first} was evaluated on {one}, {second} on {other}; draw them apart")
-    algorithms = {run: sorted({row["algorithm"] for row in rows}) for run, rows in by_run.items()}
-    counts = Counter(name for names in algorithms.values() for name in names)
-    labelled = []
-    for run, rows in by_run.items():
-        is_clear = len(algorithms[run]) == 1 and counts[algorithms[run][0]] == 1
-        sides = {row["side"] for row in rows}
-        for row in rows:
-            name = algorithms[run][0] if is_clear else run
-            labelled.append(row | {"algorithm": name if len(sides) == 1 else f"{name}, {row['side']}"})
-    return labelled
-
-
-def _evaluations(run: Path) -> list[Row]:
+    groups = _groups(abouts, folders)
+    algorithms = [abouts[group[0]].algorithm for group in groups]
+    names = distinct_names(algorithms, [list(map(str, group)) for group in groups])
     rows = []
-    for folder in seed_folders(run) or [run]:
+    for name, group in zip(names, groups, strict=True):
+        for folder in group:
+            own, seed = _evaluations(folder), abouts[folder].training_seed
+            has_sides = len({row["side"] for row in own}) > 1
+            rows += [
+                row | {"algorithm": f"{name}, {row['side']}" if has_sides else name, "training_seed": seed}
+                for row in own
+            ]
+    return rows
+
+
+def _descriptions(folders: Iterable[Path]) -> dict[Path, RunDescription]:
+    """Return the descriptions of runs, by their folders."""
+    folders = list(folders)
+    for folder in folders:
         if not (folder / EVALUATIONS).exists():
             raise UserError(
                 f"curves: {folder} holds no {EVALUATIONS}; name the folder of a run, or of its seeds"
             )
-        about = RunDescription.read(folder)
-        head = {key: getattr(about, key) for key in ("algorithm", "training_seed", "suite")}
-        needs = {"side": str, "score": float | int, "steps": int, "seconds": float | int}
-        own = RowFile(folder / EVALUATIONS, needs).read()
-        if not any(row["steps"] > 0 for row in own):
-            raise UserError(f"curves: {folder} was not evaluated during its training; see --n-evals of train")
-        rows += [head | row for row in own]
+    return {folder: RunDescription.read(folder) for folder in folders}
+
+
+def _groups(abouts: Mapping[Path, RunDescription], named: Mapping[Path, Path]) -> list[list[Path]]:
+    """Return the folders of runs that differ by their training seed alone.
+
+    Runs of other programs say too little of themselves, and those of equal seeds must differ in something:
+    they share a curve only within a folder that was ``named``.
+    """
+    by_made: dict[str, list[Path]] = {}
+    for folder, about in abouts.items():
+        content = about.to_dict()
+        made = json.dumps([content.get(key) for key in MADE_BY], sort_keys=True)
+        by_made.setdefault(made, []).append(folder)
+    groups = []
+    for group in by_made.values():
+        seeds = {abouts[folder].training_seed for folder in group}
+        if abouts[group[0]].game is not None and len(seeds) == len(group):
+            groups.append(group)
+        else:
+            apart = dict.fromkeys(named[folder] for folder in group)
+            groups += [[folder for folder in group if named[folder] == run] for run in apart]
+    return groups
+
+
+def _evaluations(run: Path) -> list[Row]:
+    """Return the evaluations of a single run."""
+    needs = {"side": str, "score": float | int, "steps": int, "seconds": float | int}
+    rows = RowFile(run / EVALUATIONS, needs).read()
+    if not any(row["steps"] > 0 for row in rows):
+        raise UserError(f"curves: {run} was not evaluated during its training; see --n-evals of train")
     return rows
+
+
+def levels_of(runs: Iterable[str | Path]) -> dict[str, float]:
+    """Return the levels of the runs' suite, see :func:`score_levels`, as far as they hold for all runs."""
+    folders = [folder for run in map(Path, runs) for folder in seed_folders(run) or [run]]
+    abouts = {about.scenario: about for about in _descriptions(folders).values()}
+    levels = []
+    for about in abouts.values():
+        scenario = None if about.scenario is None else Scenario.from_dict(about.scenario_fields)
+        levels.append(score_levels((about.suite or "").split(", "), scenario))
+    return {name: score for name, score in levels[0].items() if all(name in each for each in levels)}
+
+
+def score_levels(suites: Iterable[str], scenario: Scenario | None = None) -> dict[str, float]:
+    """Return the scores of random play and of the best script with shipped records, by name.
+
+    Args:
+        suites: names or files of suites; one that cannot be read has no levels.
+        scenario: what was played on them; where it changes their game, they have no levels. None: their own.
+    """
+    levels: dict[str, float] = {}
+    for name in suites:
+        try:
+            suite = read_suite(name)
+        except UserError:
+            continue
+        if scenario is not None and in_scenario(suite, scenario).hash != suite.hash:
+            continue
+        if suite.scale != Scale():
+            levels["random"] = suite.scale.score(suite.scale.zero)
+        for best in summarise(load_zoo().read_script_records(suite), suite)[:1]:
+            levels[best.entry] = best.score.value
+    return levels
+
+
+def limit_scores(axes: Axes, means: Iterable[np.ndarray], levels: Mapping[str, float]) -> None:
+    """Draw level lines, and let the axis of scores end near the means and levels, wherever bands reach."""
+    for name, score in levels.items():
+        axes.axhline(score, color=GREY, lw=0.9, zorder=0)
+        axes.annotate(
+            name, (0.01, score), xycoords=("axes fraction", "data"), va="bottom", color=GREY, fontsize=8
+        )
+    scores = np.concatenate([*means, [*levels.values()]])
+    scores = scores[np.isfinite(scores)]
+    low, high = np.maximum((scores.min(), scores.max()), _LOWEST) if scores.size else (0.0, 1.0)
+    margin = _MARGIN * (high - low) or 1.0
+    axes.set_ylim(max(low - margin, _LOWEST), high + margin)
 
 
 def draw_curves(
@@ -159,11 +244,7 @@ def draw_curves(
             style = styles.get(name, {"color": GREY})
             axes.plot(curve.x / unit, curve.mean, lw=1.8, label=name, **style)
             axes.fill_between(curve.x / unit, curve.low, curve.high, color=style["color"], alpha=0.2, lw=0)
-        for name, score in (levels or {}).items():
-            axes.axhline(score, color=GREY, lw=0.9)
-            axes.annotate(
-                name, (0.01, score), xycoords=("axes fraction", "data"), va="bottom", color=GREY, fontsize=8
-            )
+        limit_scores(axes, [curve.mean for curve in drawn.values()], levels or {})
         axes.set(xscale="log", xlabel=label)
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.xaxis.set_major_formatter(form)
@@ -171,6 +252,4 @@ def draw_curves(
         axes.spines[["top", "right"]].set_visible(False)
     both[0].set_ylabel("score")
     both[1].legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1), handlelength=4)
-    low, _ = both[0].get_ylim()
-    both[0].set_ylim(bottom=max(low, _LOWEST))
     return figure

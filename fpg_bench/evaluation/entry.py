@@ -17,6 +17,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import NAMED, SCRIPTED
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.rounds import Players
+from fpg_bench.evaluation.run_description import MADE_BY
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.planning import PLANNERS, as_planner
 from fpg_bench.players.agent import agents_named
@@ -27,17 +28,6 @@ from fpg_bench.players.remote import is_remote, pinned
 ALL_SCRIPTED = "all-scripted"
 MADE = "2:"  # begins what is kept of how an agent was made; version 0.2.0 hashed other text
 _NAMELESS = "object "  # a fingerprint that holds as long as the program runs
-# What agents of one entry have in common; they differ by their training seed alone.
-_MADE_BY = (
-    "algorithm",
-    "game",
-    "scenario",
-    "training_steps",
-    "hyperparameters",
-    "options",
-    "policies",
-    "offline",
-)
 
 
 @dataclass(frozen=True)
@@ -104,7 +94,7 @@ def entries_of(
         groups.setdefault(_made_by(spec, player), []).append(spec)
     agents = [members for members in groups.values() if card_of(players[members[0]]) is not None]
     if name is not None and len(agents) > 1:
-        called = " and ".join(_label(members) for members in agents)
+        called = " and ".join(_label(list(map(player_name, members))) for members in agents)
         raise UserError(f"name {name!r}: {called} were made differently, so they are several entries")
     if name in NAMED[suite.side]:
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
@@ -197,31 +187,43 @@ def _made_by(spec: PlayerSpec, player: Player) -> str:
     if card.recipe is not None:  # of champions; each seed has responders of its own
         return json.dumps(card.recipe, sort_keys=True)
     content = card.to_dict()
-    return json.dumps([content.get(key) for key in _MADE_BY], sort_keys=True)
+    return json.dumps([content.get(key) for key in MADE_BY], sort_keys=True)
 
 
 def _names(
     groups: Mapping[str, Sequence[PlayerSpec]], players: Mapping[PlayerSpec, Player], name: str | None
 ) -> dict[PlayerSpec, str]:
-    """Return the name of each player; entries that would share one are named by their folders."""
-    names: dict[PlayerSpec, str] = {}
+    """Return the name of each player."""
+    first = []
     for members in groups.values():
         card = card_of(players[members[0]])
-        first = player_name(members[0]) if card is None else name or card.algorithm
-        names |= dict.fromkeys(members, first)
-    for rename in (_label, lambda members: player_name(members[0])):
-        counts = Counter(names[members[0]] for members in groups.values())
-        for members in groups.values():
-            if counts[names[members[0]]] > 1:
-                names |= dict.fromkeys(members, rename(members))
-    return names
+        first.append(player_name(members[0]) if card is None else name or card.algorithm)
+    named = distinct_names(first, [list(map(player_name, members)) for members in groups.values()])
+    return {spec: name for name, members in zip(named, groups.values(), strict=True) for spec in members}
 
 
-def _label(specs: Sequence[PlayerSpec]) -> str:
+def distinct_names(names: Sequence[str], folders: Sequence[Sequence[str]]) -> list[str]:
+    """Return the names of groups of training seeds; those that would share one are named by their folders.
+
+    >>> distinct_names(["ppo", "ppo", "sac"], [["runs/slow_0", "runs/slow_1"], ["runs/ppo/seed_0"], ["sac"]])
+    ['runs/slow', 'runs/ppo', 'sac']
+    """
+    named = list(names)
+    for rename in (_label, lambda members: members[0]):
+        counts = Counter(named)
+        named = [
+            rename(members) if counts[name] > 1 else name
+            for name, members in zip(named, folders, strict=True)
+        ]
+    return named
+
+
+def _label(folders: Sequence[str]) -> str:
     """Return the common beginning of agents' folders, without the training seed."""
-    folders = [re.sub(r"(/seed_\d+)?(/agent)?/?$", "", player_name(spec)) for spec in specs]
-    shared = os.path.commonprefix(folders)  # noqa: RUF071  runs/ppo_ of runs/ppo_0 and runs/ppo_1
-    return shared.rstrip("/_-.") or player_name(specs[0])
+    shared = os.path.commonprefix(  # noqa: RUF071  runs/ppo_ of runs/ppo_0 and runs/ppo_1
+        [re.sub(r"(/seed_\d+)?(/agent)?/?$", "", folder) for folder in folders]
+    )
+    return shared.rstrip("/_-.") or folders[0]
 
 
 def _entry(spec: PlayerSpec, player: Player, name: str, suite: Suite) -> EvaluatedPlayer:

@@ -45,7 +45,7 @@ def evaluate(
     *,
     matches: int | None = None,
     name: str | None = None,
-    progress: Progress = lambda entry, rival, rounds: None,
+    progress: Progress = lambda entry, rival, rounds, done, total: None,
     workers: Workers | int = 1,
     allow: Collection[str] = (),
 ) -> Results:
@@ -65,7 +65,8 @@ def evaluate(
         out: the results folder; ``records.jsonl`` grows by one record per rival. None: nothing is kept.
         matches: per rival and training seed; None: the suite's own.
         name: name of the agents in records and tables; None: their algorithm. Not a script's name.
-        progress: called before each matchup and after each of its rounds, if there is one job.
+        progress: called before each matchup and after each of its rounds, if there is one job, with the
+            player, the rival, the rounds played of this matchup, those of all matchups, and their total.
         workers: number of matchups that are played at once, or :class:`fpg_bench.common.parallel.Workers`;
             the records are the same, in another order.
         allow: the code and agents of the Hub that the suite's file may name; see
@@ -107,7 +108,7 @@ def play_into(
     name: str,
     suite: Suite,
     entries: Sequence[EvaluatedPlayer],
-    progress: Progress = lambda entry, rival, rounds: None,
+    progress: Progress = lambda entry, rival, rounds, done, total: None,
     workers: Workers | int = 1,
 ) -> list[Summary]:
     """Play entries against a suite into a results folder; raises as :func:`evaluate` does.

@@ -11,10 +11,11 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.record import Pooled
-from fpg_bench.evaluation.rounds import MatchBatch, play_round
+from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, play_round
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import PLANNER, Scale, Suite, load_suite
 from fpg_bench.game.metrics import pool
+from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.players.player import Abilities, Memory, Player, PlayerSpec
 from fpg_bench.players.registry import as_player
@@ -59,7 +60,7 @@ class PolicyEvaluator:
             raise UserError(
                 f"suite {loaded.name}: measures the {loaded.side}, not the {side or 'ally or opponent'}"
             )
-        played = loaded if scenario is None else _in_scenario(loaded, scenario)
+        played = loaded if scenario is None else in_scenario(loaded, scenario)
         self.suite = dataclasses.replace(played, matches=-(-rounds // played.rounds_per_match))
 
     def score(self, player: PlayerSpec) -> dict[str, Any]:
@@ -82,6 +83,15 @@ class PolicyEvaluator:
     def scores(self, player: PlayerSpec) -> np.ndarray:
         """Return the scores ``(rivals, matches)`` of a player."""
         return self.suite.scale.score(self._play(player)[0])
+
+    def record_round(self, player: PlayerSpec) -> Recording:
+        """Return the recording of a round against the first rival, the same round for all players."""
+        met = as_player(player, self.suite.side, self.suite.scenario)
+        match = match_of(met, self.suite, self.suite.rivals[0], matches=1)
+        begin_round(match, seeds=np.array(tuning_seeds(1)))
+        recording = Recording(match.duel.batch)
+        finish_round(match, on_step=recording.add)
+        return recording
 
     def _play(self, spec: PlayerSpec) -> tuple[np.ndarray, dict[str, float | None]]:
         """Play new matches; return the rewards per step ``(rivals, matches)`` and the pooled measures."""
@@ -108,7 +118,7 @@ class PolicyEvaluator:
         return rewards, Pooled(tally, points, len(played), 0, None).measures
 
 
-def _in_scenario(suite: Suite, scenario: Scenario) -> Suite:
+def in_scenario(suite: Suite, scenario: Scenario) -> Suite:
     """Return the suite in another scenario, in which each rival keeps its path."""
     if scenario.hash == suite.scenario.hash:
         return suite

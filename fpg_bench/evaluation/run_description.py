@@ -15,18 +15,19 @@ from fpg_bench.players.card import Game, OfflineData
 
 FILE = "run.json"
 _Number = Annotated[float, pydantic.Field(strict=False)]
-# What tells a run from another; the command and the versions may change when it is resumed.
-IDENTITY = (
+# What runs, and their agents, of one entry have in common; they differ by their training seed alone.
+MADE_BY = (
     "algorithm",
     "game",
     "scenario",
-    "training_seed",
     "training_steps",
     "hyperparameters",
     "options",
-    "offline",
     "policies",
+    "offline",
 )
+# What tells a run from another; the command and the versions may change when it is resumed.
+IDENTITY = (*MADE_BY, "training_seed")
 
 
 class RunDescription(Strict):

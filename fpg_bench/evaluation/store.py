@@ -21,8 +21,8 @@ from fpg_bench.evaluation.record import MatchupKey, Record, read_records
 from fpg_bench.evaluation.suite import Rival, Suite
 
 RECORDS = "records.jsonl"
-# Called with the number of rounds of each match that were played.
-Progress = Callable[[EvaluatedPlayer, Rival, int], None]
+# Called with the rounds of each match of this pairing that were played; and those of all, and of how many.
+Progress = Callable[[EvaluatedPlayer, Rival, int, int, int], None]
 
 
 class Pairing(NamedTuple):
@@ -122,7 +122,7 @@ class Store:
         wanted: Sequence[Pairing],
         by: Callable[..., Record] | None = None,
         *,
-        progress: Progress = lambda entry, rival, rounds: None,
+        progress: Progress = lambda entry, rival, rounds, done, total: None,
         workers: Workers | int = 1,
     ) -> list[Record]:
         """Play the pairings that have no record; each record is kept as soon as it is there.
@@ -142,10 +142,12 @@ class Store:
         with self.locked():
             missing, by = self.missing(wanted), by or play
             if Workers.of(workers).is_alone:
+                done, total = 0, sum(suite.rounds_per_match for _, suite, _ in missing)
                 for pairing in missing:
-                    note = partial(progress, pairing.entry, pairing.rival)
+                    note = partial(_report, progress, pairing, done, total)
                     note(0)
                     self.add(by(*pairing, on_round=note))
+                    done += pairing.suite.rounds_per_match
             else:
                 jobs = [Job(each.name, partial(by, *each), self.add) for each in missing]
                 check_all_done(run_jobs(jobs, workers))
@@ -158,3 +160,8 @@ class Store:
             if pairing.key not in known:
                 raise UserError(f"records {self.path}: none of {pairing.name}; play it first")
         return [known[pairing.key] for pairing in wanted]
+
+
+def _report(progress: Progress, pairing: Pairing, before: int, total: int, rounds: int) -> None:
+    """Call ``progress`` after some rounds of a pairing, given the rounds before it and the total."""
+    progress(pairing.entry, pairing.rival, rounds, before + rounds, total)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -178,19 +179,27 @@ class Zoo:
 
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
         """Return the records of a group and of the scripts on a suite, those of the present players only."""
-        prints: dict[tuple[str, int | None], str] = {(name, None): name[:16] for name in SCRIPTED[group.side]}
-        prints |= {
+        agents = {
             (agent.algorithm, agent.seed): agent.card().policy_sha256[:16]
             for agent in self.members(group.name)
             if agent.shipped
         }
-        return [
-            record
-            for file in (self.records_file(suite), self.records_file(group))
-            for record in read_records(RowFile(file).read(), f"records {file}")
-            if record.suite_hash == suite.hash[:16]
-            and record.fingerprint == prints.get((record.entry, record.training_seed))
-        ]
+        return [*self.read_script_records(suite), *_read(self.records_file(group), suite, agents)]
+
+    def read_script_records(self, suite: Suite) -> list[Record]:
+        """Return the records of the present scripts on a suite; empty where there are none."""
+        scripts = {(name, None): name[:16] for name in SCRIPTED.get(suite.side, ())}
+        return _read(self.records_file(suite), suite, scripts)
+
+
+def _read(file: Path, suite: Suite, players: Mapping[tuple[str, int | None], str]) -> list[Record]:
+    """Return the records of these players, given by name, training seed and fingerprint, on a suite."""
+    return [
+        record
+        for record in read_records(RowFile(file).read(), f"records {file}")
+        if record.suite_hash == suite.hash[:16]
+        and record.fingerprint == players.get((record.entry, record.training_seed))
+    ]
 
 
 def _draws(group: ZooGroup) -> bool:

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import sys
+import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import HParam, Image, TensorBoardOutputFormat
+from tensorboard.compat.proto.summary_pb2 import Summary
 
 from fpg_bench.common.output import is_terminal
 from fpg_bench.common.parallel import LINE_EVERY_S
+from fpg_bench.common.products import load
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
+from fpg_bench.evaluation.run_description import RunDescription
+from fpg_bench.game.recording import Recording
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.interrupts import StopRequest
@@ -25,6 +32,7 @@ from fpg_bench.training.models import by_side
 
 _OF_MONITOR = ("r", "l", "t")  # in an episode's information beside its measures
 SAVE_EVERY_S = 60.0
+FILM_EVERY = 10  # steps between two pictures of a film
 
 _logger = logging.getLogger(__name__)
 
@@ -41,6 +49,38 @@ class GameMeasuresCallback(BaseCallback):
 
     def _on_step(self) -> bool:
         return True
+
+
+class DescriptionCallback(BaseCallback):
+    """Log how a run is made: its description as text, and its hyper-parameters, as TensorBoard compares them.
+
+    Args:
+        about: description of the run.
+        sides: the sides that are evaluated.
+    """
+
+    def __init__(self, about: RunDescription, sides: Sequence[str]) -> None:
+        super().__init__()
+        self._about, self._sides = about, sides
+
+    def _on_training_start(self) -> None:
+        about = self._about.to_dict()
+        text = json.dumps(about, indent=2)
+        made = {key: about[key] for key in ("algorithm", "training_seed", "training_steps") if key in about}
+        made |= {"id": about["game"]["id"], **self._about.hyperparameters}
+        plain = {name: x if isinstance(x, bool | int | float | str) else str(x) for name, x in made.items()}
+        metrics = {score_tag(side, "score", self._sides): 0.0 for side in self._sides}
+        self.logger.record("run/description", f"```json\n{text}\n```")
+        self.logger.record("hparams", HParam(plain, metrics or {"rollout/ep_rew_mean": 0.0}))
+        self.logger.dump(self.num_timesteps)
+
+    def _on_step(self) -> bool:
+        return True
+
+
+def score_tag(side: str, name: str, sides: Sequence[str]) -> str:
+    """Return the tag of a side's score, return or measure on its suite."""
+    return f"score/{name}" if len(sides) == 1 else f"score/{side}_{name}"
 
 
 class ProgressCallback(BaseCallback):
@@ -143,6 +183,7 @@ class EvalCheckpointCallback(BaseCallback):
         budget: steps of the run.
         n_evals: number of evaluations, besides the one at the start.
         stop: request to save and stop the run.
+        log_rounds: log a picture and a film of a round at each evaluation.
     """
 
     def __init__(
@@ -154,6 +195,7 @@ class EvalCheckpointCallback(BaseCallback):
         budget: int,
         n_evals: int,
         stop: StopRequest,
+        log_rounds: bool = False,
     ) -> None:
         super().__init__()
         self._folder, self._clock, self._evaluators, self._file = folder, clock, evaluators, file
@@ -161,7 +203,7 @@ class EvalCheckpointCallback(BaseCallback):
         rows = file.read()
         self._last_eval = rows[-1]["steps"] if rows else -1
         self._last_save = time.monotonic()
-        self._stop = stop
+        self._stop, self._log_rounds = stop, log_rounds
 
     def _on_rollout_start(self) -> None:
         is_due = bool(self._evaluators) and self.num_timesteps >= self._next_eval
@@ -196,8 +238,31 @@ class EvalCheckpointCallback(BaseCallback):
         self._file.append([head | {"side": side} | result for side, result in results.items()])
         self._last_eval = self.num_timesteps
         for side, result in results.items():
-            name = "suite/score" if len(results) == 1 else f"suite/{side}_score"
-            self.logger.record(name, result["score"])
+            for name, value in ({"score": result["score"]} | result["measures"]).items():
+                if value is not None:
+                    self.logger.record(score_tag(side, name, list(results)), value)
+        if self._log_rounds:
+            with self._clock.paused():
+                for side, player in by_side(self.model, tuple(self._evaluators)).items():
+                    self._log_round(side, self._evaluators[side].record_round(ActorPlayer(player)))
+        self.logger.dump(self.num_timesteps)  # no rollout may follow
+
+    def _log_round(self, side: str, recording: Recording) -> None:
+        """Log a picture of a round at its end, and a film of it: an animated GIF, which TensorBoard plays."""
+        title = f"{side} after {self.num_timesteps:,} steps"
+        picture = load("drawing", "picture")(recording, title).draw()
+        self.logger.record(f"round/{side}", Image(picture, "HWC"), exclude=("stdout", "log", "json", "csv"))
+        with tempfile.TemporaryDirectory() as folder:
+            film = Path(folder) / "film.gif"
+            load("film", ".gif")([recording], film, title, FILM_EVERY)
+            height, width, colours = picture.shape
+            image = Summary.Image(
+                height=height, width=width, colorspace=colours, encoded_image_string=film.read_bytes()
+            )
+        summary = Summary(value=[Summary.Value(tag=f"round/{side}_film", image=image)])
+        for form in self.logger.output_formats:
+            if isinstance(form, TensorBoardOutputFormat):
+                form.writer._get_file_writer().add_summary(summary, self.num_timesteps)
 
     def _save(self) -> None:
         save_checkpoint(self.model, self._folder, seconds=self._clock.seconds)

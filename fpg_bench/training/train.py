@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
@@ -23,11 +24,13 @@ from torch.distributions import Distribution
 from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure, write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
+from fpg_bench.evaluation.curves import limit_scores, score_levels
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
@@ -36,6 +39,7 @@ from fpg_bench.planning.planner import CountsPlans
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
+    DescriptionCallback,
     EvalCheckpointCallback,
     GameMeasuresCallback,
     ProgressCallback,
@@ -80,6 +84,7 @@ def train(
     progress: bool = True,
     restart: bool = False,
     resume: bool = False,
+    log_rounds: bool = False,
 ) -> Path:
     """Train a run and export the agent.
 
@@ -107,6 +112,8 @@ def train(
         progress: show a progress bar, or log lines if standard output is not a terminal.
         restart: discard an unfinished run in the folder and start over.
         resume: continue an unfinished run in the folder, or start one if there is none.
+        log_rounds: log a picture and a film of a round at each evaluation, for TensorBoard; needs the extra
+            ``video``.
 
     Returns:
         The agent's folder; if both sides learn, it holds an agent folder for each.
@@ -119,6 +126,8 @@ def train(
     torch.set_num_threads(1)
     if restart and resume:
         raise UserError("resume continues a run, restart starts it over; give only one of them")
+    if log_rounds:
+        require_extra("video", "PIL")
     run = _Run(config, RunFolder(Path(out)))
     run.setup()
     evaluators = {
@@ -133,7 +142,7 @@ def train(
                 run.resume(state)
             else:
                 run.folder.clear()
-            run.learn(evaluators, evaluations, progress)
+            run.learn(evaluators, evaluations, progress, log_rounds)
             run.finish()
     return run.folder.agent
 
@@ -157,6 +166,7 @@ def train_seeds(
     evaluations: int = EVALUATIONS,
     restart: bool = False,
     workers: Workers | int = 2,
+    log_rounds: bool = False,
 ) -> None:
     """Train several seeds of a run in parallel; finished ones are not repeated.
 
@@ -167,6 +177,7 @@ def train_seeds(
         evaluations: number of evaluations during each training.
         restart: discard unfinished runs and start them over; otherwise they are resumed.
         workers: number of parallel trainings, one thread each, or :class:`fpg_bench.common.parallel.Workers`.
+        log_rounds: see :func:`train`.
 
     Raises:
         UserError: something unknown or out of range, folders that hold other runs, a language model as the
@@ -180,7 +191,13 @@ def train_seeds(
     for seed in seeds:
         run, folder = dataclasses.replace(config, seed=seed), Path(out) / f"seed_{seed}"
         call = partial(
-            train, run, evaluations=evaluations, restart=restart, resume=not restart, progress=False
+            train,
+            run,
+            evaluations=evaluations,
+            restart=restart,
+            resume=not restart,
+            progress=False,
+            log_rounds=log_rounds,
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
@@ -349,7 +366,13 @@ class _Run:
         self.about = self.about.model_copy(update={"imitation_error": round(error, 6)})
         self._seed_games()
 
-    def learn(self, evaluators: Mapping[str, PolicyEvaluator], n_evals: int, progress: bool) -> None:
+    def learn(
+        self,
+        evaluators: Mapping[str, PolicyEvaluator],
+        n_evals: int,
+        progress: bool,
+        log_rounds: bool = False,
+    ) -> None:
         """Train to the budget.
 
         Raises:
@@ -364,13 +387,21 @@ class _Run:
         with StopRequest(_STOPPING) as stop:
             self._imitate(stop)
             checkpoints = EvalCheckpointCallback(
-                self.folder.checkpoints, clock, evaluators, self.folder.evaluations, budget, n_evals, stop
+                self.folder.checkpoints,
+                clock,
+                evaluators,
+                self.folder.evaluations,
+                budget,
+                n_evals,
+                stop,
+                log_rounds,
             )
             try:
                 if model.num_timesteps < budget:
                     steps = budget - model.num_timesteps
                     _warn_of_overshoot(model, steps)
-                    callbacks = [GameMeasuresCallback(), checkpoints, *bars]
+                    about = DescriptionCallback(started, tuple(evaluators))
+                    callbacks = [about, GameMeasuresCallback(), checkpoints, *bars]
                     model.learn(steps, callbacks, log_interval=1, reset_num_timesteps=False)
             except ValueError as error:
                 if tells_divergence(error, self.sides) or not is_finite(model):
@@ -402,7 +433,8 @@ class _Run:
         )
         save_model(self.model, self.folder.path)
         if rows := self.folder.evaluations.read():
-            _draw_curve(rows, f"{about.algorithm}, {self.config.spec.id}", self.folder.curve)
+            levels = score_levels(self.suites, self.games.core.scenario)
+            _draw_curve(rows, levels, f"{about.algorithm}, {self.config.spec.id}", self.folder.curve)
         rate = round(steps / self.seconds)
         result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         about.model_copy(update=result).write(self.folder.path)
@@ -442,14 +474,18 @@ def _check_start(run: Path, about: RunDescription) -> None:
             raise UserError(f"start {run}: {key} is {found!r} there, expected {expected!r}")
 
 
-def _draw_curve(rows: Sequence[Row], title: str, path: Path) -> None:
+def _draw_curve(rows: Sequence[Row], levels: Mapping[str, float], title: str, path: Path) -> None:
     """Draw each side's score over the steps, from the rows of ``evaluations.jsonl``, into a PNG file."""
+    from matplotlib.ticker import EngFormatter
+
     figure = blank_figure(6, 3.6)
     axes = figure.subplots()
+    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     for side in dict.fromkeys(row["side"] for row in rows):
         points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
         axes.plot(*zip(*points, strict=True), "o-", ms=3, color=SIDE_COLOURS[side], label=side)
     axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=title)
+    limit_scores(axes, [np.array([row["score"] for row in rows])], levels)
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
     write_figure(figure, path)

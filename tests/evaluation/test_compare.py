@@ -158,7 +158,7 @@ def test_a_stopped_run_goes_on_calls_nothing_twice_and_keeps_its_cap(folder, ask
     class Stop(Exception):
         pass
 
-    def stop(who, ally, rounds):
+    def stop(who, ally, rounds, *of):
         if (ally.name, rounds) == ("expert", 2):
             raise Stop
 

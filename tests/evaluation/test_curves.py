@@ -7,8 +7,10 @@ import pytest
 
 from fpg_bench.cli.evaluation import curves as verb
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.curves import curves, read_runs, styles_of
+from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.evaluation.curves import curves, draw_curves, levels_of, read_runs, styles_of
 from fpg_bench.evaluation.statistics import student_half
+from fpg_bench.game.scenario import Scenario
 
 
 def write_run(folder, algorithm="ppo", seed=0, slope=1.0, suite="ally-v1", steps=(0, 100, 200, 400)):
@@ -68,3 +70,45 @@ def test_the_verb_writes_a_figure_by_its_suffix(runs, tmp_path):
 def test_many_curves_differ_in_colour_or_dashes():
     styles = styles_of(map(str, range(36)))
     assert len({str(style) for style in styles.values()}) == 36
+
+
+def write_described(folder, seed, slope, **changes):
+    """A run that says how it was made, as those of ``fpg-bench train`` do."""
+    write_run(folder, seed=seed, slope=slope)
+    game = {"id": "FPG/AllyVsScripted-v0", "opponent": ["tone", "adaptive"]}
+    about = json.loads((folder / "run.json").read_text()) | {"game": game, "training_steps": 400} | changes
+    (folder / "run.json").write_text(json.dumps(about))
+
+
+def test_runs_that_differ_by_their_training_seed_alone_are_one_curve(tmp_path):
+    for seed in range(3):
+        write_described(tmp_path / f"ppo_{seed}", seed, 0.1 * (1 + seed))
+        write_described(tmp_path / f"slow_{seed}", seed, 0.01, hyperparameters={"learning_rate": 1e-5})
+    seeds, others = ([tmp_path / f"{name}_{seed}" for seed in range(3)] for name in ("ppo", "slow"))
+    drawn = curves(read_runs(seeds), "steps")
+    assert list(drawn) == ["ppo"]
+    assert drawn["ppo"].mean == pytest.approx(0.2 * drawn["ppo"].x)
+    assert list(curves(read_runs([*seeds, *others]), "steps")) == [
+        str(tmp_path / name) for name in ("ppo", "slow")
+    ]
+
+
+def test_random_play_and_the_best_script_are_levels(runs, tmp_path):
+    levels = levels_of(runs)
+    assert levels.pop("random") == 0
+    ((script, score),) = levels.items()
+    assert script in SCRIPTED["ally"]
+    assert 0 < score < 100
+    cheap = {"scenario": Scenario(hop_cost=1).hash, "scenario_fields": {"hop_cost": 1.0}}
+    write_described(tmp_path / "cheap", 0, 1.0, **cheap)
+    assert levels_of([tmp_path / "cheap"]) == {}  # its scores are on no scale
+    assert levels_of([*runs, tmp_path / "cheap"]) == {}
+
+
+def test_the_axis_ends_near_means_and_levels_whatever_bands_reach(tmp_path):
+    for seed, slope in enumerate((-3.0, 0.05, 0.1)):
+        write_described(tmp_path / f"run_{seed}", seed, slope)
+    figure = draw_curves(read_runs([tmp_path / f"run_{seed}" for seed in (1, 2)]), levels={"best": 60.0})
+    assert figure.axes[0].get_ylim() == pytest.approx((7.5 - 7.875, 60 + 7.875))
+    figure = draw_curves(read_runs([tmp_path / "run_0"]), levels={"random": 0.0})
+    assert figure.axes[0].get_ylim() == pytest.approx((-100, 15))

@@ -97,7 +97,7 @@ def test_finished_lines_survive_a_stop(suite, tmp_path):
     class Stop(Exception):
         pass
 
-    def stop(entry, rival, rounds):
+    def stop(entry, rival, *rounds):
         if (entry.name, rival.name) == ("idle", "sweep/circle"):
             raise Stop
 

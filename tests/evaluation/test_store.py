@@ -69,9 +69,13 @@ def test_what_is_missing_is_played_once_and_told_in_the_order_that_was_asked_for
 def test_progress_is_told_of_what_is_played_alone(store):
     every, told = wanted(small(), "expert"), []
     store.fill(every[:1])
-    store.fill(every, progress=lambda entry, rival, rounds: told.append((rival.name, rounds)))
-    rounds = range(small().rounds_per_match + 1)
-    assert told == [(pairing.rival.name, number) for pairing in every[1:] for number in rounds]
+    store.fill(every, progress=lambda entry, rival, *rounds: told.append((rival.name, *rounds)))
+    n, total = small().rounds_per_match, small().rounds_per_match * (len(every) - 1)
+    assert told == [
+        (pairing.rival.name, number, n * k + number, total)
+        for k, pairing in enumerate(every[1:])
+        for number in range(n + 1)
+    ]
 
 
 def test_a_suite_its_matches_and_its_season_are_parts_of_the_key(store):

@@ -39,12 +39,11 @@ def run_config(algorithm, env_id=ALLY, **options) -> RunConfig:
     return RunConfig(algorithm, game, **{name: value for name, value in options.items() if name in own})
 
 
-def train(algorithm, env_id, out, *, progress=False, evaluations=0, restart=False, resume=False, **options):
+def train(algorithm, env_id, out, *, progress=False, evaluations=0, **options):
     """Train a run; scored nowhere unless asked for."""
+    how = {name: options.pop(name) for name in ("restart", "resume", "log_rounds") if name in options}
     config = run_config(algorithm, env_id, **options)
-    return training.train(
-        config, out, progress=progress, evaluations=evaluations, restart=restart, resume=resume
-    )
+    return training.train(config, out, progress=progress, evaluations=evaluations, **how)
 
 
 def train_tiny(algorithm, out, changes=None, env_id=ALLY, **options):
