@@ -200,8 +200,8 @@ def results() -> list[Figure]:
         options = ("--steps", 400_000, "--seeds", f"0-{SEEDS - 1}", "--out", runs)
         spent = child_seconds(*program, "train", "ppo-fast", ENV_ID, *options)
         agents = [runs / f"seed_{seed}" / "agent" for seed in range(SEEDS)]
-        options = ("--matches", 20, "--out", Path(folder, "results"))
-        spent += child_seconds(*program, "evaluate", *agents, *options)
+        out = Path(folder, "results")
+        spent += child_seconds(*program, "evaluate", *agents, "--matches", 20, "--out", out)
     return [
         Figure(f"CPU s to {SCORE:g} on ally-v1, plain PPO", float(np.median(reached)), 3, at_least=False),
         Figure("CPU s from five seeds x 400,000 to a table", spent, 30, at_least=False),
