@@ -187,7 +187,12 @@ def train_seeds(
     jobs = []
     for seed in seeds:
         run, folder = dataclasses.replace(config, seed=seed), Path(out) / f"seed_{seed}"
-        options = {"restart": restart, "resume": not restart, "progress": False, "curve": False}
+        options: dict[str, Any] = {
+            "restart": restart,
+            "resume": not restart,
+            "progress": False,
+            "curve": False,
+        }
         call = partial(train, run, evaluations=evaluations, **options)
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
