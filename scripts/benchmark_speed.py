@@ -1,36 +1,45 @@
-"""Speed of the game, as ratios to well-known environments measured in the same run.
+"""CPU time of the game: beside well-known environments, in a training, and up to a result.
 
     python scripts/benchmark_speed.py [--quick]
 
-Absolute speeds depend on the machine and its load. So each speed is divided by that of a reference measured
-in turn with it, and the median ratio is compared with a bound. One torch thread.
+All times are CPU seconds, which other work on the machine changes little. The game's speed is divided by that
+of a reference measured in turn with it, and the median ratio is compared with a bound. One torch thread.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
 import time
 import tracemalloc
 import warnings
 from collections.abc import Callable
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper
 
 import fpg_bench
-from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.models import make_model
 
-ENV_ID = "FPG/AllyVsScripted-v0"
+ROOT = Path(__file__).parents[1]
+ENV_ID, AGAINST = "FPG/AllyVsScripted-v0", "FPG/AllyVsPolicy-v0"
 BATCH_GAMES, PPO_GAMES = 4096, 64
+RIVALS = tuple(f"suite:{name}" for name in ("training-1", "season-1", "season-2", "season-2-link"))  # 12 each
+SCORE, SEEDS = 60.0, 5
 
 
 class Figure(NamedTuple):
@@ -54,12 +63,12 @@ def interleaved(repeats: int, **runs: Callable[[], float]) -> dict[str, np.ndarr
 
 
 def rate(step: Callable[[int], Any], steps: int) -> float:
-    """Return the calls per second of a function of the number of the step, after a call that warms up."""
+    """Return the calls per CPU second of a function of the number of the step, after a call that warms up."""
     step(0)
-    begin = time.perf_counter()
+    begin = time.process_time()
     for number in range(steps):
         step(number)
-    return steps / (time.perf_counter() - begin)
+    return steps / (time.process_time() - begin)
 
 
 def random_actions(*shape: int) -> np.ndarray:
@@ -68,7 +77,7 @@ def random_actions(*shape: int) -> np.ndarray:
 
 
 def batch_rate(games: GameBatch, steps: int) -> float:
-    """Return the game steps per second of a batch, both sides acting at random."""
+    """Return the game steps per CPU second of a batch, both sides acting at random."""
     actions = random_actions(2, games.count)
     games.reset(seeds=0)
     games.step(*actions[0])  # compiles
@@ -76,14 +85,14 @@ def batch_rate(games: GameBatch, steps: int) -> float:
 
 
 def vec_env_rate(env: VecEnv, steps: int, actions: np.ndarray | None = None) -> float:
-    """Return the game steps per second of an SB3 environment, at random actions unless eight are given."""
+    """Return the game steps per CPU second of an SB3 environment, at random actions if none are given."""
     actions = random_actions(env.num_envs) if actions is None else actions
     env.reset()
     return env.num_envs * rate(lambda number: env.step(actions[number % 8]), steps)
 
 
 def single_rate(env: gymnasium.Env[Any, Any], steps: int) -> float:
-    """Return the steps per second of a Gymnasium environment at random actions, including resets."""
+    """Return the steps per CPU second of a Gymnasium environment at random actions, including resets."""
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(64)]
     env.reset(seed=0)
@@ -96,70 +105,118 @@ def single_rate(env: gymnasium.Env[Any, Any], steps: int) -> float:
     return rate(step, steps)
 
 
-def ppo_rate(model: PPO, rollouts: int) -> float:
-    """Return the steps per second of PPO, collecting and learning."""
-    return PPO_GAMES * model.n_steps * rate(lambda number: model.learn(PPO_GAMES * model.n_steps), rollouts)
+class Timed(VecEnvWrapper):
+    """Environment that adds up the CPU seconds of its steps."""
 
+    seconds = 0.0
 
-class Zeros(FPGVecEnv):
-    """Environment without a game, which shows the costs of PPO itself."""
-
-    def reset(self) -> np.ndarray:
-        """Return observations of zeros."""
-        return np.zeros((self.num_envs, OBSERVATION_SIZE), np.float32)
+    def reset(self) -> Any:
+        """Begin a round in every game."""
+        return self.venv.reset()
 
     def step_wait(self) -> Any:
-        """Return zeros; no round ends."""
-        rewards, dones = np.zeros(self.num_envs, np.float32), np.zeros(self.num_envs, bool)
-        return self.reset(), rewards, dones, [{} for _ in range(self.num_envs)]
+        """Play the step and add its time."""
+        begin = time.process_time()
+        result = self.venv.step_wait()
+        self.seconds += time.process_time() - begin
+        return result
+
+
+def share(rollouts: int, env_id: str = ENV_ID, **options: Any) -> float:
+    """Return the share of the environment in the CPU time of tuned PPO, in per cent."""
+    parameters = load_hyperparameters("ppo", env_id)
+    games = Timed(
+        fpg_bench.make_sb3(env_id, parameters.n_envs, seed=0, stagger=True, stacked=True, **options)
+    )
+    model: Any = make_model("ppo", games, parameters, seed=0)
+    model.learn(model.n_envs * model.n_steps)  # compiles
+    games.seconds, begin = 0.0, time.process_time()
+    model.learn(rollouts * model.n_envs * model.n_steps)
+    return 100 * games.seconds / (time.process_time() - begin)
+
+
+def child_seconds(*words: object) -> float:
+    """Return the CPU seconds of a program and all that it starts."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [sys.executable, *map(str, words)]
+    subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def stepping(quick: bool) -> list[Figure]:
     """Compare the batch of games and a single environment with CartPole."""
-    repeats, batch_steps, steps = (1, 5, 200) if quick else (15, 290, 15_000)
+    repeats, batch_steps, steps = (1, 5, 200) if quick else (9, 290, 15_000)
     env = gymnasium.make(ENV_ID)
     single_rate(env, 2)  # compiles the scripted players
     rates = interleaved(
         repeats,
         one=partial(batch_rate, GameBatch(STANDARD, BATCH_GAMES, threads=1), batch_steps),
         cart_pole=partial(single_rate, gymnasium.make("CartPole-v1"), steps),
-        two=partial(batch_rate, GameBatch(STANDARD, BATCH_GAMES, threads=2), batch_steps),
         single=partial(single_rate, env, steps),
     )
     ratios = {name: float(np.median(values / rates["cart_pole"])) for name, values in rates.items()}
     return [
         Figure("4096 games, one thread / CartPole-v1", ratios["one"], 20),
-        Figure("4096 games, two threads / CartPole-v1", ratios["two"], 35),
         Figure("single environment / CartPole-v1", ratios["single"], 0.4),
     ]
 
 
 def learning(quick: bool) -> list[Figure]:
-    """Compare a batch of 64 games with 64 single environments, and PPO on it with PPO on zeros."""
+    """Compare a batch of 64 games with 64 single environments; measure the share of games in PPO's time."""
     games = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0)
     singles = DummyVecEnv([lambda: gymnasium.make(ENV_ID)] * PPO_GAMES)
-    repeats, steps = (1, 5) if quick else (15, 100)
+    repeats, steps = (1, 5) if quick else (9, 100)
     step = interleaved(
         repeats, games=partial(vec_env_rate, games, steps), singles=partial(vec_env_rate, singles, steps)
     )
-    settings = {"n_steps": 32 if quick else 256, "batch_size": 2048, "n_epochs": 5, "seed": 0}
-    models = [PPO("MlpPolicy", env, device="cpu", **settings) for env in (games, Zeros(games.core))]
-    repeats, rollouts = (1, 1) if quick else (6, 2)
-    ours, zeros = (partial(ppo_rate, model, rollouts) for model in models)
-    ppo = interleaved(repeats, games=ours, zeros=zeros)
+    ratio = float(np.median(step["games"] / step["singles"]))
+    shares = {
+        "": partial(share),
+        ", 48 trained rivals": partial(share, env_id=AGAINST, opponent=RIVALS, path="pursuit"),
+        ", waterfall": partial(share, observation="waterfall"),
+    }
+    found = {
+        name: float(np.median([run(1 if quick else 20) for _ in range(1 if quick else 3)]))
+        for name, run in shares.items()
+    }
     return [
-        Figure(
-            "make_sb3, 64 games / 64 single environments",
-            float(np.median(step["games"] / step["singles"])),
-            4,
+        Figure("make_sb3, 64 games / 64 single environments", ratio, 4),
+        *(
+            Figure(f"games in tuned PPO{name}, %", value, 10 if name else 5, at_least=False)
+            for name, value in found.items()
         ),
-        Figure("PPO on make_sb3 / on zeros", float(np.median(ppo["games"] / ppo["zeros"])), 0.85),
     ]
+
+
+def results() -> list[Figure]:
+    """Measure the CPU seconds to a score, and from an installation to a table of five seeds."""
+    with tempfile.TemporaryDirectory() as folder:
+        plain = [Path(folder, f"plain/seed_{seed}") for seed in range(SEEDS)]
+        for seed, out in enumerate(plain):
+            child_seconds("examples/ppo_fast.py", "--seed", seed, "--evals", 100, "--out", out)
+        reached = [seconds_to(SCORE, out / "evaluations.jsonl") for out in plain]
+        program, runs = ("-m", "fpg_bench"), Path(folder, "runs")
+        options = ("--steps", 400_000, "--seeds", f"0-{SEEDS - 1}", "--out", runs)
+        spent = child_seconds(*program, "train", "ppo-fast", ENV_ID, *options)
+        agents = [runs / f"seed_{seed}" / "agent" for seed in range(SEEDS)]
+        out = Path(folder, "results")
+        spent += child_seconds(*program, "evaluate", *agents, "--matches", 20, "--out", out)
+    return [
+        Figure(f"CPU s to {SCORE:g} on ally-v1, plain PPO", float(np.median(reached)), 3, at_least=False),
+        Figure("CPU s from five seeds x 400,000 to a table", spent, 30, at_least=False),
+    ]
+
+
+def seconds_to(score: float, evaluations: Path) -> float:
+    """Return the CPU seconds of training up to the first evaluation of at least this score."""
+    rows = map(json.loads, evaluations.read_text().splitlines())
+    return next((row["seconds"] for row in rows if row["score"] >= score), float("inf"))
 
 
 def choosing(quick: bool) -> list[Figure]:
     """Compare choices from a list with the floats that they stand for, in the same games."""
-    repeats, steps = (1, 5) if quick else (15, 200)
+    repeats, steps = (1, 5) if quick else (9, 200)
     figures = []
     for mode, count in product(("discrete", "multi-discrete"), (PPO_GAMES, 1024)):
         games = fpg_bench.make_sb3(ENV_ID, n_envs=count, seed=0, actions=mode)
@@ -204,14 +261,16 @@ def main() -> None:
     parser.add_argument(
         "--quick",
         action="store_true",
-        help="a few steps, only to see that everything runs: speeds have no verdict",
+        help="a few steps, to see that it runs: speeds have no verdict, and no agent is trained to a score",
     )
     quick = parser.parse_args().quick
     warnings.filterwarnings("ignore", module="stable_baselines3")
     torch.set_num_threads(1)
-    for figure in (*stepping(quick), *memory(), *learning(quick), *choosing(quick)):
-        is_timed = not figure.name.startswith("bytes")
-        print(f"{figure.name}: runs" if quick and is_timed else figure, flush=True)
+    parts = [partial(stepping, quick), memory, partial(learning, quick), partial(choosing, quick)]
+    for part in parts if quick else [*parts, results]:
+        for figure in part():
+            is_timed = not figure.name.startswith("bytes")
+            print(f"{figure.name}: runs" if quick and is_timed else figure, flush=True)
 
 
 if __name__ == "__main__":

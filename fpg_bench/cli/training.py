@@ -201,6 +201,8 @@ def train_runs(
         )
         for each in listed_seeds:
             print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
+        if (curve := RunFolder(out).curve).exists():
+            typer.echo(f"learning curve: {curve}")
         typer.echo(f"agents: {out}/seed_*/agent\nall curves: tensorboard --logdir {shlex.quote(str(out))}")
         return
     folder = RunFolder(out)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpg_bench.common.canvas import blank_figure
+from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.entry import distinct_names
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EVALUATIONS = "evaluations.jsonl"  # scores during training, in a run's folder
+CURVE = "curve.png"  # their picture
 GREY = "#7f7f7f"
 _POINTS = 200
 # Colours of Okabe and Ito, for all kinds of colour vision.
@@ -252,4 +253,26 @@ def draw_curves(
         axes.spines[["top", "right"]].set_visible(False)
     both[0].set_ylabel("score")
     both[1].legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1), handlelength=4)
+    return figure
+
+
+def draw_run(run: Path) -> Figure | None:
+    """Draw the score of each side over the steps of one run; return None if it was never evaluated."""
+    rows = RowFile(run / EVALUATIONS, {"side": str, "score": float | int, "steps": int}).read()
+    if not rows:
+        return None
+    from matplotlib.ticker import EngFormatter
+
+    about = RunDescription.read(run)
+    figure = blank_figure(6, 3.6)
+    axes = figure.subplots()
+    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+    for side in dict.fromkeys(row["side"] for row in rows):
+        points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
+        axes.plot(*zip(*points, strict=True), "o-", ms=3, color=SIDE_COLOURS[side], label=side)
+    title = about.algorithm if about.game is None else f"{about.algorithm}, {about.game.id}"
+    axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=title)
+    limit_scores(axes, [np.array([row["score"] for row in rows])], levels_of([run]))
+    axes.legend(frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
     return figure

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.curves import CURVE, draw_run
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.record import Record
@@ -29,8 +31,6 @@ from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Player
 from fpg_bench.players.sandbox.client import AGENT_FILES
 from fpg_bench.rendering.replay import write_replay
-
-_CURVE = "curve.png"  # in a run's folder
 
 
 def push(
@@ -112,11 +112,22 @@ def agent_files(source: str, repository: str, results: Path | None = None) -> di
     if records:
         rows = (json.dumps(record.row(), separators=(",", ":")) for _, of in records for record in of)
         files["records.jsonl"] = "".join(f"{row}\n" for row in rows).encode()
-    if run is not None and (run / _CURVE).is_file():
-        files[_CURVE] = (run / _CURVE).read_bytes()
+    if run is not None and (curve := _curve(run)) is not None:
+        files[CURVE] = curve
     summaries = [_with_training(each, card) for suite, of in records for each in summarise(of, suite)]
     files["README.md"] = model_card(card, repository, suite.name, summaries, files).encode()
     return files
+
+
+def _curve(run: Path) -> bytes | None:
+    """Return the picture of a run's scores, drawn here for one of several seeds; None if it has no scores."""
+    if (run / CURVE).is_file():
+        return (run / CURVE).read_bytes()
+    if (figure := draw_run(run)) is None:
+        return None
+    with tempfile.TemporaryDirectory() as temporary:
+        write_figure(figure, Path(temporary) / CURVE)
+        return (Path(temporary) / CURVE).read_bytes()
 
 
 def _run_of(source: Path) -> Path | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.curves import EVALUATIONS
+from fpg_bench.evaluation.curves import CURVE, EVALUATIONS
 from fpg_bench.evaluation.run_description import FILE, RunDescription
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
 
@@ -30,7 +30,7 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.agent, self.checkpoints = path / "agent", path / "checkpoints"
-        self.description, self.curve = path / FILE, path / "curve.png"
+        self.description, self.curve = path / FILE, path / CURVE
         self.evaluations = RowFile(path / EVALUATIONS, {"side": str, "score": float | int})
 
     def agent_of(self, side: str, sides: Sequence[str]) -> Path:

@@ -8,20 +8,19 @@ import logging
 import platform
 import re
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from torch.distributions import Distribution
 
-from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure, write_figure
+from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
@@ -30,7 +29,7 @@ from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
-from fpg_bench.evaluation.curves import limit_scores, score_levels
+from fpg_bench.evaluation.curves import CURVE, draw_curves, draw_run, levels_of, read_runs
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
@@ -85,6 +84,7 @@ def train(
     restart: bool = False,
     resume: bool = False,
     log_rounds: bool = False,
+    curve: bool = True,
 ) -> Path:
     """Train a run and export the agent.
 
@@ -114,6 +114,7 @@ def train(
         resume: continue an unfinished run in the folder, or start one if there is none.
         log_rounds: log a picture and a film of a round at each evaluation, for TensorBoard; needs the extra
             ``video``.
+        curve: draw ``curve.png`` at the end, if the run was evaluated.
 
     Returns:
         The agent's folder; if both sides learn, it holds an agent folder for each.
@@ -144,6 +145,8 @@ def train(
                 run.folder.clear()
             run.learn(evaluators, evaluations, progress, log_rounds)
             run.finish()
+            if curve and (figure := draw_run(run.folder.path)) is not None:
+                write_figure(figure, run.folder.curve)
     return run.folder.agent
 
 
@@ -169,6 +172,9 @@ def train_seeds(
     log_rounds: bool = False,
 ) -> None:
     """Train several seeds of a run in parallel; finished ones are not repeated.
+
+    The seeds' mean score over their training, with its 95 % interval, is drawn once, as ``curve.png`` in
+    ``out``.
 
     Args:
         config: the run of each seed, apart from the seed.
@@ -197,10 +203,16 @@ def train_seeds(
             restart=restart,
             resume=not restart,
             progress=False,
+            curve=False,
             log_rounds=log_rounds,
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
+    if evaluations:
+        try:
+            write_figure(draw_curves(read_runs([out]), levels=levels_of([out])), Path(out) / CURVE)
+        except UserError as error:  # of an earlier seed that was not evaluated; all are trained
+            _logger.warning(f"no {CURVE}: {error}")
 
 
 MOST_SEEDS = 1000  # of one list
@@ -421,7 +433,7 @@ class _Run:
         )
 
     def finish(self) -> None:
-        """Export the agent, save the model, draw the learning curve, and remove the checkpoints."""
+        """Export the agent, save the model, and remove the checkpoints."""
         steps = self.model.num_timesteps
         made: Row = {"steps_done": steps, "seconds": round(self.seconds, 1)}
         if isinstance(planner := self.games.core.duel.planner, CountsPlans):
@@ -432,9 +444,6 @@ class _Run:
             for side, player in by_side(self.model, self.sides).items()
         )
         save_model(self.model, self.folder.path)
-        if rows := self.folder.evaluations.read():
-            levels = score_levels(self.suites, self.games.core.scenario)
-            _draw_curve(rows, levels, f"{about.algorithm}, {self.config.spec.id}", self.folder.curve)
         rate = round(steps / self.seconds)
         result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         about.model_copy(update=result).write(self.folder.path)
@@ -472,20 +481,3 @@ def _check_start(run: Path, about: RunDescription) -> None:
     ):
         if found != expected:
             raise UserError(f"start {run}: {key} is {found!r} there, expected {expected!r}")
-
-
-def _draw_curve(rows: Sequence[Row], levels: Mapping[str, float], title: str, path: Path) -> None:
-    """Draw each side's score over the steps, from the rows of ``evaluations.jsonl``, into a PNG file."""
-    from matplotlib.ticker import EngFormatter
-
-    figure = blank_figure(6, 3.6)
-    axes = figure.subplots()
-    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    for side in dict.fromkeys(row["side"] for row in rows):
-        points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
-        axes.plot(*zip(*points, strict=True), "o-", ms=3, color=SIDE_COLOURS[side], label=side)
-    axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=title)
-    limit_scores(axes, [np.array([row["score"] for row in rows])], levels)
-    axes.legend(frameon=False)
-    axes.spines[["top", "right"]].set_visible(False)
-    write_figure(figure, path)

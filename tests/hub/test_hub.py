@@ -127,6 +127,17 @@ def test_the_model_card_says_which_data_set_an_agent_learned_from(hub, tmp_path)
 
 
 @pytest.mark.slow
+def test_one_of_several_seeds_is_pushed_with_a_curve_of_its_own(finished):
+    (finished / "curve.png").unlink()
+    (finished / "run.json").write_text('{"algorithm": "ppo"}')
+    rows = [{"side": "ally", "steps": steps, "score": steps / 10} for steps in (0, 100)]
+    (finished / "evaluations.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
+    files = uploads.agent_files(str(finished), "me/mine")
+    assert files["curve.png"].startswith(b"\x89PNG")
+    assert b"](curve.png)" in files["README.md"]
+
+
+@pytest.mark.slow
 def test_a_run_is_pushed_with_its_curve_and_results_and_again_without_them(hub, finished, tmp_path):
     own = finished / "agent"
     fpg_bench.evaluate([str(own), "expert"], "ally-v1", finished / "results", matches=1)

@@ -248,10 +248,10 @@ def test_far_more_steps_than_were_asked_for_are_said(tmp_path):
 # Several seeds
 
 
-def train_several(out, seeds, *, workers=2, **options):
+def train_several(out, seeds, *, workers=2, evaluations=0, **options):
     config = run_config("ppo", **{"hyperparams": settings("ppo")} | options)
     with logged() as messages:
-        train_seeds(config, out, seeds, evaluations=0, workers=workers)
+        train_seeds(config, out, seeds, evaluations=evaluations, workers=workers)
     return messages
 
 
@@ -270,6 +270,16 @@ def test_each_seed_is_trained_once_and_a_failure_does_not_hold_up_the_others(tmp
         UserError, match="seed_0: holds this run with 1,200 steps, and its budget cannot change"
     ):
         train_several(tmp_path, [0, 2], steps=2400, workers=1)
+
+
+@pytest.mark.process
+def test_several_seeds_have_one_curve(tmp_path):
+    train_several(tmp_path, [0, 1], evaluations=1, workers=1)
+    assert [path.parent for path in tmp_path.rglob("curve.png")] == [tmp_path]
+    (tmp_path / "curve.png").unlink()
+    (tmp_path / "seed_1" / "evaluations.jsonl").unlink()
+    lines = train_several(tmp_path, [0, 1], evaluations=1, workers=1)
+    assert any("no curve.png" in line and "seed_1 holds no evaluations" in line for line in lines)
 
 
 @pytest.mark.process
