@@ -51,8 +51,8 @@ def action_space(choices: Choices | None = None) -> spaces.Space[Any]:
     velocity. ``fpg_bench.game.names.CHOSEN`` names each.
 
     Args:
-        choices: of an action mode: ``Discrete(n)`` in mode ``discrete``, ``MultiDiscrete`` in
-            ``multi-discrete``. None for the mode ``continuous``.
+        choices: of an action mode: ``MultiDiscrete`` in mode ``multi-discrete``, ``Discrete(n)`` in those of
+            one list. None for the mode ``continuous``.
     """
     if choices is None:
         return spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)

@@ -294,3 +294,10 @@ def fill_noise(noise: np.ndarray, keys: np.ndarray, steps: np.ndarray) -> None:
     for i in range(noise.shape[0]):
         for j in range(noise.shape[1]):
             noise[i, j], _ = rng.gaussians(keys[i], steps[i], rng.PLAYER_DRAW + j)
+
+
+def player_noise(keys: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Return ``(n, 1)`` float32, the first number of an agent's ``noise`` for its seeds at these steps."""
+    noise = np.empty((len(keys), 1), np.float32)
+    fill_noise(noise, keys, steps)
+    return noise
