@@ -109,14 +109,18 @@ _MODE = re.compile(rf"(FPG/\w+?)({'|'.join(filter(None, ACTION_MODES.values()))}
 DUEL = "FPG/duel_v0"
 ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
 OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
+_TACTICS = {"ally": ("sulk", "by-type"), "opponent": ("scan", "alternate", "guard", "herd")}
+# Scripts with constants to change; the last of each side are not among those that all-scripted stands for.
 TACTICS = {
-    "ally": ("sulk", "by-type"),
-    "opponent": ("scan", "alternate", "guard", "herd"),
-}  # with constants to change
+    "ally": (*_TACTICS["ally"], "evidence", "clock"),
+    "opponent": (*_TACTICS["opponent"], "hunter"),
+}
 LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
-SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
+# What all-scripted stands for, and what searches and self-play begin with: frozen, as results name them.
+SCRIPTED = {"ally": (*ALLIES, *_TACTICS["ally"]), "opponent": (*OPPONENTS, *_TACTICS["opponent"])}
+SCRIPTS = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
 # All players of the package without a policy.
-NAMED = {"ally": (*SCRIPTED["ally"], *LEARNERS), "opponent": SCRIPTED["opponent"]}
+NAMED = {"ally": (*SCRIPTS["ally"], *LEARNERS), "opponent": SCRIPTS["opponent"]}
 # Algorithms that learn from data sets, and the action modes that each can learn.
 OFFLINE = {
     "bc": ("continuous", "discrete"),

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import NAMED, SCRIPTED, TACTICS, action_modes, other_side
+from fpg_bench.common.ids import NAMED, SCRIPTS, TACTICS, action_modes, other_side
 from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
@@ -63,7 +63,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         return _script_with(variant[1], variant[2], side, scenario)
     if name in TACTICS[side]:
         return Tactic(side, name, scenario)
-    if name in SCRIPTED[side]:
+    if name in SCRIPTS[side]:
         return Scripted(side, name, scenario)
     if name in NAMED[side]:
         return Learner(name, scenario)

@@ -183,6 +183,13 @@ def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: Record) -> float:
 
 
 @compiled
+def separation_m(seen: np.ndarray, scales: Record) -> float:
+    """Return the distance between both sides in m, as either side observes it."""
+    x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@compiled
 def _away_m(seen: np.ndarray, scales: Record, axis: int) -> float:
     """Return the relative position in m; the observation holds its signed root over the box."""
     root = seen[RELATIVE_POSITION + axis]
