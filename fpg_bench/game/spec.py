@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 import os
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -19,6 +20,8 @@ from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 OBSERVATIONS = ("numbers", "waterfall")
 _SIDES = ("ally", "opponent")
+_WEIGHTED = re.compile(r"(.+)\*(\d{1,9})", re.ASCII)  # a player and how often it is listed
+_MOST_WEIGHT = 1000
 LISTS = (*_SIDES, "path", "jamming_types")  # options that take one name or several
 _NAMES = ("planner", "knowledge", "reward", "observation")
 _ONE_SIDED = (*_SIDES, "reward", "observation", "history")  # options that the duel does not have
@@ -43,8 +46,9 @@ class GameSpec:
             ``link-fast-hop``, or a YAML file. In Python also a :class:`Scenario`. None: ``standard``.
         opponent, ally: the other side's player: a script, a shipped agent, an agent's folder,
             ``hf://owner/name`` or ``package.module:object`` (see ``fpg-bench players``), or ``suite:NAME``
-            for all members of a suite. Of several, one is drawn per round. In Python also objects with
-            ``predict``, in ids against any player.
+            for all members of a suite. Of several, one is drawn per round; ``tone*8`` stands for eight times
+            ``tone``, which is drawn as often. In Python also objects with ``predict``, in ids against any
+            player.
         path: the opponent's flight path. Of several, one is drawn per round.
         planner: the planner of the opponent's path between rounds, by name or ``package.module:object``. In
             Python also an object, or a function or class that makes one and may take the scenario.
@@ -128,6 +132,7 @@ class GameSpec:
             if options.get(other, getattr(game, other)) is not None:
                 raise UserError(f"against: names the {other}, and so does {other}; give only one of them")
             options[other] = against
+        options |= {side: _repeated(options[side]) for side in _SIDES if side in options}
         untrusted = game.untrusted.difference(allow, code_named(options))  # what the caller names is meant
         return dataclasses.replace(game, **options, untrusted=untrusted)
 
@@ -232,6 +237,7 @@ class GameSpec:
                 raise UserError(f"unknown key {unknown!r}{nearest(str(unknown), option_names())}")
             for name, value in content.items():
                 _check_json(name, value)
+            content |= {side: _repeated(content[side]) for side in _SIDES if side in content}
             if isinstance(fields := content.get("scenario"), Mapping):
                 content["scenario"] = Scenario.from_dict(fields)
             return cls(**content, untrusted=frozenset(code_named(content)))
@@ -272,10 +278,27 @@ def option_names() -> tuple[str, ...]:
     return tuple(each.name for each in dataclasses.fields(GameSpec) if each.name not in ("id", "untrusted"))
 
 
+def _repeated(players: Any) -> Any:
+    """Return players with a weight, ``name*8``, as often as it says; anything else as it is.
+
+    Raises:
+        UserError: a weight that is not a whole number from 1 to 1000.
+    """
+    if isinstance(players, list | tuple):
+        parts = [_repeated(player) for player in players]
+        return [each for part in parts for each in (part if isinstance(part, list) else [part])]
+    if not isinstance(players, str) or not (match := _WEIGHTED.fullmatch(players)):
+        return players
+    if not 1 <= int(match[2]) <= _MOST_WEIGHT:
+        raise UserError(f"{players}: expected a weight from 1 to {_MOST_WEIGHT}")
+    return [match[1]] * int(match[2])
+
+
 def _listed(name: str, value: Any) -> tuple[Any, ...] | None:
     """Return an option of one or several names as a tuple; None stays."""
     if value is None:
         return None
+    value = _repeated(value) if name in _SIDES else value
     if isinstance(value, Sequence) and not isinstance(value, str):
         if not value:
             what = "players" if name in _SIDES else name
