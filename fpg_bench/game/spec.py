@@ -6,7 +6,6 @@ import dataclasses
 import hashlib
 import json
 import os
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -14,13 +13,12 @@ from typing import Any, NoReturn
 from fpg_bench.common.checks import mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
-from fpg_bench.common.imports import check_allowed, code_named
+from fpg_bench.common.imports import check_allowed, code_named, split_weight
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 OBSERVATIONS = ("numbers", "waterfall")
 _SIDES = ("ally", "opponent")
-_WEIGHTED = re.compile(r"(.+)\*(\d{1,9})", re.ASCII)  # a player and how often it is listed
 _MOST_WEIGHT = 1000
 LISTS = (*_SIDES, "path", "jamming_types")  # options that take one name or several
 _NAMES = ("planner", "knowledge", "reward", "observation")
@@ -132,7 +130,6 @@ class GameSpec:
             if options.get(other, getattr(game, other)) is not None:
                 raise UserError(f"against: names the {other}, and so does {other}; give only one of them")
             options[other] = against
-        options |= {side: _repeated(options[side]) for side in _SIDES if side in options}
         untrusted = game.untrusted.difference(allow, code_named(options))  # what the caller names is meant
         return dataclasses.replace(game, **options, untrusted=untrusted)
 
@@ -237,7 +234,6 @@ class GameSpec:
                 raise UserError(f"unknown key {unknown!r}{nearest(str(unknown), option_names())}")
             for name, value in content.items():
                 _check_json(name, value)
-            content |= {side: _repeated(content[side]) for side in _SIDES if side in content}
             if isinstance(fields := content.get("scenario"), Mapping):
                 content["scenario"] = Scenario.from_dict(fields)
             return cls(**content, untrusted=frozenset(code_named(content)))
@@ -287,11 +283,12 @@ def _repeated(players: Any) -> Any:
     if isinstance(players, list | tuple):
         parts = [_repeated(player) for player in players]
         return [each for part in parts for each in (part if isinstance(part, list) else [part])]
-    if not isinstance(players, str) or not (match := _WEIGHTED.fullmatch(players)):
+    if not isinstance(players, str):
         return players
-    if not 1 <= int(match[2]) <= _MOST_WEIGHT:
+    name, weight = split_weight(players)
+    if not 1 <= weight <= _MOST_WEIGHT:
         raise UserError(f"{players}: expected a weight from 1 to {_MOST_WEIGHT}")
-    return [match[1]] * int(match[2])
+    return players if name == players else [name] * weight
 
 
 def _listed(name: str, value: Any) -> tuple[Any, ...] | None:

@@ -10,6 +10,7 @@ import fpg_bench
 from fpg_bench import GameSpec, Scenario, preset
 from fpg_bench.common.errors import UnknownOptionError, UserError
 from fpg_bench.common.ids import ENVS
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.envs.gymnasium_vector import FPGVectorEnv
 from fpg_bench.envs.pettingzoo_env import parallel_env
 
@@ -158,5 +159,7 @@ def test_a_weight_stands_for_a_name_that_is_listed_several_times():
     assert read.untrusted == {"code.module:make"}
     with pytest.raises(UserError, match=r"would run code\.module:make"):
         read.check_trusted()
+    with pytest.raises(UserError, match="if you trust it"):
+        check_allowed({"against": ["tone", "code.module:make*3"]}, [], "champion")
     with pytest.raises(UserError, match="a weight from 1 to 1000"):
         GameSpec("FPG/AllyVsPolicy-v0", opponent="tone*0")
