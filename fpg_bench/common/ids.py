@@ -109,16 +109,16 @@ _MODE = re.compile(rf"(FPG/\w+?)({'|'.join(filter(None, ACTION_MODES.values()))}
 DUEL = "FPG/duel_v0"
 ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
 OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
-_TACTICS = {"ally": ("sulk", "by-type"), "opponent": ("scan", "alternate", "guard", "herd")}
-# Scripts with constants to change; the last of each side are not among those that all-scripted stands for.
 TACTICS = {
-    "ally": (*_TACTICS["ally"], "evidence", "clock"),
-    "opponent": (*_TACTICS["opponent"], "hunter"),
-}
+    "ally": ("sulk", "by-type"),
+    "opponent": ("scan", "alternate", "guard", "herd"),
+}  # with constants to change
+LATER_TACTICS = {"ally": ("evidence", "clock"), "opponent": ("hunter",)}  # newer than all-scripted
+ALL_TACTICS = {side: (*TACTICS[side], *LATER_TACTICS[side]) for side in TACTICS}
 LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
 # What all-scripted stands for, and what searches and self-play begin with: frozen, as results name them.
-SCRIPTED = {"ally": (*ALLIES, *_TACTICS["ally"]), "opponent": (*OPPONENTS, *_TACTICS["opponent"])}
-SCRIPTS = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
+SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
+SCRIPTS = {side: (*SCRIPTED[side], *LATER_TACTICS[side]) for side in SCRIPTED}
 # All players of the package without a policy.
 NAMED = {"ally": (*SCRIPTS["ally"], *LEARNERS), "opponent": SCRIPTS["opponent"]}
 # Algorithms that learn from data sets, and the action modes that each can learn.

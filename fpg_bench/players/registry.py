@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import NAMED, SCRIPTS, TACTICS, action_modes, other_side
+from fpg_bench.common.ids import ALL_TACTICS, NAMED, SCRIPTS, action_modes, other_side
 from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
@@ -61,7 +61,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     name = os.fspath(spec)
     if variant := _VARIANT.fullmatch(name):
         return _script_with(variant[1], variant[2], side, scenario)
-    if name in TACTICS[side]:
+    if name in ALL_TACTICS[side]:
         return Tactic(side, name, scenario)
     if name in SCRIPTS[side]:
         return Scripted(side, name, scenario)
@@ -93,10 +93,10 @@ def _script_with(name: str, values: str, side: str, scenario: Scenario) -> Tacti
     """Return a script with the constants of a text such as ``centres=3, hold_s=2``."""
     if name in NAMED[other_side(side)]:
         raise _of_other_side(name, side)
-    if name not in TACTICS[side]:
-        known = ", ".join(TACTICS[side])
+    if name not in ALL_TACTICS[side]:
+        known = ", ".join(ALL_TACTICS[side])
         raise UserError(
-            f"{side} {name!r} has no constants{nearest(name, TACTICS[side])}; these have: {known}"
+            f"{side} {name!r} has no constants{nearest(name, ALL_TACTICS[side])}; these have: {known}"
         )
     changes = {}
     for text in filter(None, map(str.strip, values.split(","))):

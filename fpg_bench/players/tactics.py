@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import SCRIPTED, TACTICS
+from fpg_bench.common.ids import ALL_TACTICS, TACTICS
 from fpg_bench.game import rng as draws
 from fpg_bench.game.actions import HOP_GATE, KNOWLEDGE_GATE, PREFERENCE, SPEED, SPREAD_GATE
 from fpg_bench.game.compiling import compiled
@@ -43,8 +43,8 @@ from fpg_bench.players.scripted import (
 )
 from fpg_bench.players.seeded import SeededPolicy
 
-SULK, BY_TYPE, EVIDENCE, CLOCK = range(len(TACTICS["ally"]))
-SCAN, ALTERNATE, GUARD, HERD, HUNTER = range(len(TACTICS["opponent"]))
+SULK, BY_TYPE, EVIDENCE, CLOCK = range(len(ALL_TACTICS["ally"]))
+SCAN, ALTERNATE, GUARD, HERD, HUNTER = range(len(ALL_TACTICS["opponent"]))
 
 ALLY_MEMORY = np.dtype(
     [
@@ -139,8 +139,7 @@ def draw_variants(side: str, count: int, scenario: Scenario, seed: int = 0) -> l
 
     They are those of ``all-scripted``, so that a seed draws the same as ever.
     """
-    rng = np.random.default_rng(seed)
-    names = [name for name in TACTICS[side] if name in SCRIPTED[side]]
+    rng, names = np.random.default_rng(seed), TACTICS[side]
     variants = []
     for name in (names[i % len(names)] for i in range(count)):
         values = {
@@ -280,7 +279,7 @@ class Tactic(SeededPolicy):
 
     Args:
         side: ``ally`` or ``opponent``.
-        name: one of ``fpg_bench.common.ids.TACTICS[side]``.
+        name: one of ``fpg_bench.common.ids.ALL_TACTICS[side]``.
         scenario: the rules, with the scales of observations.
         changes: constants in place of the default ones of :func:`constants`.
 
@@ -290,7 +289,7 @@ class Tactic(SeededPolicy):
 
     def __init__(self, side: str, name: str, scenario: Scenario, **changes: float) -> None:
         self.side, self.name = side, name
-        self._kind = TACTICS[side].index(name)
+        self._kind = ALL_TACTICS[side].index(name)
         known = constants(name, scenario)
         for key, value in changes.items():
             if key not in known:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTED, TACTICS
+from fpg_bench.common.ids import ALL_TACTICS, SCRIPTED
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, preset
 from fpg_bench.players.player import SIDES, Player
@@ -57,7 +57,7 @@ def moved(known: float, jammed: float, age_s: float = 0.0) -> np.ndarray:
     return seen
 
 
-@pytest.mark.parametrize(("side", "name"), [(side, name) for side in SIDES for name in TACTICS[side]])
+@pytest.mark.parametrize(("side", "name"), [(side, name) for side in SIDES for name in ALL_TACTICS[side]])
 def test_each_is_a_player_and_plays_a_game_of_a_batch_as_it_plays_it_alone(side, name):
     player, rng = Tactic(side, name, STANDARD), np.random.default_rng(0)
     assert isinstance(player, Player)
@@ -151,7 +151,7 @@ def test_herd_alternates_once_two_checks_found_the_ally_elsewhere():
 
 
 def test_all_opponents_fly_at_the_ally():
-    for name in TACTICS["opponent"]:
+    for name in ALL_TACTICS["opponent"]:
         action = Tactic("opponent", name, STANDARD).predict(opponent_sees((30, 0, -40)))[0][0]
         np.testing.assert_allclose(action[6:], (0.6, 0, -0.8), atol=1e-6)
 
@@ -243,7 +243,7 @@ def test_variants_are_scripts_that_can_be_played_and_a_seed_gives_the_same(side)
     names = draw_variants(side, 40, LINK, seed=3)
     assert names == draw_variants(side, 40, LINK, seed=3)
     assert len(set(names)) == 40
-    assert {name.split("(")[0] for name in names} == set(TACTICS[side]) & set(SCRIPTED[side])
+    assert {name.split("(")[0] for name in names} == set(ALL_TACTICS[side]) & set(SCRIPTED[side])
     for name in names:
         as_player(name, side, LINK)
 
