@@ -13,7 +13,7 @@ import gymnasium
 import pettingzoo
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, id_with
+from fpg_bench.common.ids import DUEL, registered_ids
 from fpg_bench.common.telemetry import turn_off_telemetry
 from fpg_bench.version import __version__
 
@@ -85,7 +85,7 @@ def _register() -> None:
     if hasattr(pettingzoo, "register"):  # since PettingZoo 1.27
         for kind in ("parallel", "aec"):
             pettingzoo.register(kind, DUEL, f"fpg_bench.envs.pettingzoo_env:{kind}_env")
-    for name in (id_with(env_id, actions) for env_id in ENVS for actions in ACTION_MODES):
+    for name in registered_ids():
         gymnasium.register(
             id=name,
             entry_point="fpg_bench.envs.gymnasium_env:FPGEnv",

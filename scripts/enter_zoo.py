@@ -165,7 +165,7 @@ def scripts() -> dict[str, str]:
     entries = {}
     for key, (end, remark) in SCRIPT_TRACKS.items():
         track = TRACKS[key]
-        for script in NAMED[track.side]:
+        for script in filter(SCRIPTS.__contains__, NAMED[track.side]):
             paper = PAPERS.get(script)
             entries[f"{track.side}/{script}{end}"] = entry(
                 f"{script}{remark}",

@@ -12,7 +12,7 @@ import reference_pages
 import typer
 
 from fpg_bench.cli import app
-from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS, SCRIPTED
+from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS, SCRIPTED, action_modes
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.zoo import load_zoo
@@ -120,7 +120,7 @@ def test_the_page_of_discrete_actions_has_all_choices_and_sizes(side):
         listed += range(int(first), int(last or first) + 1)
     assert listed == list(range(len(names)))
     for scenario in (STANDARD, as_scenario(STANDARD, opponent_path="learned")):
-        for mode in list(ACTION_MODES)[1:]:
+        for mode in action_modes(side)[1:]:
             sizes = Choices(side, mode, scenario).sizes
             assert f"`{list(sizes)}`" in text if len(sizes) > 1 else f"`Discrete({sizes[0]})`" in text
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import fpg_bench
-from fpg_bench.common.ids import ACTION_MODES, ENVS, id_with
+from fpg_bench.common.ids import ENVS, action_modes, id_with
 from fpg_bench.game.scenario import Scenario
 
 PACKAGE = Path(fpg_bench.__file__).parent
@@ -160,7 +160,7 @@ def test_the_rules_know_no_learning_library():
 def test_importing_the_package_registers_the_ids_and_loads_nothing_heavy():
     code = "import sys, gymnasium, fpg_bench; print(*sys.modules, *gymnasium.registry)"
     loaded = set(subprocess.check_output([sys.executable, "-c", code], text=True).split())
-    ids = {id_with(name, mode) for name in ENVS for mode in ACTION_MODES}
+    ids = {id_with(name, mode) for name, of in ENVS.items() for mode in action_modes(of.side)}
     assert {name for name in loaded if name.startswith("FPG/")} == ids
     assert loaded.isdisjoint(HEAVY)
 

@@ -38,6 +38,7 @@ _VERBS: dict[str, Any] = {  # in the order of --help; None: a product's, which i
     "table": evaluation.table,
     "curves": evaluation.curves,
     "best-response": None,
+    "double-oracle": None,
     "selfplay": None,
     "export": training.export,
     "reproduce": None,

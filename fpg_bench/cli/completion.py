@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, NAMED, OFFLINE, id_with
+from fpg_bench.common.ids import DUEL, NAMED, OFFLINE, registered_ids
 
 
 def complete_player(incomplete: str) -> list[str]:
@@ -25,8 +25,7 @@ def complete_player(incomplete: str) -> list[str]:
 
 def complete_id(incomplete: str) -> list[str]:
     """Return the environment ids with this prefix."""
-    ids = (id_with(env_id, mode) for mode in ACTION_MODES for env_id in ENVS)
-    return _beginning(incomplete, [DUEL, *ids])
+    return _beginning(incomplete, [DUEL, *registered_ids()])
 
 
 def complete_suite(incomplete: str) -> list[str]:

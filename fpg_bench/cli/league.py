@@ -1,4 +1,4 @@
-"""The verbs of leagues: ``selfplay`` and ``best-response``."""
+"""The verbs of leagues: ``selfplay``, ``best-response`` and ``double-oracle``."""
 
 from __future__ import annotations
 
@@ -193,3 +193,79 @@ def best_response(
 
 def _jamming(met: Row) -> str:
     return f"jamming success rate {100 * met['measures']['jamming_success_rate']:.0f} %"
+
+
+def double_oracle(
+    out: Annotated[Path, typer.Option(help="Folder of the stages, responses and the exported agent.")],
+    side: Annotated[
+        str, typer.Option(help="The side that learns: ally or opponent.", rich_help_panel=GAME)
+    ] = "ally",
+    stages: Annotated[int, typer.Option(min=1, help="The most stages.", rich_help_panel=TRAINING)] = 3,
+    steps: Annotated[int, steps_option("Training budget of a stage.")] = 1_000_000,
+    response_steps: Annotated[
+        int | None, steps_option("Training budget of a response. Default: that of a stage.")
+    ] = None,
+    algorithm: Annotated[
+        str, typer.Option(help="The algorithm of the side, as for train.", rich_help_panel=TRAINING)
+    ] = "ppo-stack8",
+    response_algorithm: Annotated[
+        str, typer.Option(help="The algorithm of the responses.", rich_help_panel=TRAINING)
+    ] = "ppo-stack8",
+    response_actions: Annotated[
+        str, typer.Option(help="The action mode of the responses.", rich_help_panel=TRAINING)
+    ] = "discrete",
+    against: Annotated[
+        str | None,
+        typer.Option(
+            help="Rivals of the first stage, separated by commas; tone*8 counts eight times. Default: all "
+            "scripts of the other side.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None,
+    weight: Annotated[
+        int,
+        typer.Option(
+            min=1, help="How often a response is listed among the rivals.", rich_help_panel=TRAINING
+        ),
+    ] = 8,
+    patience: Annotated[
+        int,
+        typer.Option(min=1, help="Stop after as many stages without a higher low.", rich_help_panel=TRAINING),
+    ] = 2,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the trainings.", rich_help_panel=TRAINING)] = 0,
+    hyperparams: HyperparamsOption = None,
+    response_hyperparams: HyperparamsOption = None,
+    *,
+    game: Annotated[Given, game_options("scenario", "path", "actions", "knowledge", "jamming_types")],
+    allow: AllowOption = None,
+) -> None:
+    """Train a side against all fresh responses to it, stage by stage; run it again to resume.
+
+    Example: fpg-bench double-oracle --side ally --actions uniform-hop --stages 3 --out runs/robust
+    """
+    check_writable(out)
+    from fpg_bench.training.league.double_oracle import double_oracle as search
+
+    result = search(
+        out,
+        side=side,
+        stages=stages,
+        steps=steps,
+        response_steps=response_steps,
+        algorithm=algorithm,
+        response_algorithm=response_algorithm,
+        response_actions=response_actions,
+        against=None if against is None else against.split(","),
+        weight=weight,
+        patience=patience,
+        seed=seed,
+        hyperparams=hyperparams,
+        response_hyperparams=response_hyperparams,
+        allow=allow or (),
+        **game,
+    )
+    stage = result["stage"]
+    print_line(
+        f"{out / 'agent'}: stage {stage}, {result['confirmed'][str(stage)]:.2f} per step against a response "
+        "trained afterwards"
+    )

@@ -186,14 +186,14 @@ def players() -> None:
 
     Example: fpg-bench players
     """
-    from fpg_bench.common.ids import LEARNERS, SCRIPTED
+    from fpg_bench.common.ids import LEARNERS, SCRIPTS
     from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
 
     members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:
-        name_all(f"scripts, {side}", SCRIPTED[side])
+        name_all(f"scripts, {side}", SCRIPTS[side])
         if side == "ally":
             name_all("learn within a round, ally", LEARNERS)
         name_all(f"agents, {side}", _agents(member for member in members if member.group.side == side))

@@ -97,8 +97,15 @@ ENVS = MappingProxyType(
 
 
 # Action modes, and what an id has in its name that is registered for each: FPG/AllyVsScriptedDiscrete-v0.
-ACTION_MODES = {"continuous": "", "discrete": "Discrete", "multi-discrete": "MultiDiscrete"}
-_MODE = re.compile(r"(FPG/\w+?)(MultiDiscrete|Discrete)-v0")
+ACTION_MODES = {
+    "continuous": "",
+    "discrete": "Discrete",
+    "multi-discrete": "MultiDiscrete",
+    "discrete-uniform": "DiscreteUniform",
+    "uniform-hop": "UniformHop",
+}
+ALLY_MODES = ("discrete-uniform", "uniform-hop")  # the opponent does not hop
+_MODE = re.compile(rf"(FPG/\w+?)({'|'.join(filter(None, ACTION_MODES.values()))})-v0")
 DUEL = "FPG/duel_v0"
 ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")
 OPPONENTS = ("tone", "narrowband", "broadband", "comb", "random", "sweep", "adaptive", "watchful")
@@ -106,10 +113,14 @@ TACTICS = {
     "ally": ("sulk", "by-type"),
     "opponent": ("scan", "alternate", "guard", "herd"),
 }  # with constants to change
+LATER_TACTICS = {"ally": ("evidence", "clock"), "opponent": ("hunter",)}  # newer than all-scripted
+ALL_TACTICS = {side: (*TACTICS[side], *LATER_TACTICS[side]) for side in TACTICS}
 LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
+# What all-scripted stands for, and what searches and self-play begin with: frozen, as results name them.
 SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
+SCRIPTS = {side: (*SCRIPTED[side], *LATER_TACTICS[side]) for side in SCRIPTED}
 # All players of the package without a policy.
-NAMED = {"ally": (*SCRIPTED["ally"], *LEARNERS), "opponent": SCRIPTED["opponent"]}
+NAMED = {"ally": (*SCRIPTS["ally"], *LEARNERS), "opponent": SCRIPTS["opponent"]}
 # Algorithms that learn from data sets, and the action modes that each can learn.
 OFFLINE = {
     "bc": ("continuous", "discrete"),
@@ -147,10 +158,19 @@ def find_env(name: str) -> EnvConfig:
     if match := _MODE.fullmatch(name):
         name = f"{match[1]}-v0"
         actions = next(mode for mode, word in ACTION_MODES.items() if word == match[2])
-    if name not in ENVS:
-        known = [id_with(each, mode) for each in ENVS for mode in ACTION_MODES]
-        raise UserError(f"unknown id {name!r}{nearest(name, known)}")
+    if name not in ENVS or actions not in action_modes(ENVS[name].side):
+        raise UserError(f"unknown id {name!r}{nearest(name, registered_ids())}")
     return replace(ENVS[name], actions=actions)
+
+
+def action_modes(side: str) -> tuple[str, ...]:
+    """Return the action modes of a side."""
+    return tuple(mode for mode in ACTION_MODES if side == "ally" or mode not in ALLY_MODES)
+
+
+def registered_ids() -> list[str]:
+    """Return all ids that Gymnasium registers: each in the action modes of its side."""
+    return [id_with(name, mode) for name, config in ENVS.items() for mode in action_modes(config.side)]
 
 
 def id_with(env_id: str, actions: str) -> str:

@@ -19,6 +19,7 @@ from fpg_bench.common.errors import UserError
 
 HUB = "hf://"  # begins the name of an agent on the Hugging Face Hub
 SUITE = "suite:"  # begins the name of a suite's members
+_WEIGHTED = re.compile(r"(.+)\*(\d{1,9})", re.ASCII | re.DOTALL)  # a player and its weight
 _OWN = ("fpg_bench.training.waterfall_cnn:WaterfallCNN",)  # code of the package that files may name
 
 
@@ -63,7 +64,14 @@ def check_allowed(content: object, allow: Collection[str], where: str) -> None:
 
 def code_named(content: object) -> list[str]:
     """Return the code (``package.module:object``) and the agents of the Hub that a content names."""
-    return [text for text in _texts(content) if (is_code(text) or text.startswith(HUB)) and text not in _OWN]
+    texts = (split_weight(text)[0] for text in _texts(content))
+    return [text for text in texts if (is_code(text) or text.startswith(HUB)) and text not in _OWN]
+
+
+def split_weight(name: str) -> tuple[str, int]:
+    """Return a player's name and its weight in a population: ``tone`` and 8 of ``tone*8``; without one, 1."""
+    match = _WEIGHTED.fullmatch(name)
+    return (match[1], int(match[2])) if match else (name, 1)
 
 
 def is_code(name: str) -> bool:

@@ -128,6 +128,7 @@ PRODUCTS = {
         {
             "verb": {
                 "best-response": "fpg_bench.cli.league:best_response",
+                "double-oracle": "fpg_bench.cli.league:double_oracle",
                 "selfplay": "fpg_bench.cli.league:selfplay",
             }
         },

@@ -12,7 +12,7 @@ from gymnasium import spaces
 
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import SCRIPTED, EnvConfig
+from fpg_bench.common.ids import SCRIPTS, EnvConfig
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch, make_duel
 from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described
 from fpg_bench.game.choices import Choices
@@ -51,8 +51,8 @@ def action_space(choices: Choices | None = None) -> spaces.Space[Any]:
     velocity. ``fpg_bench.game.names.CHOSEN`` names each.
 
     Args:
-        choices: of an action mode: ``Discrete(n)`` in mode ``discrete``, ``MultiDiscrete`` in
-            ``multi-discrete``. None for the mode ``continuous``.
+        choices: of an action mode: ``MultiDiscrete`` in mode ``multi-discrete``, ``Discrete(n)`` in those of
+            one list. None for the mode ``continuous``.
     """
     if choices is None:
         return spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
@@ -202,8 +202,8 @@ class SingleAgentGame(Core):
 
     def _other(self, spec: PlayerSpec) -> Player:
         side = self.config.other_side
-        if self.config.scripted and not (isinstance(spec, str) and spec in SCRIPTED[side]):
-            hint = nearest(str(spec), SCRIPTED[side]) if isinstance(spec, str) else ""
+        if self.config.scripted and not (isinstance(spec, str) and spec in SCRIPTS[side]):
+            hint = nearest(str(spec), SCRIPTS[side]) if isinstance(spec, str) else ""
             policy = re.sub("Scripted|Planner|LLM", "Policy", self.config.id)
             raise UserError(f"{side}: {spec!r} is not a script{hint} ({policy} plays against anyone)")
         return as_player(spec, side, self.scenario)

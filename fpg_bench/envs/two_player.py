@@ -20,6 +20,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.planner import planner_name
 from fpg_bench.players.player import SIDES
+from fpg_bench.players.scripted import player_noise, player_seeds
 
 PlannerSpec = str | Planner | Callable[..., Planner]  # a planner, its name, or a factory
 
@@ -45,8 +46,8 @@ class TwoPlayerBatch:
         games: number of games, N.
         planner: plans the opponent's path between rounds; needed for the path ``waypoints``.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
-        actions: action mode of both sides, ``continuous``, ``discrete`` or ``multi-discrete``, or a mapping
-            from ``ally`` and ``opponent`` to one each.
+        actions: action mode of both sides, one of ``fpg_bench.common.ids.ACTION_MODES``, or a mapping from
+            ``ally`` and ``opponent`` to one each.
 
     Attributes:
         batch: the games and all their buffers.
@@ -126,7 +127,12 @@ class TwoPlayerBatch:
         if choices is None:
             return actions
         seen = batch.ally_observations if side == "ally" else batch.opponent_observations
-        return choices.decode(actions, seen, side)
+        return choices.decode(actions, seen, side, self.noise(side) if choices.is_drawn else None)
+
+    def noise(self, side: str) -> np.ndarray:
+        """Return ``(N, 1)`` float32, the noise of a side's players at this step of their rounds."""
+        games = self.batch.games
+        return player_noise(player_seeds(games["round_key"], side), games["step"])
 
     def present(self) -> TwoPlayerStep:
         """Return the present observations, the last step's rewards and which rounds are over, as copies."""

@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from statistics import NormalDist
 
 import numpy as np
 
 from fpg_bench.common.checks import one_of
-from fpg_bench.common.ids import ACTION_MODES
+from fpg_bench.common.ids import action_modes
 from fpg_bench.game.actions import (
     HOP_GATE,
     IN_BAND_GATE,
@@ -43,6 +44,7 @@ class ChoiceList:
         rows: ``(n, 9)`` float32, the floats of each; those that the list does not choose are 0.
         homing: ``(n,)`` float32, added to the velocity: 1 flies at the ally, -1 away from it.
         allowed: ``(n,)`` bool, false where the scenario forbids the choice.
+        drawn: ``(n,)`` float32, 1 where the point to hop to is drawn uniformly.
     """
 
     name: str
@@ -50,6 +52,7 @@ class ChoiceList:
     rows: np.ndarray
     homing: np.ndarray
     allowed: np.ndarray
+    drawn: np.ndarray
 
     def __len__(self) -> int:
         return len(self.names)
@@ -59,7 +62,13 @@ class Choices:
     """The choices of one side in an action mode, and the actions that they stand for.
 
     In mode ``discrete`` an action is one whole number, the index of a choice. In mode ``multi-discrete`` it
-    is one whole number for each of several lists, whose rows add up.
+    is one whole number for each of several lists, whose rows add up. Two more modes of the ally have one
+    list: ``discrete-uniform`` that of ``discrete`` and hops to a uniformly drawn point; ``uniform-hop``
+    these hops and staying alone, so the ally chooses when to hop and not where.
+
+    A point is drawn by the standard normal number of the player's seed and step that an agent's input
+    ``noise`` has, compared with the quantiles of the points. Comparing is exact, so an environment and an
+    exported agent draw the same points on every machine.
 
     >>> from fpg_bench.game.scenario import preset
     >>> choices = Choices("ally", "discrete", preset("standard"))
@@ -68,7 +77,7 @@ class Choices:
 
     Args:
         side: ``ally`` or ``opponent``.
-        mode: ``discrete`` or ``multi-discrete``.
+        mode: an action mode of the side but ``continuous``.
         scenario: the rules; they fix the number of frequency points, the forbidden choices, and whether an
             opponent flies itself.
 
@@ -76,20 +85,31 @@ class Choices:
         lists: one list, or several.
         box_m: ``(3,)`` float32, size of the box, by which relative positions are scaled.
         is_homing: true if the velocity of a choice depends on where the ally is.
+        is_drawn: true if the point of a choice is drawn; then :meth:`decode` needs ``noise``.
+        quantiles: ``(points - 1,)`` float32, of the standard normal distribution; the number of those that
+            are at most the noise is the drawn point.
+        preferences: ``(points,)`` float32, the preferred frequency of each point.
     """
 
     def __init__(self, side: str, mode: str, scenario: Scenario) -> None:
         self.side, self.mode = side, mode
         lists = _ally_lists(scenario) if side == "ally" else _opponent_lists(scenario)
-        if mode == "discrete":
-            chosen = _ally_combinations(lists, scenario) if side == "ally" else _opponent_combinations(lists)
+        if mode != "multi-discrete":
+            ally = side == "ally"
+            chosen = _ally_combinations(mode, scenario) if ally else _opponent_combinations(lists)
             lists = [_combined(lists, chosen)]
+        elif side == "ally":
+            lists[0] = _first(lists[0], len(lists[0]) - 1)  # without the drawn hop
         self.lists = tuple(lists)
         self._columns = (len(lists),) if mode == "multi-discrete" else ()
         self.box_m = np.array(scenario.box_m, np.float32)
         every = _combined(lists, list(product(*map(range, self.sizes)))) if self.is_multi else lists[0]
-        self.is_homing = bool(every.homing.any())
-        self._table = (np.array(self.sizes), every.rows, every.allowed, every.homing, self.box_m)
+        self.is_homing, self.is_drawn = bool(every.homing.any()), bool(every.drawn.any())
+        points, normal = scenario.frequency_points, NormalDist()
+        self.quantiles = np.array([normal.inv_cdf(k / points) for k in range(1, points)], np.float32)
+        self.preferences = np.linspace(-1.0, 1.0, points).astype(np.float32)
+        drawing = (every.drawn, self.quantiles, self.preferences)
+        self._table = (np.array(self.sizes), every.rows, every.allowed, every.homing, self.box_m, *drawing)
 
     @property
     def is_multi(self) -> bool:
@@ -106,17 +126,25 @@ class Choices:
         """``(sum of sizes,)`` bool: the allowed choices of all lists, one after the other."""
         return np.concatenate([each.allowed for each in self.lists])
 
-    def decode(self, choices: np.ndarray, observations: np.ndarray, whose: str = "actions") -> np.ndarray:
+    def decode(
+        self,
+        choices: np.ndarray,
+        observations: np.ndarray,
+        whose: str = "actions",
+        noise: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Return the ``(N, 9)`` float32 actions that choices stand for.
 
         Args:
-            choices: whole numbers, ``(N,)`` in mode ``discrete`` and ``(N, lists)`` in ``multi-discrete``.
+            choices: whole numbers, ``(N,)``, and ``(N, lists)`` in mode ``multi-discrete``.
             observations: ``(N, 15)`` of the side.
             whose: begins the message of an error.
+            noise: ``(N, 1)`` float32, standard normal numbers of the players' seeds and steps
+                (:func:`fpg_bench.players.scripted.player_noise`), by which points are drawn.
 
         Raises:
             ActionError: another shape or dtype, a number out of range, or a choice that the scenario
-                forbids; the message names the game and the choice.
+                forbids; the message names the game and the choice. Also if points are drawn without noise.
         """
         shape = (len(observations), *self._columns)
         if not isinstance(choices, np.ndarray) or choices.dtype.kind not in "iu" or choices.shape != shape:
@@ -124,15 +152,22 @@ class Choices:
                 f"{whose}: expected whole numbers of shape {shape}, got {described(choices)} "
                 f"(actions={self.mode!r})"
             )
+        if noise is None:
+            if self.is_drawn:
+                raise ActionError(f"{whose}: actions={self.mode!r} draws points by noise, and none is given")
+            noise = np.zeros((shape[0], 1), np.float32)
         columns = np.ascontiguousarray(choices, np.int64).reshape(shape[0], -1)
         actions = np.empty((shape[0], ACTION_SIZE), np.float32)
         seen = np.ascontiguousarray(observations, np.float32)
-        if not _look_up(columns, seen, actions, *self._table):
+        if not _look_up(columns, seen, noise, actions, *self._table):
             raise self._error(columns, whose)
         return actions
 
     def encode(self, actions: np.ndarray, observations: np.ndarray) -> np.ndarray:
         """Return the allowed choices that are nearest to actions, by the squared distance of the floats.
+
+        The distance of a choice with a drawn point is the expected one, so a hop to a point of the list is
+        nearer to it than a drawn hop is.
 
         Args:
             actions: ``(N, 9)`` floats.
@@ -141,13 +176,14 @@ class Choices:
         Returns:
             Choices as :meth:`decode` takes them.
         """
-        _, rows, allowed, homing, box_m = self._table
+        _, rows, allowed, homing, box_m, drawn, _, preferences = self._table
         towards = np.zeros((len(actions), ACTION_SIZE), np.float32)
         if self.is_homing:
             for seen, velocity in zip(observations, towards, strict=True):
                 _home(seen, 1.0, box_m, velocity)
         away = actions[:, None] - rows - homing[:, None] * towards[:, None]
-        distances = np.where(allowed, np.square(away).sum(axis=2), np.inf)
+        variance = drawn * np.square(preferences).mean()
+        distances = np.where(allowed, np.square(away).sum(axis=2) + variance, np.inf)
         chosen = distances.argmin(axis=1)
         return np.stack(np.unravel_index(chosen, self.sizes), axis=1) if self.is_multi else chosen
 
@@ -167,12 +203,16 @@ class Choices:
 def _look_up(
     choices: np.ndarray,
     seen: np.ndarray,
+    noise: np.ndarray,
     actions: np.ndarray,
     sizes: np.ndarray,
     rows: np.ndarray,
     allowed: np.ndarray,
     homing: np.ndarray,
     box_m: np.ndarray,
+    drawn: np.ndarray,
+    quantiles: np.ndarray,
+    preferences: np.ndarray,
 ) -> bool:
     """Fill the actions of choices ``(N, lists)``; returns False for one out of range or forbidden."""
     for i in range(choices.shape[0]):
@@ -187,6 +227,12 @@ def _look_up(
             actions[i, j] = rows[index, j]
         if homing[index] != 0.0:
             _home(seen[i], homing[index], box_m, actions[i])
+        if drawn[index] != 0.0:
+            point = 0
+            for quantile in quantiles:
+                if noise[i, 0] >= quantile:
+                    point += 1
+            actions[i, PREFERENCE] += preferences[point]
     return True
 
 
@@ -207,43 +253,55 @@ def action_choices(side: str, mode: str, scenario: Scenario) -> Choices | None:
     """Return the choices of an action mode; None for ``continuous``.
 
     Raises:
-        UserError: an unknown mode.
+        UserError: a mode that the side does not have.
     """
-    one_of(mode, "actions", ACTION_MODES)
+    one_of(mode, f"actions of the {side}", action_modes(side))
     return None if mode == "continuous" else Choices(side, mode, scenario)
 
 
 def _ally_lists(scenario: Scenario) -> list[ChoiceList]:
-    """Return the lists of the ally: hop, spread and speed."""
+    """Return the lists of the ally: hop, the last to a drawn point, spread and speed."""
     points = scenario.frequency_points
-    hop = np.zeros((points + 2, ACTION_SIZE), np.float32)
+    known, uniform = points + 1, points + 2
+    hop = np.zeros((points + 3, ACTION_SIZE), np.float32)
     hop[:, HOP_GATE], hop[0, HOP_GATE] = 1.0, -1.0
-    hop[:, KNOWLEDGE_GATE], hop[-1, KNOWLEDGE_GATE] = -1.0, 1.0
-    hop[1:-1, PREFERENCE] = np.linspace(-1.0, 1.0, points)
-    names = ["stay", *(f"hop to point {point}" for point in range(points)), "hop by the knowledge base"]
-    allowed = np.ones(points + 2, bool)
-    allowed[-1] = scenario.knowledge_base is not None
+    hop[:, KNOWLEDGE_GATE], hop[known, KNOWLEDGE_GATE] = -1.0, 1.0
+    hop[1:known, PREFERENCE] = np.linspace(-1.0, 1.0, points)
+    to_points = (f"hop to point {point}" for point in range(points))
+    names = ["stay", *to_points, "hop by the knowledge base", "hop to a random point"]
+    allowed = np.ones(points + 3, bool)
+    allowed[known] = scenario.knowledge_base is not None
     spread, speed = np.zeros((2, ACTION_SIZE), np.float32), np.zeros((3, ACTION_SIZE), np.float32)
     spread[:, SPREAD_GATE] = -1.0, 1.0
     speed[:, SPEED] = 1.0, 0.0, -1.0
     return [
-        _list("hop", names, hop, allowed=allowed),
+        _list("hop", names, hop, allowed=allowed, drawn=np.arange(points + 3) == uniform),
         _list("spread", ["unspread", "spread"], spread),
         _list("speed", ["full speed", "mean speed", "least speed"], speed),
     ]
 
 
-def _ally_combinations(lists: Sequence[ChoiceList], scenario: Scenario) -> list[tuple[int, ...]]:
-    """Return every hop, and spreading without a hop or with one by the knowledge base.
+def _ally_combinations(mode: str, scenario: Scenario) -> list[tuple[int, ...]]:
+    """Return the choices of an ally in a mode of one list.
+
+    In mode ``discrete`` these are every hop, and spreading without a hop or with one by the knowledge base;
+    ``discrete-uniform`` adds the hop to a drawn point, with and without spreading, behind them; and
+    ``uniform-hop`` has staying and that hop, each with and without spreading.
 
     All at full speed and, where flying costs, also at the least, or at the mean one if a rotary wing is paid
     for, which needs least power there. Hops to each point while spreading as well make a list of 34, from
     which PPO learned no more.
     """
-    last = len(lists[0]) - 1
+    known, uniform = scenario.frequency_points + 1, scenario.frequency_points + 2
     speeds = (0, 1) if scenario.flight_cost_per_w else (0, 2) if scenario.flight_cost else (0,)
-    ways = [*((hop, 0) for hop in range(last + 1)), (0, 1), (last, 1)]
-    return [(*way, speed) for speed in speeds for way in ways]
+    named = [*((hop, 0) for hop in range(known + 1)), (0, 1), (known, 1)]
+    drawn = [(uniform, 0), (uniform, 1)]
+    groups = {
+        "discrete": [named],
+        "discrete-uniform": [named, drawn],
+        "uniform-hop": [[(0, 0), (0, 1), *drawn]],
+    }
+    return [(*way, speed) for ways in groups[mode] for speed in speeds for way in ways]
 
 
 def _opponent_lists(scenario: Scenario) -> list[ChoiceList]:
@@ -294,6 +352,7 @@ def _list(
     rows: np.ndarray,
     homing: np.ndarray | None = None,
     allowed: np.ndarray | None = None,
+    drawn: np.ndarray | None = None,
 ) -> ChoiceList:
     count = len(names)
     return ChoiceList(
@@ -302,7 +361,14 @@ def _list(
         rows,
         np.zeros(count, np.float32) if homing is None else homing.astype(np.float32),
         np.ones(count, bool) if allowed is None else allowed,
+        np.zeros(count, np.float32) if drawn is None else drawn.astype(np.float32),
     )
+
+
+def _first(of: ChoiceList, count: int) -> ChoiceList:
+    """Return the first choices of a list."""
+    arrays = (of.rows, of.homing, of.allowed, of.drawn)
+    return ChoiceList(of.name, of.names[:count], *(array[:count] for array in arrays))
 
 
 def _combined(lists: Sequence[ChoiceList], chosen: Sequence[tuple[int, ...]]) -> ChoiceList:
@@ -317,4 +383,5 @@ def _combined(lists: Sequence[ChoiceList], chosen: Sequence[tuple[int, ...]]) ->
         np.sum([of.rows[column] for of, column in pairs], axis=0),
         np.sum([of.homing[column] for of, column in pairs], axis=0),
         np.all([of.allowed[column] for of, column in pairs], axis=0),
+        np.sum([of.drawn[column] for of, column in pairs], axis=0),
     )

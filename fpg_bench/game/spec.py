@@ -13,12 +13,13 @@ from typing import Any, NoReturn
 from fpg_bench.common.checks import mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
-from fpg_bench.common.imports import check_allowed, code_named
+from fpg_bench.common.imports import check_allowed, code_named, split_weight
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 OBSERVATIONS = ("numbers", "waterfall")
 _SIDES = ("ally", "opponent")
+_MOST_WEIGHT = 1000
 LISTS = (*_SIDES, "path", "jamming_types")  # options that take one name or several
 _NAMES = ("planner", "knowledge", "reward", "observation")
 _ONE_SIDED = (*_SIDES, "reward", "observation", "history")  # options that the duel does not have
@@ -43,8 +44,9 @@ class GameSpec:
             ``link-fast-hop``, or a YAML file. In Python also a :class:`Scenario`. None: ``standard``.
         opponent, ally: the other side's player: a script, a shipped agent, an agent's folder,
             ``hf://owner/name`` or ``package.module:object`` (see ``fpg-bench players``), or ``suite:NAME``
-            for all members of a suite. Of several, one is drawn per round. In Python also objects with
-            ``predict``, in ids against any player.
+            for all members of a suite. Of several, one is drawn per round; ``tone*8`` stands for eight times
+            ``tone``, which is drawn as often. In Python also objects with ``predict``, in ids against any
+            player.
         path: the opponent's flight path. Of several, one is drawn per round.
         planner: the planner of the opponent's path between rounds, by name or ``package.module:object``. In
             Python also an object, or a function or class that makes one and may take the scenario.
@@ -52,8 +54,9 @@ class GameSpec:
         jamming_types: allowed jamming types.
         reward: reward of the learner: ``own``, ``zero_sum``, ``jamming``, ``overlap`` or ``ally_cost``;
             None: ``own``. See :func:`fpg_bench.envs.core.compute_reward`.
-        actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``; None: that of the
-            environment. Of the duel also a mapping from sides to modes.
+        actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``, or, of the ally,
+            ``discrete-uniform`` or ``uniform-hop``; None: that of the environment. Of the duel also a
+            mapping from sides to modes.
         observation: what the ally sees: its 15 ``numbers`` or a spectrum ``waterfall``; None: ``numbers``.
         history: rows of the waterfall; None: 16.
         untrusted: the ``package.module:object`` and agents of the Hub that a file named and the user has not
@@ -271,10 +274,28 @@ def option_names() -> tuple[str, ...]:
     return tuple(each.name for each in dataclasses.fields(GameSpec) if each.name not in ("id", "untrusted"))
 
 
+def _repeated(players: Any) -> Any:
+    """Return players with a weight, ``name*8``, as often as it says; anything else as it is.
+
+    Raises:
+        UserError: a weight that is not a whole number from 1 to 1000.
+    """
+    if isinstance(players, list | tuple):
+        parts = [_repeated(player) for player in players]
+        return [each for part in parts for each in (part if isinstance(part, list) else [part])]
+    if not isinstance(players, str):
+        return players
+    name, weight = split_weight(players)
+    if not 1 <= weight <= _MOST_WEIGHT:
+        raise UserError(f"{players}: expected a weight from 1 to {_MOST_WEIGHT}")
+    return players if name == players else [name] * weight
+
+
 def _listed(name: str, value: Any) -> tuple[Any, ...] | None:
     """Return an option of one or several names as a tuple; None stays."""
     if value is None:
         return None
+    value = _repeated(value) if name in _SIDES else value
     if isinstance(value, Sequence) and not isinstance(value, str):
         if not value:
             what = "players" if name in _SIDES else name

@@ -20,7 +20,8 @@ from fpg_bench.game.choices import Choices
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
 from fpg_bench.planning.planner import asks_language_model
-from fpg_bench.players.player import Player
+from fpg_bench.players.player import Abilities, Player
+from fpg_bench.players.scripted import player_seeds
 
 GREATEST_DIFFERENCE = 1e-4  # of an action entry, between a model and what plays in its place
 # Wrappers of known packages that change neither observations nor actions; recorders would film a copy, too.
@@ -177,6 +178,9 @@ def difference_in_own_games(
     batches = [(core.side, core.duel.batch) for core in (cores[:1] if cores[0].count > 1 else cores)]
     starts, model_state, player_state, differences = np.ones(games.num_envs, bool), None, None, []
     for _ in range(steps):
+        if starts.any() and (reset := Abilities.of(player).reset) is not None:
+            keys = [player_seeds(batch.games["round_key"], side) for side, batch in batches]
+            reset(starts, np.concatenate(keys))
         numbers = np.concatenate([getattr(batch, f"{side}_observations") for side, batch in batches])
         step = np.concatenate([batch.games["step"] for _, batch in batches])
         masks: dict[str, np.ndarray] = {}

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import NAMED, SCRIPTED, TACTICS, other_side
+from fpg_bench.common.ids import ALL_TACTICS, NAMED, SCRIPTS, action_modes, other_side
 from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
@@ -30,8 +30,8 @@ from fpg_bench.players.preprocessing import (
     unknown,
 )
 from fpg_bench.players.remote import is_remote
-from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted
-from fpg_bench.players.seeded import Batched
+from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted, player_noise
+from fpg_bench.players.seeded import Seeded
 from fpg_bench.players.tactics import Tactic
 
 _VARIANT = re.compile(r"([a-z-]+)\((.*)\)")
@@ -61,9 +61,9 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     name = os.fspath(spec)
     if variant := _VARIANT.fullmatch(name):
         return _script_with(variant[1], variant[2], side, scenario)
-    if name in TACTICS[side]:
+    if name in ALL_TACTICS[side]:
         return Tactic(side, name, scenario)
-    if name in SCRIPTED[side]:
+    if name in SCRIPTS[side]:
         return Scripted(side, name, scenario)
     if name in NAMED[side]:
         return Learner(name, scenario)
@@ -93,10 +93,10 @@ def _script_with(name: str, values: str, side: str, scenario: Scenario) -> Tacti
     """Return a script with the constants of a text such as ``centres=3, hold_s=2``."""
     if name in NAMED[other_side(side)]:
         raise _of_other_side(name, side)
-    if name not in TACTICS[side]:
-        known = ", ".join(TACTICS[side])
+    if name not in ALL_TACTICS[side]:
+        known = ", ".join(ALL_TACTICS[side])
         raise UserError(
-            f"{side} {name!r} has no constants{nearest(name, TACTICS[side])}; these have: {known}"
+            f"{side} {name!r} has no constants{nearest(name, ALL_TACTICS[side])}; these have: {known}"
         )
     changes = {}
     for text in filter(None, map(str.strip, values.split(","))):
@@ -157,7 +157,7 @@ def player_name(spec: PlayerSpec) -> str:
     return os.fspath(spec) if isinstance(spec, str | os.PathLike) else type(spec).__name__
 
 
-class ModelPlayer(Batched):
+class ModelPlayer(Seeded):
     """Player of a model that sees more than the 15 numbers, predicts choices as SB3's DQN does, or both.
 
     Args:
@@ -174,15 +174,19 @@ class ModelPlayer(Batched):
     def _answer(
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
     ) -> tuple[np.ndarray, Memory]:
-        stack, state = (None, None) if state is None else state
+        steps = np.zeros(len(seen), np.int64)
+        stack, state, steps = (None, None, steps) if state is None else state
+        if starts is not None:
+            steps = np.where(starts, 0, steps)
         stack = self._preprocessing.pushed(stack, seen, starts)
         masks: dict[str, np.ndarray] = {}
         if self._mask is not None:
             masks["action_masks"] = np.tile(self._mask, (len(seen), 1))
         actions, state = self.model.predict(self._preprocessing.shown(stack), state, starts, True, **masks)
         if self._choices is not None:
-            actions = self._choices.decode(np.asarray(actions), seen)
-        return actions, (stack, state)
+            noise = player_noise(self.keys(len(seen)), steps) if self._choices.is_drawn else None
+            actions = self._choices.decode(np.asarray(actions), seen, noise=noise)
+        return actions, (stack, state, steps + 1)
 
 
 def _adapted(player: Player, side: str, scenario: Scenario) -> Player:
@@ -205,21 +209,21 @@ def _difference_in_own_games(model: Player) -> float | None:
 
 
 def _choices(player: Player, side: str, scenario: Scenario) -> Choices | None:
-    """Return what a model chooses from, by its ``action_space``."""
+    """Return what a model chooses from, by its ``action_space``; no two modes have lists of equal sizes."""
     space = getattr(player, "action_space", None)
     if isinstance(space, spaces.MultiDiscrete):
-        mode, sizes = "multi-discrete", tuple(space.nvec.tolist())
+        sizes = tuple(space.nvec.tolist())
     elif isinstance(space, spaces.Discrete):
-        mode, sizes = "discrete", (int(space.n),)
+        sizes = (int(space.n),)
     else:
         return None
-    choices = Choices(side, mode, scenario)
-    if sizes != choices.sizes:
-        raise UserError(
-            f"{side}: {type(player).__name__} chooses from {sizes}, the {side} here from {choices.sizes} "
-            f"(actions={mode!r})"
-        )
-    return choices
+    every = [Choices(side, mode, scenario) for mode in action_modes(side) if mode != "continuous"]
+    alike = [choices for choices in every if choices.is_multi == (len(sizes) > 1)]
+    for choices in alike:
+        if choices.sizes == sizes:
+            return choices
+    known = ", ".join(f"{choices.sizes} (actions={choices.mode!r})" for choices in alike)
+    raise UserError(f"{side}: {type(player).__name__} chooses from {sizes}, the {side} here from {known}")
 
 
 def _waterfall(player: Player, side: str, scenario: Scenario) -> Waterfall | None:

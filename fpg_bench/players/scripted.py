@@ -183,6 +183,13 @@ def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: Record) -> float:
 
 
 @compiled
+def separation_m(seen: np.ndarray, scales: Record) -> float:
+    """Return the distance between both sides in m, as either side observes it."""
+    x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@compiled
 def _away_m(seen: np.ndarray, scales: Record, axis: int) -> float:
     """Return the relative position in m; the observation holds its signed root over the box."""
     root = seen[RELATIVE_POSITION + axis]
@@ -294,3 +301,10 @@ def fill_noise(noise: np.ndarray, keys: np.ndarray, steps: np.ndarray) -> None:
     for i in range(noise.shape[0]):
         for j in range(noise.shape[1]):
             noise[i, j], _ = rng.gaussians(keys[i], steps[i], rng.PLAYER_DRAW + j)
+
+
+def player_noise(keys: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Return ``(n, 1)`` float32, the first number of an agent's ``noise`` for its seeds at these steps."""
+    noise = np.empty((len(keys), 1), np.float32)
+    fill_noise(noise, keys, steps)
+    return noise

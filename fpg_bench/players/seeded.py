@@ -33,11 +33,10 @@ class Batched:
         raise NotImplementedError
 
 
-class SeededPolicy(Batched):
+class Seeded(Batched):
     """Base class of players that draw at random, with one key per game.
 
-    A game that never got a key uses its own index. A subclass treats every game by itself, and its memory is
-    None, an array with a row per game, or a tuple of these. So it can be called for some of its games only.
+    A game that never got a key uses its own index.
     """
 
     _keys = np.empty(0, np.uint64)
@@ -53,6 +52,14 @@ class SeededPolicy(Batched):
         if len(self._keys) != count:
             self._keys = np.arange(count, dtype=np.uint64)
         return self._keys
+
+
+class SeededPolicy(Seeded):
+    """Base class of players that draw at random and can be called for some of their games only.
+
+    A subclass treats every game by itself, and its memory is None, an array with a row per game, or a tuple
+    of these.
+    """
 
     @contextlib.contextmanager
     def playing(self, games: np.ndarray, count: int) -> Iterator[None]:

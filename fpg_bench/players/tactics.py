@@ -10,9 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import TACTICS
-from fpg_bench.game.actions import HOP_GATE, KNOWLEDGE_GATE, SPEED, SPREAD_GATE
+from fpg_bench.common.ids import ALL_TACTICS, TACTICS
+from fpg_bench.game import rng as draws
+from fpg_bench.game.actions import HOP_GATE, KNOWLEDGE_GATE, PREFERENCE, SPEED, SPREAD_GATE
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import log
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import (
     JAM_CENTRE,
@@ -24,7 +26,7 @@ from fpg_bench.game.sensing import (
     SNR,
     SPREADING_TIME,
 )
-from fpg_bench.game.state import ACTION_SIZE, TYPES
+from fpg_bench.game.state import ACTION_SIZE, TYPES, Record
 from fpg_bench.players.player import Memory
 from fpg_bench.players.scripted import (
     BROADBAND,
@@ -32,27 +34,34 @@ from fpg_bench.players.scripted import (
     NARROWBAND,
     TONE,
     WATCHFUL,
+    draw,
     fitting_type,
     fly_at_ally,
     jam,
     scenario_scales,
+    separation_m,
 )
 from fpg_bench.players.seeded import SeededPolicy
 
-SULK, BY_TYPE = range(len(TACTICS["ally"]))
-SCAN, ALTERNATE, GUARD, HERD = range(len(TACTICS["opponent"]))
+SULK, BY_TYPE, EVIDENCE, CLOCK = range(len(ALL_TACTICS["ally"]))
+SCAN, ALTERNATE, GUARD, HERD, HUNTER = range(len(ALL_TACTICS["opponent"]))
 
 ALLY_MEMORY = np.dtype(
     [
         ("step", "i8"),
         ("hops", "i8"),  # in a row that ended no outage
         ("until", "i8"),  # the step until which it stays
+        ("evidence", "f8"),  # that the opponent knows its point: minus the log of the chance of blind hits
+        ("level", "f8"),  # of evidence at which it hops; 0 where none has been drawn
+        ("hits", "i8"),  # in a row
+        ("since", "i8"),  # steps since the first of the last hits in a row
     ]
 )
 OPPONENT_MEMORY = np.dtype(
     [
         ("step", "i8"),
         ("moves", "i8"),  # how often a check found the ally elsewhere than it was jammed
+        ("since", "i8"),  # steps since a check last found the ally
     ]
 )
 
@@ -71,6 +80,18 @@ def constants(name: str, scenario: Scenario) -> dict[str, Constant]:
     """Return the constants of a script, in the order in which its rule reads them."""
     threat = Constant(scenario.script_threat_db, -10, 60)
     centres, hold = Constant(2, 1, 15, True), Constant(1, 1, 10, True)
+    # One in so many blind hits by each type is on the ally's point: of 15 points a tone covers 1, narrowband
+    # 3, broadband half of them, and a comb 4.
+    evidence = {
+        "tone": Constant(15, 1, 100),
+        "narrowband": Constant(5, 1, 100),
+        "broadband": Constant(2, 1, 100),
+        "comb": Constant(3.75, 1, 100),
+        "least": Constant(1, 0, 20),
+        "most": Constant(5, 0, 20),
+        "spread_beyond_m": Constant(110, 0, 5000),
+        "spread_s": Constant(5, 0, 60, True),
+    }
     known = {
         "sulk": {
             "below_db": Constant(scenario.snr_threshold_db, -10, 60),
@@ -95,12 +116,29 @@ def constants(name: str, scenario: Scenario) -> dict[str, Constant]:
             "hold_s": hold,
             "moves": Constant(2, 1, 20, True),
         },
+        "evidence": evidence,
+        "clock": evidence
+        | {
+            "most": Constant(2, 0, 20),
+            "spread_s": Constant(3, 0, 60, True),
+            "spread_from_s": Constant(3, 1, 60, True),
+            "spread_to_s": Constant(6, 0, 60, True),
+        },
+        "hunter": {
+            "type": Constant(NARROWBAND, 0, TYPES - 1, True),
+            "hold_s": replace(hold, default=2),
+            "blind_type": Constant(BROADBAND, 0, TYPES - 1, True),
+            "centres": centres,
+        },
     }
     return known[name]
 
 
 def draw_variants(side: str, count: int, scenario: Scenario, seed: int = 0) -> list[str]:
-    """Return the names of ``count`` scripts of a side with random constants, each script in turn."""
+    """Return the names of ``count`` scripts of a side with random constants, each script in turn.
+
+    They are those of ``all-scripted``, so that a seed draws the same as ever.
+    """
     rng, names = np.random.default_rng(seed), TACTICS[side]
     variants = []
     for name in (names[i % len(names)] for i in range(count)):
@@ -120,12 +158,14 @@ def play_ally(
     observations: np.ndarray,
     actions: np.ndarray,
     memory: np.ndarray,
+    keys: np.ndarray,
     scales_array: np.ndarray,
     constant: np.ndarray,
 ) -> None:
-    """Fill the actions of an ally, which flies at full speed and hops by the knowledge base.
+    """Fill the actions of an ally, which flies at full speed.
 
-    ``memory`` (n,) is of dtype ``ALLY_MEMORY``.
+    Sulk and by-type hop by the knowledge base, the others to a random point. ``memory`` (n,) is of dtype
+    ``ALLY_MEMORY``.
     """
     scales = scales_array[0]
     for i in range(observations.shape[0]):
@@ -133,8 +173,14 @@ def play_ally(
         of = memory[i]
         step = of.step
         snr = seen[SNR] * scales.snr_db
-        hop, spread = False, False
-        if kind == SULK:
+        hop, spread, is_random = False, False, kind in (EVIDENCE, CLOCK)
+        if is_random:
+            hop = _is_known(of, seen, constant, draw(keys, i, step, 0))
+            spread = seen[SPREADING_TIME] * scales.spreading_s < constant[7] - 0.5
+            if kind == CLOCK and of.since <= constant[9]:
+                spread = of.since >= constant[8]
+            spread = spread and separation_m(seen, scales) > constant[6]
+        elif kind == SULK:
             if snr >= constant[0]:
                 of.hops = 0
             elif step >= of.until and of.hops >= constant[1]:
@@ -150,8 +196,36 @@ def play_ally(
         action[HOP_GATE] = 1.0 if hop else -1.0
         action[SPREAD_GATE] = 1.0 if spread else -1.0
         action[SPEED] = 1.0
-        action[KNOWLEDGE_GATE] = action[HOP_GATE]
+        action[KNOWLEDGE_GATE] = -1.0 if is_random else action[HOP_GATE]
+        if is_random:
+            action[PREFERENCE] = draw(keys, i, step, 3)
         of.step += 1
+
+
+@compiled
+def _is_known(of: Record, seen: np.ndarray, constant: np.ndarray, drawn: float) -> bool:
+    """Count the evidence that the opponent knows the ally's point; returns True once it is at its level.
+
+    A hit is a step in which the sensed jamming covers the ally. The level is then drawn anew by ``drawn``, a
+    uniform number in [-1, 1].
+    """
+    if of.step == 0:
+        of.level = constant[4] + (constant[5] - constant[4]) * (drawn + 1.0) / 2.0
+    of.since += 1
+    if seen[SENSED_COVERS] <= 0.0:
+        of.hits, of.evidence = 0, 0.0
+        return False
+    of.hits += 1
+    if of.hits == 1:
+        of.since = 0
+    for kind in range(TYPES):
+        if seen[SENSED_TYPE + kind] > 0.0:
+            of.evidence += log(constant[kind])
+    if of.evidence < of.level:
+        return False
+    of.hits, of.evidence = 0, 0.0
+    of.level = constant[4] + (constant[5] - constant[4]) * (drawn + 1.0) / 2.0
+    return True
 
 
 @compiled
@@ -160,6 +234,7 @@ def play_opponent(
     observations: np.ndarray,
     actions: np.ndarray,
     memory: np.ndarray,
+    keys: np.ndarray,
     scales_array: np.ndarray,
     constant: np.ndarray,
 ) -> None:
@@ -176,6 +251,7 @@ def play_opponent(
         checked = seen[KNOWN_AGE] <= 0.0
         if checked and seen[JAM_TYPE : JAM_TYPE + TYPES].any() and seen[JAM_CENTRE] != seen[KNOWN_FREQUENCY]:
             of.moves += 1
+        of.since = 0 if checked else of.since + 1
         tuning, in_band = 0.0, False
         if kind == GUARD and distance < constant[0]:
             turn = step % int(constant[2]) - (constant[2] - 1.0) / 2.0
@@ -184,6 +260,12 @@ def play_opponent(
             jamming_type, tuning = NARROWBAND, constant[1] / scales.tuning_span_mhz
         elif kind == HERD and of.moves < constant[3]:
             jamming_type = fitting_type(WATCHFUL, seen, distance, scales)
+        elif kind == HUNTER and of.since < constant[1]:
+            jamming_type = int(constant[0])
+        elif kind == HUNTER:
+            turn = draws.integer(keys[i], step, draws.PLAYER_DRAW, int(constant[3]))
+            jamming_type, in_band = int(constant[2]), True
+            tuning = (2.0 * turn + 1.0) / constant[3] - 1.0
         else:
             turn = step // int(constant[2]) % int(constant[1])
             jamming_type, in_band = int(constant[0]), True
@@ -197,7 +279,7 @@ class Tactic(SeededPolicy):
 
     Args:
         side: ``ally`` or ``opponent``.
-        name: one of ``fpg_bench.common.ids.TACTICS[side]``.
+        name: one of ``fpg_bench.common.ids.ALL_TACTICS[side]``.
         scenario: the rules, with the scales of observations.
         changes: constants in place of the default ones of :func:`constants`.
 
@@ -207,7 +289,7 @@ class Tactic(SeededPolicy):
 
     def __init__(self, side: str, name: str, scenario: Scenario, **changes: float) -> None:
         self.side, self.name = side, name
-        self._kind = TACTICS[side].index(name)
+        self._kind = ALL_TACTICS[side].index(name)
         known = constants(name, scenario)
         for key, value in changes.items():
             if key not in known:
@@ -231,9 +313,9 @@ class Tactic(SeededPolicy):
         actions = np.empty((count, ACTION_SIZE), np.float32)
         seen = np.require(seen, np.float32, ("C", "A", "W"))
         if self.side == "ally":
-            play_ally(self._kind, seen, actions, memory, self._scales, self._constants)
+            play_ally(self._kind, seen, actions, memory, self.keys(count), self._scales, self._constants)
         else:
-            play_opponent(self._kind, seen, actions, memory, self._scales, self._constants)
+            play_opponent(self._kind, seen, actions, memory, self.keys(count), self._scales, self._constants)
         return actions, memory
 
     def __repr__(self) -> str:

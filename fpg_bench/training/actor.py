@@ -20,13 +20,15 @@ from torch import nn
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import action_space
+from fpg_bench.game.actions import PREFERENCE
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
 from fpg_bench.players.player import Memory
 from fpg_bench.players.preprocessing import core_of, preprocessing_of
-from fpg_bench.players.seeded import Batched
+from fpg_bench.players.scripted import player_noise
+from fpg_bench.players.seeded import Seeded
 
 FORBIDDEN = np.float32(-1e30)  # value of a forbidden choice
 Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
@@ -49,10 +51,11 @@ class Normalization(nn.Module):
 
 
 class Actor(nn.Module):
-    """The computation of ``predict``, from ``observation`` (n, 15) and a flat ``state`` (n, S).
+    """The computation of ``predict``, from ``observation`` (n, 15), a flat ``state`` (n, S) and ``noise``.
 
     The state is zero at the start of a round. With stacked frames it holds the last k - 1 observations, or
     rows of a waterfall, oldest first; then come the hidden and the cell state of an LSTM, layer by layer.
+    Choices with a drawn point need ``noise`` (n, 1).
 
     Args:
         model: a trained model; its weights are copied.
@@ -64,6 +67,7 @@ class Actor(nn.Module):
         before, after: normalizations, of each frame before it is stacked and of the whole stack.
         frame_size, frames_size: size of one frame, and of all frames in the state.
         penalty: ``(choices,)`` float32, added to the values of the choices so that no forbidden one is best.
+        has_noise: true if points are drawn by the input ``noise``.
 
     Raises:
         UserError: an unsupported policy, or one with another list of choices.
@@ -77,6 +81,7 @@ class Actor(nn.Module):
             penalty = np.where(self.choices.mask, np.float32(0), FORBIDDEN)
             self.penalty = nn.Buffer(torch.as_tensor(penalty))
             self.tables = [torch.from_numpy(each.rows) for each in self.choices.lists]
+        self.has_noise = self.choices is not None and self.choices.is_drawn
         self.features, self.lstm, self.networks = copy.deepcopy(_networks(policy))
         # TD3's networks already end in a tanh.
         has_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
@@ -95,19 +100,24 @@ class Actor(nn.Module):
             self.state_size += 2 * self.lstm.num_layers * self.lstm.hidden_size
         self.cpu().eval()
 
-    def forward(self, observation: torch.Tensor, state: torch.Tensor | None = None) -> Any:
+    def forward(
+        self,
+        observation: torch.Tensor,
+        state: torch.Tensor | None = None,
+        noise: torch.Tensor | None = None,
+    ) -> Any:
         """Return the action (n, 9), and the next state if a state is given."""
         rows = observation if self.waterfall is None else waterfall_rows(observation, self.table)
         frame = self.before(rows)
         if state is None:
-            return self._action(self.features(self._shown(frame)), observation)
+            return self._action(self.features(self._shown(frame)), observation, noise)
         obs = torch.cat((state[:, : self.frames_size], frame), 1)
         latent = self.features(self._shown(obs))
         next_state = [obs[:, self.frame_size :]]
         if self.lstm is not None:
             latent, memory = self._forward_lstm(latent, state[:, self.frames_size :])
             next_state.append(memory)
-        return self._action(latent, observation), torch.cat(next_state, 1)
+        return self._action(latent, observation, noise), torch.cat(next_state, 1)
 
     def _shown(self, obs: torch.Tensor) -> torch.Tensor:
         if self.waterfall is not None:
@@ -122,13 +132,21 @@ class Actor(nn.Module):
         flat = torch.stack(states).permute(2, 0, 1, 3).flatten(1)
         return out.squeeze(0), flat
 
-    def _action(self, latent: torch.Tensor, observation: torch.Tensor) -> torch.Tensor:
+    def _action(
+        self, latent: torch.Tensor, observation: torch.Tensor, noise: torch.Tensor | None
+    ) -> torch.Tensor:
         action: torch.Tensor = self.networks(latent)
         if self.choices is not None:
-            return self._chosen(action + self.penalty, self.choices, observation)
+            return self._chosen(action + self.penalty, self.choices, observation, noise)
         return torch.tanh(action) if self.squash else action.clamp(-1.0, 1.0)
 
-    def _chosen(self, values: torch.Tensor, choices: Choices, observation: torch.Tensor) -> torch.Tensor:
+    def _chosen(
+        self,
+        values: torch.Tensor,
+        choices: Choices,
+        observation: torch.Tensor,
+        noise: torch.Tensor | None,
+    ) -> torch.Tensor:
         """Return the actions of the choices with the highest values, as ``Choices.decode`` does."""
         best = [part.argmax(1) for part in torch.split(values, list(choices.sizes), 1)]
         action = self.tables[0].index_select(0, best[0])
@@ -141,6 +159,12 @@ class Actor(nn.Module):
             homing = torch.from_numpy(choices.lists[-1].homing).index_select(0, best[-1])
             velocity = homing.unsqueeze(1) * away_m / distance.clamp(min=PURSUIT_M)
             action = action + velocity @ torch.eye(ACTION_SIZE)[-3:]
+        if choices.is_drawn:
+            assert noise is not None
+            point = (noise >= torch.from_numpy(choices.quantiles)).sum(1)
+            preference = torch.from_numpy(choices.preferences).index_select(0, point)
+            drawn = torch.from_numpy(choices.lists[0].drawn).index_select(0, best[0])
+            action = action + (drawn * preference).unsqueeze(1) @ torch.eye(ACTION_SIZE)[[PREFERENCE]]
         return action
 
 
@@ -229,7 +253,7 @@ def _lstm(policy: nn.Module) -> nn.LSTM | None:
     return lstm
 
 
-class ActorPlayer(Batched):
+class ActorPlayer(Seeded):
     """Player that runs a model's policy in torch; plays as its exported agent does.
 
     Args:
@@ -245,12 +269,17 @@ class ActorPlayer(Batched):
     def _answer(
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
     ) -> tuple[np.ndarray, Memory]:
+        count, actor = len(seen), self._actor
         observation = torch.from_numpy(np.array(seen, np.float32))
+        memory, steps = (None, np.zeros(count, np.int64)) if state is None else state
+        if starts is not None:
+            steps = np.where(starts, 0, steps)
+        noise = torch.from_numpy(player_noise(self.keys(count), steps)) if actor.has_noise else None
         with torch.inference_mode():
-            if not self._actor.state_size:
-                return self._actor(observation).numpy(), None
-            memory = torch.zeros(len(observation), self._actor.state_size) if state is None else state.clone()
+            if not actor.state_size:
+                return actor(observation, None, noise).numpy(), (None, steps + 1)
+            memory = torch.zeros(count, actor.state_size) if memory is None else memory.clone()
             if starts is not None:
                 memory[torch.from_numpy(starts)] = 0
-            action, memory = self._actor(observation, memory)
-        return action.numpy(), memory
+            action, memory = actor(observation, memory, noise)
+        return action.numpy(), (memory, steps + 1)

@@ -29,6 +29,7 @@ from torch.distributions import Distribution
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import reason
+from fpg_bench.game.actions import PREFERENCE
 from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.sensing import RELATIVE_POSITION
@@ -46,6 +47,7 @@ from fpg_bench.players.preprocessing import (
     preprocessing_of,
     takes_masks,
 )
+from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.trust import remember_exported
 from fpg_bench.training.actor import Actor, Normalization, waterfall_of
 
@@ -55,9 +57,9 @@ OPSET = 20
 def export_onnx(model: BaseAlgorithm) -> bytes:
     """Return the model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
 
-    A policy with memory also has an input ``state`` (n, S) and an output ``next_state``; see
-    :class:`fpg_bench.training.actor.Actor`. The file of a discrete policy includes its list of choices.
-    PyTorch's exporter writes custom layers and waterfalls.
+    A policy with memory also has an input ``state`` (n, S) and an output ``next_state``, and one that draws
+    points an input ``noise`` (n, 1); see :class:`fpg_bench.training.actor.Actor`. The file of a discrete
+    policy includes its list of choices. PyTorch's exporter writes custom layers and waterfalls.
 
     Args:
         model: a trained model.
@@ -77,11 +79,11 @@ def _onnx_of(actor: Actor, model: BaseAlgorithm) -> bytes:
 def _torch_export(kind: str, actor: Actor) -> bytes:
     """Return the ONNX of an actor from PyTorch's exporter; ``kind`` names the policy in errors."""
     _use_thread_lock_in_tqdm()
-    examples = [torch.zeros(2, OBSERVATION_SIZE)]
-    names = ["observation", "action"]
+    examples = {"observation": torch.zeros(2, OBSERVATION_SIZE)}
     if actor.state_size:
-        examples.append(torch.zeros(2, actor.state_size))
-        names += ["state", "next_state"]
+        examples["state"] = torch.zeros(2, actor.state_size)
+    if actor.has_noise:
+        examples["noise"] = torch.zeros(2, 1)
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
@@ -90,11 +92,12 @@ def _torch_export(kind: str, actor: Actor) -> bytes:
         try:
             torch.onnx.export(
                 actor,
-                tuple(examples),
+                (),
                 str(path),
-                input_names=names[::2],
-                output_names=names[1::2],
-                dynamic_shapes=tuple({0: torch.export.Dim("n")} for _ in examples),
+                kwargs=examples,
+                input_names=list(examples),
+                output_names=["action", "next_state"][: 1 + (actor.state_size > 0)],
+                dynamic_shapes={name: {0: torch.export.Dim("n")} for name in examples},
                 opset_version=OPSET,
                 dynamo=True,
                 external_data=False,
@@ -255,6 +258,7 @@ def largest_difference(
     preprocessing = preprocessing_of(model, waterfall_of(model))
     stack = model_state = player_state = None
     starts, differences = np.ones(games, bool), []
+    steps_of_round, keys = np.zeros(games, np.int64), np.arange(games, dtype=np.uint64)
     masks: dict[str, Any] = {}
     if choices is not None and takes_masks(model) and not choices.mask.all():
         masks["action_masks"] = np.tile(choices.mask, (games, 1))
@@ -263,7 +267,9 @@ def largest_difference(
         stack = preprocessing.pushed(stack, observation, starts)
         expected, model_state = model.predict(preprocessing.shown(stack), model_state, starts, True, **masks)
         if choices is not None:
-            expected = choices.decode(expected, observation)
+            steps_of_round[starts] = 0
+            expected = choices.decode(expected, observation, noise=player_noise(keys, steps_of_round))
+            steps_of_round += 1
         actions, player_state = player.predict(observation, player_state, starts)
         differences.append(np.abs(expected - actions).max(1))
         starts = rng.random(games) < 0.05
@@ -296,6 +302,8 @@ def plain_onnx(actor: Actor) -> bytes | None:
         graph.add("Tanh", latent, to="action")
     else:
         graph.clip(latent, -1.0, 1.0, to="action")
+    if actor.has_noise:
+        inputs.append(_rows("noise", 1))
     if next_state:
         inputs.append(_rows("state", actor.state_size))
         outputs.append(_rows("next_state", actor.state_size))
@@ -370,6 +378,8 @@ def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
     ]
     if choices.is_homing:
         rows.append(_velocity(graph, choices, best[-1]))
+    if choices.is_drawn:
+        rows.append(_preference(graph, choices, best[0]))
     graph.add("Sum", *rows, to="action")
 
 
@@ -382,6 +392,17 @@ def _velocity(graph: _Graph, choices: Choices, chosen: str) -> str:
     homing = graph.add("Gather", graph.constant(choices.lists[-1].homing[:, None]), chosen, axis=0)
     velocity = graph.add("Mul", graph.add("Div", away, distance), homing)
     return graph.add("MatMul", velocity, graph.constant(np.eye(3, ACTION_SIZE, ACTION_SIZE - 3, np.float32)))
+
+
+def _preference(graph: _Graph, choices: Choices, chosen: str) -> str:
+    """Add the preferred frequency that a choice with a drawn point adds to its action."""
+    reached = graph.add("GreaterOrEqual", "noise", graph.constant(choices.quantiles))
+    counted = graph.add("Where", reached, graph.constant([1]), graph.constant([0]))
+    point = graph.add("ReduceSum", counted, graph.constant([1]), keepdims=0)
+    actions = np.zeros((len(choices.preferences), ACTION_SIZE), np.float32)
+    actions[:, PREFERENCE] = choices.preferences
+    drawn = graph.add("Gather", graph.constant(choices.lists[0].drawn[:, None]), chosen, axis=0)
+    return graph.add("Mul", graph.add("Gather", graph.constant(actions), point, axis=0), drawn)
 
 
 def _linear(graph: _Graph, layer: nn.Linear, x: str) -> str:

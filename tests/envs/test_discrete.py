@@ -16,18 +16,19 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 from fpg_bench import make_duel, make_sb3
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import ACTION_MODES, id_with
+from fpg_bench.common.ids import ACTION_MODES, ALLY_MODES, action_modes, find_env, id_with
 from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario, preset
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.registry import as_player
-from fpg_bench.players.scripted import Scripted
+from fpg_bench.players.scripted import Scripted, player_noise
 
 from .playing import ALLY, IDS, OPPONENT, SHORT
 
 MODES = tuple(ACTION_MODES)[1:]
+BOTH = action_modes("opponent")[1:]
 LEARNED = as_scenario(SHORT, opponent_path="learned")
 
 
@@ -43,10 +44,10 @@ def played(side, mode, choice, scenario=STANDARD, seed=3):
 @pytest.mark.parametrize("mode", MODES)
 def test_each_choice_of_the_ally_does_what_its_name_says(mode):
     for choice, name in enumerate(Choices("ally", mode, STANDARD).lists[0].names):
-        game = played("ally", mode, choice if mode == "discrete" else [choice, 0, 0])
+        game = played("ally", mode, [choice, 0, 0] if mode == "multi-discrete" else choice)
         assert game["hopped"] == name.startswith("hop")
         assert (game["spreading_s"] > 0) == name.endswith(", spread")
-        if "point" in name:
+        if "to point" in name:
             point = int(name.split("point ")[1].split(",")[0])
             assert game["frequency_mhz"] == pytest.approx(150 + point * 100 / 14, abs=1e-4)
 
@@ -91,15 +92,18 @@ def test_an_opponent_that_flies_itself_flies_at_the_ally_as_the_scripts_do():
     assert many.decode(rows, seen[:8])[2:, 6:].tolist() == [*np.eye(3).tolist(), *(-np.eye(3)).tolist()]
 
 
-@pytest.mark.parametrize(("side", "mode"), [(side, mode) for side in SIDES for mode in MODES])
+@pytest.mark.parametrize(
+    ("side", "mode"), [(side, mode) for side in SIDES for mode in action_modes(side)[1:]]
+)
 def test_the_choice_nearest_to_an_action_is_the_one_that_stands_for_it(side, mode):
     choices, rng = Choices(side, mode, LEARNED), np.random.default_rng(0)
     seen = rng.uniform(-1, 1, (300, 15)).astype(np.float32)
     columns = [rng.integers(0, size, 300) for size in choices.sizes]
     chosen = np.stack(columns, axis=1) if mode == "multi-discrete" else columns[0]
-    actions = choices.decode(chosen, seen)
+    noise = np.random.default_rng(1).normal(size=(300, 1)).astype(np.float32)
+    actions = choices.decode(chosen, seen, noise=noise)
     found = choices.encode(actions + rng.uniform(-0.02, 0.02, actions.shape), seen)
-    assert np.array_equal(choices.decode(found, seen), actions)
+    assert np.array_equal(choices.decode(found, seen, noise=noise), actions)
 
 
 def test_a_forbidden_choice_is_nearest_to_nothing():
@@ -129,7 +133,66 @@ def test_what_the_scenario_forbids_is_masked_and_refused_by_name():
         env.step(narrowband)
 
 
-@pytest.mark.parametrize("mode", MODES)
+def test_random_hops_reach_every_point_equally_often():
+    choices = Choices("ally", "uniform-hop", STANDARD)
+    assert choices.lists[0].names[2] == "hop to a random point, unspread"
+    keys, steps = np.arange(30_000, dtype=np.uint64), np.zeros(30_000, np.int64)
+    chosen, seen = np.full(30_000, 2), np.zeros((30_000, 15), np.float32)
+    actions = choices.decode(chosen, seen, noise=player_noise(keys, steps))
+    points, counts = np.unique(actions[:, 3], return_counts=True)
+    assert np.array_equal(points, np.linspace(-1, 1, 15).astype(np.float32))
+    assert np.square(counts - 2000).sum() / 2000 < 36.1  # chi-squared, 14 degrees of freedom, 0.1 %
+    with pytest.raises(ActionError, match="draws points by noise"):
+        choices.decode(chosen, seen)
+
+
+@pytest.mark.parametrize("mode", ALLY_MODES)
+def test_random_hops_depend_on_the_round_alone(mode):
+    last = len(Choices("ally", mode, SHORT).lists[0]) - 1
+    alone, batch = (make_sb3(ALLY, count, seed=seed, actions=mode) for count, seed in ((1, 9), (4, 7)))
+    alone.reset(), batch.reset()
+    seen = []
+    for _ in range(20):
+        one, many = alone.step(np.array([last]))[0], batch.step(np.full(4, last))[0]
+        assert np.array_equal(one[0], many[2])
+        seen.append(many[:, 6])
+    assert len(np.unique(seen)) > 10
+    assert not np.array_equal(*np.array(seen).T[:2])
+
+
+def test_the_named_choices_keep_their_numbers_where_random_hops_are_added():
+    for scenario in (STANDARD, preset("link")):
+        old, new = (Choices("ally", mode, scenario).lists[0] for mode in ("discrete", "discrete-uniform"))
+        assert new.names[: len(old)] == old.names
+        assert np.array_equal(new.rows[: len(old)], old.rows)
+        assert all("random point" in name for name in new.names[len(old) :])
+        assert not any("point " in name for name in Choices("ally", "uniform-hop", scenario).lists[0].names)
+
+
+def test_a_script_is_imitated_by_the_nearest_choice():
+    seen = np.zeros((3, 15), np.float32)
+    actions = np.array(
+        [[1, -1, 1, 0.3, -1, 0, 0, 0, 0], [1, 1, 1, 0, 1, 0, 0, 0, 0], [-1, 1, 1, 0, -1, 0, 0, 0, 0]]
+    )
+    for mode, expected in (
+        (
+            "discrete-uniform",
+            ["hop to point 9, unspread", "hop by the knowledge base, spread", "stay, spread"],
+        ),
+        ("uniform-hop", ["hop to a random point, unspread", "hop to a random point, spread", "stay, spread"]),
+    ):
+        choices = Choices("ally", mode, STANDARD)
+        assert [choices.lists[0].names[k] for k in choices.encode(actions, seen)] == expected
+
+
+def test_the_opponent_has_no_random_hops():
+    with pytest.raises(UserError, match="actions of the opponent"):
+        make_sb3(OPPONENT, 2, actions="uniform-hop")
+    with pytest.raises(UserError, match="unknown id"):
+        find_env("FPG/OpponentVsScriptedUniformHop-v0")
+
+
+@pytest.mark.parametrize("mode", BOTH)
 def test_maskable_ppo_finds_the_masks(mode):
     scenario = as_scenario(SHORT, jamming_types=("tone",))
     games = make_sb3(OPPONENT, 3, seed=0, scenario=scenario, actions=mode)
@@ -156,7 +219,11 @@ def test_a_model_of_choices_is_a_player_that_keeps_to_what_is_allowed():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("env_id", "mode"),
-    [*((env_id, "continuous") for env_id in IDS), *((id, mode) for mode in MODES for id in (ALLY, OPPONENT))],
+    [
+        *((env_id, "continuous") for env_id in IDS),
+        *((ALLY, mode) for mode in MODES),
+        *((OPPONENT, mode) for mode in BOTH),
+    ],
 )
 def test_the_checkers_find_nothing_to_warn_of(env_id, mode):
     env = gymnasium.make(id_with(env_id, mode)).unwrapped
@@ -169,13 +236,16 @@ def test_the_checkers_find_nothing_to_warn_of(env_id, mode):
 @pytest.mark.parametrize("mode", MODES)
 def test_pettingzoo_finds_nothing_amiss(mode):
     parallel_api_test(parallel_env(actions={"ally": mode}, scenario=SHORT), num_cycles=50)
-    parallel_seed_test(lambda: parallel_env(actions=mode, scenario=LEARNED))
+    parallel_seed_test(lambda: parallel_env(actions={"ally": mode}, scenario=LEARNED))
 
 
 @pytest.mark.parametrize(
-    ("env_id", "path"), [(ALLY, "pursuit"), (OPPONENT, "pursuit"), (OPPONENT, "learned")]
+    ("env_id", "path", "mode"),
+    [
+        *((ALLY, "pursuit", mode) for mode in MODES),
+        *((OPPONENT, path, mode) for path in ("pursuit", "learned") for mode in BOTH),
+    ],
 )
-@pytest.mark.parametrize("mode", MODES)
 def test_every_environment_plays_the_same_game_bit_for_bit(env_id, path, mode):
     """A batch, a single game, SB3's environment and the floats that the choices stand for."""
     options = {"scenario": SHORT, "path": path}
@@ -192,7 +262,8 @@ def test_every_environment_plays_the_same_game_bit_for_bit(env_id, path, mode):
     batch.action_space.seed(0)
     for _ in range(SHORT.steps_per_round - 1):
         actions = batch.action_space.sample()
-        rows = sb3.core.choices.decode(actions, floats.core.observations)
+        rows = floats.core.duel.noise(floats.core.side)
+        rows = sb3.core.choices.decode(actions, floats.core.observations, noise=rows)
         assert np.array_equal(alone, seen[2])
         seen, rewards, *_ = batch.step(actions)
         others = [sb3.step(actions), floats.step(rows)]

@@ -13,7 +13,7 @@ with warnings.catch_warnings():  # importing PettingZoo's tests warns of Petting
     from pettingzoo.test import api_test, parallel_api_test, seed_test
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import ACTION_MODES
+from fpg_bench.common.ids import ALLY_MODES, action_modes
 from fpg_bench.envs.pettingzoo_env import aec_env, parallel_env
 from fpg_bench.game.scenario import as_scenario
 
@@ -36,7 +36,14 @@ MASKED = as_scenario(SHORT, knowledge="none", jamming_types=("tone",))
 
 
 @pytest.mark.parametrize("scenario", [SHORT, MASKED], ids=["all", "masked"])
-@pytest.mark.parametrize("actions", [*ACTION_MODES, {"ally": "discrete"}, {"opponent": "multi-discrete"}])
+@pytest.mark.parametrize(
+    "actions",
+    [
+        *action_modes("opponent"),
+        *({"ally": mode} for mode in ("discrete", *ALLY_MODES)),
+        {"opponent": "multi-discrete"},
+    ],
+)
 def test_pettingzoo_finds_nothing_amiss(actions, scenario):
     options = {"actions": actions, "scenario": scenario}
     if scenario is SHORT:  # this test knows no masks in infos

@@ -9,7 +9,7 @@ import dataclasses
 import hashlib
 import json
 
-from fpg_bench.common.ids import NAMED
+from fpg_bench.common.ids import LEARNERS, SCRIPTED
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.scenario import PRESETS, Scenario, preset
@@ -27,7 +27,7 @@ def digest(scenario: Scenario) -> str:
     duels = [TwoPlayerBatch(plain, 960)]
     duels += [TwoPlayerBatch(planned, 5, as_planner(name, planned)) for name in PLANNERS]
     for duel in duels:
-        match = make_match(duel, list(NAMED["ally"]), list(NAMED["opponent"]))
+        match = make_match(duel, [*SCRIPTED["ally"], *LEARNERS], list(SCRIPTED["opponent"]))
         batch = duel.batch
 
         def add_step(batch=batch):

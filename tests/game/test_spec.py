@@ -10,6 +10,7 @@ import fpg_bench
 from fpg_bench import GameSpec, Scenario, preset
 from fpg_bench.common.errors import UnknownOptionError, UserError
 from fpg_bench.common.ids import ENVS
+from fpg_bench.common.imports import check_allowed
 from fpg_bench.envs.gymnasium_vector import FPGVectorEnv
 from fpg_bench.envs.pettingzoo_env import parallel_env
 
@@ -146,3 +147,19 @@ def test_options_of_earlier_files_are_read():
 def test_an_unknown_option_is_also_a_type_error():
     with pytest.raises(UnknownOptionError, match="'oponent'; did you mean 'opponent'"):
         GameSpec.of(ALLY, oponent="tone")
+
+
+def test_a_weight_stands_for_a_name_that_is_listed_several_times():
+    spec = GameSpec("FPG/AllyVsPolicy-v0", opponent=["tone", "alternate(centres=3)*2", "idle.player:make*3"])
+    assert spec.opponent == ("tone", *["alternate(centres=3)"] * 2, *["idle.player:make"] * 3)
+    assert GameSpec.of("FPG/AllyVsPolicy-v0", against="tone*2") == GameSpec(
+        "FPG/AllyVsPolicy-v0", opponent=["tone", "tone"]
+    )
+    read = GameSpec.from_dict({"id": "FPG/AllyVsPolicy-v0", "opponent": ["tone", "code.module:make*3"]})
+    assert read.untrusted == {"code.module:make"}
+    with pytest.raises(UserError, match=r"would run code\.module:make"):
+        read.check_trusted()
+    with pytest.raises(UserError, match="if you trust it"):
+        check_allowed({"against": ["tone", "code.module:make*3"]}, [], "champion")
+    with pytest.raises(UserError, match="a weight from 1 to 1000"):
+        GameSpec("FPG/AllyVsPolicy-v0", opponent="tone*0")

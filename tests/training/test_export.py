@@ -14,7 +14,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.training import export
-from fpg_bench.training.actor import Actor
+from fpg_bench.training.actor import Actor, ActorPlayer
 from fpg_bench.training.export import (
     export_agent,
     export_onnx,
@@ -145,6 +145,24 @@ def test_discrete_agents_play_the_choices_that_the_model_predicts(algorithm, mod
         chosen |= set(map(str, theirs.tolist()))
         seen, _, starts, _ = games.step(theirs)
     assert len(chosen) > 1
+
+
+@pytest.mark.parametrize("way", ["ours", pytest.param("torch's", marks=pytest.mark.slow)])
+def test_agents_hop_to_the_points_that_their_games_draw(way, tmp_path, monkeypatch):
+    """In games that end at different steps: exported, sandboxed, through torch and as the model itself."""
+    if way != "ours":
+        monkeypatch.setattr(export, "plain_onnx", lambda actor: None)
+    games = make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=1, stagger=True, actions="uniform-hop")
+    model = a_model(PPO, frames=2, games=games)
+    assert export_agent(model, tmp_path, training_seed=0) < 1e-6
+    agent = load_agent(tmp_path)
+    assert (agent.noise_size, agent.row_wise, agent.card.game.actions) == (1, True, "uniform-hop")
+    others = [load_agent(tmp_path, trusted=False), ActorPlayer(model), model]
+    rows = evaluate(
+        {"agent": agent} | {str(k): other for k, other in enumerate(others)}, "ally-v1", matches=2
+    )
+    assert len({row.score for row in rows}) == 1
+    assert rows[0].pooled.measures["hop_rate"] > 0.01
 
 
 def test_a_users_own_dqn_is_exported_and_evaluated(tmp_path):

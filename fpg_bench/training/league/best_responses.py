@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_own_folder, write_json
-from fpg_bench.common.ids import SCRIPTED, other_side, policy_env
+from fpg_bench.common.ids import SCRIPTED, SCRIPTS, other_side, policy_env
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.entry import code_fingerprint
@@ -293,12 +293,12 @@ def _scenario_of(agent: str, card: AgentCard) -> Scenario | str | None:
 
 def _side_of(agent: str) -> str:
     """Return the side that an agent or a script plays."""
-    sides = [side for side in SIDES if agent in SCRIPTED[side]]
+    sides = [side for side in SIDES if agent in SCRIPTS[side]]
     if "/" in agent or Path(agent).is_dir():
         sides = [read_card(agent).side]
     if len(sides) != 1:
         if sides:
             raise UserError(f"player {agent!r} plays both sides; set side to ally or opponent")
-        hint = nearest(agent, [name for side in SIDES for name in SCRIPTED[side]])
+        hint = nearest(agent, [name for side in SIDES for name in SCRIPTS[side]])
         raise UserError(f"player {agent!r}: no such agent or script{hint}")
     return sides[0]

@@ -1,0 +1,291 @@
+"""Double oracle: a side learns against all responses to it so far, until no fresh response breaks it.
+
+McMahan, Gordon and Blum, "Planning in the presence of cost functions controlled by an adversary", 2003, with
+trained policies as the oracles (PSRO: Lanctot et al., "A unified game-theoretic approach to multiagent
+reinforcement learning", 2017). The learner answers a weighted mixture of all responses instead of the
+meta-game's equilibrium, and the search stops on what a fresh response leaves, not on the meta-game's value:
+that rises while a new response still breaks every policy.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fpg_bench.common.checks import integer, one_of
+from fpg_bench.common.files import check_own_folder, write_json
+from fpg_bench.common.ids import SCRIPTED, other_side, policy_env
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.payoffs import Payoffs
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.seeds import tuning_seeds
+from fpg_bench.evaluation.store import RECORDS, Pairing, Store
+from fpg_bench.evaluation.suite import Rival, Suite, side_suite
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.agent import read_card
+from fpg_bench.players.player import SIDES
+from fpg_bench.training.config import RunConfig
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.league.best_responses import RESPONSE_REWARDS
+from fpg_bench.training.league.evaluation import MATCHES, check_same
+from fpg_bench.training.run_folder import RunFolder, command_line
+from fpg_bench.training.train import train
+
+Hyperparams = str | Path | Mapping[str, Any] | None
+ROWS, ABOUT = "double_oracle.jsonl", "double_oracle.json"
+SEED_STRIDE = 1000  # stage k with seed s has training seed 1000 s + k, and its responses 1000 s + 500 + 2 k
+FINALISTS = 2  # stages that a second response is trained against
+_logger = logging.getLogger(__name__)
+
+
+def double_oracle(
+    out: str | Path,
+    *,
+    side: str = "ally",
+    stages: int = 3,
+    steps: int = 1_000_000,
+    response_steps: int | None = None,
+    algorithm: str = "ppo-stack8",
+    actions: str | None = None,
+    response_algorithm: str = "ppo-stack8",
+    response_actions: str | None = "discrete",
+    against: str | Sequence[str] | None = None,
+    weight: int = 8,
+    patience: int = 2,
+    seed: int = 0,
+    hyperparams: Hyperparams = None,
+    response_hyperparams: Hyperparams = None,
+    progress: bool = True,
+    allow: Collection[str] = (),
+    **game: Any,
+) -> dict[str, Any]:
+    """Train a side in stages, each against all fresh responses to the stages before.
+
+    A stage goes on from the weights of the one before. Then a fresh response is trained against its policy
+    alone, which joins the rivals of later stages ``weight`` times. A stopped call is resumed: what is
+    finished is not trained again, and a larger number of stages adds to them.
+
+    Args:
+        out: a folder for ``double_oracle.jsonl``, a row per stage; ``runs``, a run each; ``records.jsonl``,
+            who met whom; ``agent``, the exported policy; and ``double_oracle.json``, the settings and result.
+        side: the side that learns.
+        stages: the most stages.
+        steps: training budget of a stage.
+        response_steps: training budget of a response; None: that of a stage.
+        algorithm, actions: algorithm and action mode of the side.
+        response_algorithm, response_actions: those of the responses.
+        against: rivals of the first stage, with weights such as ``tone*8``; None: all scripts of the other
+            side.
+        weight: how often a response is listed among the rivals.
+        patience: stops after as many stages without a higher ``low``.
+        seed: decides the training seeds.
+        hyperparams, response_hyperparams: hyper-parameters of the side and of the responses; None takes the
+            shipped file.
+        progress: show the progress of each training.
+        allow: the ``package.module:object`` and agents of the Hub that the files of the hyper-parameters may
+            name; neither is run on a file's word.
+        **game: attributes of :class:`fpg_bench.game.spec.GameSpec` that both sides share, ``scenario`` and
+            ``path`` for instance.
+
+    Returns:
+        The content of ``double_oracle.json``. ``rows`` has of each stage ``low``, the return per step
+        against its own fresh response; ``high``, the return against the rivals of its training, by their
+        weights, which bounds the game's value from above as far as the training found a best answer;
+        ``meta_value``, the value of the game between all stages and all rivals so far; and ``seconds``.
+        ``confirmed`` has of the two stages with the highest ``low`` the return against a second response,
+        trained afterwards with another seed, and ``stage`` is the one that keeps most, which is exported.
+        All are returns of the side, on tuning seeds.
+
+    Raises:
+        UserError: something unknown or out of range, or a folder with another search or other files.
+        KeyboardInterrupt: stopped by the user.
+    """
+    one_of(side, "side", SIDES)
+    for name, value in (("stages", stages), ("weight", weight), ("patience", patience)):
+        integer(value, name)
+    rivals = list(SCRIPTED[other_side(side)]) if against is None else against
+    league = _DoubleOracle(
+        folder=Path(out),
+        game=GameSpec.of(policy_env(side).id, against=rivals, actions=actions, **game),
+        response=GameSpec.of(
+            policy_env(other_side(side)).id, actions=response_actions, reward=RESPONSE_REWARDS[side], **game
+        ),
+        algorithms=(algorithm, response_algorithm),
+        steps=(steps, steps if response_steps is None else response_steps),
+        weight=weight,
+        seed=seed,
+        hyperparams=(hyperparams, response_hyperparams),
+        progress=progress,
+        allow=allow,
+    )
+    about, file = league.describe(), RowFile(league.folder / ROWS, {"stage": int})
+    check_own_folder(league.folder, ABOUT, "double oracle", ROWS)
+    with file.locked():
+        rows = file.read()
+        if not rows:
+            write_json(league.folder / ABOUT, about)
+        check_same(league.folder / ABOUT, "a double oracle", about)
+        for stage in range(len(rows), stages):
+            if _is_flat(rows, patience):
+                break
+            rows.append(league.play_stage(stage))
+            file.append(rows[-1:])
+            _logger.info(_row_text(rows[-1]))
+        best = sorted(rows, key=lambda row: row["low"], reverse=True)[:FINALISTS]
+        confirmed = {row["stage"]: league.answer(row["stage"], number=1) for row in best}
+        stage = max(confirmed, key=lambda stage: confirmed[stage])
+        league.export_agent(stage)
+        result = about | {"rows": rows, "confirmed": _by_text(confirmed), "stage": stage}
+        write_json(league.folder / ABOUT, result)
+        return result
+
+
+@dataclass(frozen=True)
+class _DoubleOracle:
+    """A search in a folder; pairs have the side's part first, then that of the responses."""
+
+    folder: Path
+    game: GameSpec
+    response: GameSpec
+    algorithms: tuple[str, str]
+    steps: tuple[int, int]
+    weight: int
+    seed: int
+    hyperparams: tuple[Hyperparams, Hyperparams]
+    progress: bool
+    allow: Collection[str]
+
+    @property
+    def side(self) -> str:
+        """The side that learns."""
+        return self.game.config.side
+
+    def describe(self) -> dict[str, Any]:
+        """Return the settings that distinguish it from another search, as they are read from JSON."""
+        parameters = [
+            load_hyperparameters(algorithm, game, file, allow=self.allow).entry()
+            for algorithm, game, file in zip(
+                self.algorithms, (self.game, self.response), self.hyperparams, strict=True
+            )
+        ]
+        about = {
+            "game": self.game.to_dict(),
+            "response": self.response.to_dict(),
+            "scenario": self.game.resolve().hash,
+            "algorithms": self.algorithms,
+            "steps": self.steps,
+            "weight": self.weight,
+            "seed": self.seed,
+            "hyperparameters": parameters,
+        }
+        content: dict[str, Any] = json.loads(json.dumps(about))
+        return content
+
+    def run(self, stage: int) -> RunFolder:
+        """Return the folder of a stage's run."""
+        return RunFolder(self.folder / "runs" / f"stage_{stage}")
+
+    def response_run(self, stage: int, number: int = 0) -> RunFolder:
+        """Return the folder of the run of a response to a stage: 0 the fresh one, 1 the second."""
+        return RunFolder(self.folder / "runs" / f"response_{stage}_{number}")
+
+    def rivals(self, stage: int) -> list[str]:
+        """Return the rivals of a stage's training, those with a weight several times."""
+        responses = [str(self.response_run(before).agent) for before in range(stage)]
+        return [*self.game.others, *(name for name in responses for _ in range(self.weight))]
+
+    def play_stage(self, stage: int) -> Row:
+        """Train a stage and its fresh response; return its row."""
+        start = time.monotonic()
+        game = GameSpec.of(self.game, **{other_side(self.side): self.rivals(stage)})
+        config = RunConfig(
+            self.algorithms[0],
+            game,
+            SEED_STRIDE * self.seed + stage,
+            self.steps[0],
+            self.hyperparams[0],
+            start=self.run(stage - 1).path if stage else None,
+            allow=self.allow,
+        )
+        train(config, self.run(stage).path, evaluations=0, progress=self.progress, resume=True)
+        low = self.answer(stage)
+        rivals = self.rivals(stage)
+        mixture = {name: rivals.count(name) / len(rivals) for name in dict.fromkeys(rivals)}
+        agents = [str(self.run(number).agent) for number in range(stage + 1)]
+        payoffs = self.payoffs(agents, [*mixture, str(self.response_run(stage).agent)])
+        return {
+            "stage": stage,
+            "low": low,
+            "high": round(payoffs.interval(agents[-1], mixture).value, 4),
+            "meta_value": round(payoffs.equilibrium().value, 4),
+            "rivals": len(rivals),
+            "seconds": round(time.monotonic() - start, 1),
+        }
+
+    def answer(self, stage: int, number: int = 0) -> float:
+        """Train a response to a stage alone, and return what the stage's policy keeps against it."""
+        agent, run = str(self.run(stage).agent), self.response_run(stage, number)
+        game = GameSpec.of(self.response, against=agent)
+        seed = SEED_STRIDE * self.seed + SEED_STRIDE // 2 + 2 * stage + number
+        config = RunConfig(
+            self.algorithms[1], game, seed, self.steps[1], self.hyperparams[1], allow=self.allow
+        )
+        train(config, run.path, evaluations=0, progress=self.progress, resume=True)
+        payoffs = self.payoffs([agent], [str(run.agent)])
+        return round(float(payoffs.values[0, 0]), 4)
+
+    def payoffs(self, agents: Sequence[str], rivals: Sequence[str]) -> Payoffs:
+        """Return what agents of the side earn from rivals; only pairings without a record are played."""
+        scenario, scale = self.game.resolve(), side_suite(self.side, self.game.resolve()).scale
+        suites = [
+            Suite("double-oracle", self.side, scenario, MATCHES, (Rival(rival, (rival,), scenario),), scale)
+            for rival in rivals
+        ]
+        wanted = [
+            Pairing(player_entry(agent), suite, suite.rivals[0]) for agent in agents for suite in suites
+        ]
+        store = Store(self.folder / RECORDS)
+        store.fill(wanted, partial(play, seeds=tuning_seeds))
+        return Payoffs.of(store, wanted)
+
+    def export_agent(self, stage: int) -> None:
+        """Copy the agent of a stage; its ``agent.json`` describes the whole search up to it."""
+        runs = [self.run(number).read() for number in range(stage + 1)]
+        settings = {"stages": stage + 1, "steps": self.steps[0], "weight": self.weight, "seed": self.seed}
+        update = {
+            "command": command_line("double-oracle", side=self.side, **settings),
+            "training_seed": self.seed,
+            "training_steps": len(runs) * self.steps[0],
+            "steps_done": sum(run.steps_done or 0 for run in runs),
+            "seconds": round(sum(run.seconds for run in runs), 1),
+        }
+        last = self.run(stage).agent
+        read_card(last).model_copy(update=update).write(
+            self.folder / "agent", (last / "policy.onnx").read_bytes()
+        )
+
+
+def _is_flat(rows: Sequence[Row], patience: int) -> bool:
+    """Return True if the last stages brought no higher ``low`` than those before them."""
+    lows = [row["low"] for row in rows]
+    return len(lows) > patience and max(lows[-patience:]) <= max(lows[:-patience])
+
+
+def _by_text(values: Mapping[int, float]) -> dict[str, float]:
+    """Return a mapping with keys as JSON has them."""
+    return {str(key): value for key, value in values.items()}
+
+
+def _row_text(row: Row) -> str:
+    """Return a log line for a stage's row."""
+    return (
+        f"stage {row['stage']}: low {row['low']:.2f}, high {row['high']:.2f}, meta-value "
+        f"{row['meta_value']:.2f} per step; {row['seconds']:.0f} s"
+    )

@@ -1,0 +1,78 @@
+"""Double oracle: whom each stage meets, when it stops, what is exported, and resumption."""
+
+import json
+
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
+from fpg_bench.players.agent import load_agent
+from fpg_bench.training.league import double_oracle as oracle
+from fpg_bench.training.run_folder import RunFolder
+from tests.training.tiny import settings
+
+TINY = settings("ppo", normalize={"norm_obs": False})
+SEARCH = {
+    "steps": 400,
+    "algorithm": "ppo",
+    "response_algorithm": "ppo",
+    "against": ["tone*2", "hunter"],
+    "weight": 3,
+    "actions": "uniform-hop",
+    "hyperparams": TINY,
+    "response_hyperparams": TINY,
+    "progress": False,
+}
+
+
+@pytest.fixture(autouse=True)
+def few_matches(monkeypatch):
+    """Few matches in each evaluation."""
+    monkeypatch.setattr(oracle, "MATCHES", 3)
+
+
+def test_stages_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp_path, monkeypatch):
+    first = oracle.double_oracle(tmp_path, stages=1, **SEARCH)
+    assert list(first["confirmed"]) == ["0"]
+    trained, real = [], oracle.train
+
+    def record(config, out, **options):
+        trained.append(out.name)
+        return real(config, out, **options)
+
+    monkeypatch.setattr(oracle, "train", record)
+    result = oracle.double_oracle(tmp_path, stages=2, **SEARCH)
+    assert {"stage_1", "response_1_0", "response_1_1"} <= set(trained)
+    rows = RowFile(tmp_path / oracle.ROWS).read()
+    assert result["rows"] == rows
+    assert rows[0] == first["rows"][0]
+    assert [row["stage"] for row in rows] == [0, 1]
+    response = str(tmp_path / "runs" / "response_0_0" / "agent")
+    spec = RunFolder(tmp_path / "runs" / "stage_1").read().game
+    assert spec.opponent == ("tone", "tone", "hunter", *[response] * 3)
+    assert [row["rivals"] for row in rows] == [3, 6]
+    assert result["stage"] == int(max(result["confirmed"], key=result["confirmed"].get))
+    agent = load_agent(tmp_path / "agent")
+    assert agent.card.training_steps == 400 * (result["stage"] + 1)
+    assert agent.card.game.actions == "uniform-hop"
+    assert json.loads((tmp_path / oracle.ABOUT).read_text())["stage"] == result["stage"]
+    seeds = {RunFolder(run).read().training_seed for run in (tmp_path / "runs").glob("*")}
+    assert len(seeds) == 6
+    with pytest.raises(UserError, match="another weight"):
+        oracle.double_oracle(tmp_path, stages=2, **SEARCH | {"weight": 4})
+
+
+def test_a_search_stops_once_no_stage_keeps_more():
+    lows = [{"low": low} for low in (-3.0, -1.0, -2.0, -1.5)]
+    assert [oracle._is_flat(lows[:count], 2) for count in range(5)] == [False, False, False, False, True]
+    assert oracle._is_flat(lows[:3], 1)
+
+
+def test_an_opponent_searches_against_allies_that_play_for_themselves(tmp_path):
+    options = SEARCH | {"actions": "discrete", "against": "clock", "response_actions": "uniform-hop"}
+    result = oracle.double_oracle(tmp_path, side="opponent", stages=1, **options)
+    response = RunFolder(tmp_path / "runs" / "response_0_0").read().game
+    assert (response.reward, response.actions) == ("own", "uniform-hop")
+    assert result["rows"][0]["meta_value"] <= result["rows"][0]["low"]
+    with pytest.raises(UserError, match="side"):
+        oracle.double_oracle(tmp_path / "other", side="both", **SEARCH)
