@@ -26,10 +26,14 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _display_type = TyperOption.display_type_rich
-# A flag takes no value, so its line in --help needs no type.
-TyperOption.display_type_rich = (  # type: ignore[method-assign]
-    lambda option, ctx: None if option.is_flag else _display_type(option, ctx)
-)
+
+
+def _shown_type(option: TyperOption, ctx: Any) -> str | None:
+    """Return the type in an option's line of ``--help``; a flag takes no value, so it has none."""
+    return None if option.is_flag else _display_type(option, ctx)
+
+
+TyperOption.display_type_rich = _shown_type  # type: ignore[method-assign, assignment]
 _VERBS: dict[str, Any] = {  # in the order of --help; None: a product's, which is there or not
     "play": evaluation.play,
     "train": training.train,

@@ -179,7 +179,7 @@ class Zoo:
 
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
         """Return the records of a group and of the scripts on a suite, those of the present players only."""
-        agents = {
+        agents: dict[tuple[str, int | None], str] = {
             (agent.algorithm, agent.seed): agent.card().policy_sha256[:16]
             for agent in self.members(group.name)
             if agent.shipped
@@ -188,7 +188,8 @@ class Zoo:
 
     def read_script_records(self, suite: Suite) -> list[Record]:
         """Return the records of the present scripts on a suite; empty where there are none."""
-        scripts = {(name, None): name[:16] for name in SCRIPTED.get(suite.side, ())}
+        names = SCRIPTED.get(suite.side, ())
+        scripts: dict[tuple[str, int | None], str] = {(name, None): name[:16] for name in names}
         return _read(self.records_file(suite), suite, scripts)
 
 

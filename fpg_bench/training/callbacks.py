@@ -66,9 +66,10 @@ class DescriptionCallback(BaseCallback):
     def _on_training_start(self) -> None:
         about = self._about.to_dict()
         text = json.dumps(about, indent=2)
-        made = {key: about[key] for key in ("algorithm", "training_seed", "training_steps") if key in about}
-        made |= {"id": about["game"]["id"], **self._about.hyperparameters}
-        plain = {name: x if isinstance(x, bool | int | float | str) else str(x) for name, x in made.items()}
+        made = {"id": about["game"]["id"], **self._about.hyperparameters}
+        made |= {key: about[key] for key in ("algorithm", "training_seed", "training_steps") if key in about}
+        plain: dict[str, bool | str | float | None] = {}
+        plain |= {name: x if isinstance(x, bool | int | float | str) else str(x) for name, x in made.items()}
         metrics = {score_tag(side, "score", self._sides): 0.0 for side in self._sides}
         self.logger.record("run/description", f"```json\n{text}\n```")
         self.logger.record("hparams", HParam(plain, metrics or {"rollout/ep_rew_mean": 0.0}))
@@ -262,7 +263,7 @@ class EvalCheckpointCallback(BaseCallback):
         summary = Summary(value=[Summary.Value(tag=f"round/{side}_film", image=image)])
         for form in self.logger.output_formats:
             if isinstance(form, TensorBoardOutputFormat):
-                form.writer._get_file_writer().add_summary(summary, self.num_timesteps)
+                form.writer._get_file_writer().add_summary(summary, self.num_timesteps)  # type: ignore[no-untyped-call]
 
     def _save(self) -> None:
         save_checkpoint(self.model, self._folder, seconds=self._clock.seconds)
