@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fpg_bench.common.errors import UserError, meant, printable
+from fpg_bench.common.ids import NAMED
 from fpg_bench.common.imports import described
 from fpg_bench.common.parallel import Job, Workers, folder_job, outcome_of, run_jobs
 from fpg_bench.evaluation.record import TALLIES, Record
@@ -300,7 +301,8 @@ def disagreements(played: Iterable[Record], kept: Iterable[Record], suites: Mapp
     """Return why a result does not hold, one line each; none if it does.
 
     At least 99 % of all rounds must return the same within a thousandth of the distance from 0 to 100, and
-    the mean against each rival must agree within half a hundredth of that distance.
+    the mean against each rival must agree within half a hundredth of that distance. Rounds between scripts
+    have to be the same to the bit, as they are on every machine.
 
     Args:
         played: records just played, perhaps against some rivals only.
@@ -317,6 +319,7 @@ def disagreements(played: Iterable[Record], kept: Iterable[Record], suites: Mapp
         for suite in suites.values()
     }
     lines = _round_disagreements(pairs, spans) + _mean_disagreements(pairs, spans)
+    lines += _bit_disagreements(changed, suites)
     return lines + [line for now, then in changed for line in _sum_disagreements(now, then, spans)]
 
 
@@ -339,6 +342,26 @@ def _round_disagreements(pairs: Sequence[_Pair], spans: Mapping[str, float]) -> 
     if share >= SHARE_OF_ROUNDS:
         return []
     return [f"{100 * (1 - share):.1f} % of {sum(map(len, near))} rounds return something else"]
+
+
+def _bit_disagreements(changed: Sequence[_Pair], suites: Mapping[str, Suite]) -> list[str]:
+    """Name the records between scripts whose rounds are not the same to the bit."""
+    between_scripts = {
+        (suite.hash[:16], rival.name)
+        for suite in suites.values()
+        for rival in suite.rivals
+        if rival.planner is None
+        and suite.side in NAMED
+        and set(rival.players) <= set(NAMED[suite.other_side])
+    }
+    scripts = {name[:16] for names in NAMED.values() for name in names}
+    return [
+        f"{_where(now)}: other rounds, though scripts play the same to the bit on every machine"
+        for now, then in changed
+        if now.fingerprint in scripts
+        and (now.suite_hash, now.rival) in between_scripts
+        and now.rounds_sha256 != then.rounds_sha256
+    ]
 
 
 def _mean_disagreements(pairs: Sequence[_Pair], spans: Mapping[str, float]) -> list[str]:
