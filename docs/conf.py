@@ -8,7 +8,6 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import reference_pages  # noqa: E402
 
-import fpg_bench.training.hyperparameters  # noqa: E402, F401  pydantic cannot build its model within autodoc
 from fpg_bench.version import __version__  # noqa: E402
 
 project = "fpg-bench"

@@ -7,6 +7,7 @@ already stays, as drawing takes seconds.
 from __future__ import annotations
 
 import inspect
+import pydoc
 import re
 import subprocess
 import sys
@@ -127,6 +128,7 @@ What the sides see and do stands on the pages of their own ids, {{doc}}`AllyVsPo
 def connect(app: Any) -> None:
     """Have Sphinx write the pages before it looks for any, and read each page as the site shows it."""
     app.connect("builder-inited", lambda app: write_pages(GENERATED))
+    app.connect("builder-inited", lambda app: import_documented())
     app.connect("source-read", lead_inside)
     app.connect("source-read", show_on_site)
     app.connect("build-finished", lambda app, failure: failure or name_regions(Path(app.outdir)))
@@ -239,6 +241,17 @@ def lead_inside(app: Any, page: str, source: list[str]) -> None:
     up = "../" * page.count("/")
     for outside, inside in ELSEWHERE.items():
         source[0] = source[0].replace(f"]({up}{outside}", f"]({up}{inside}")
+
+
+def import_documented() -> None:
+    """Import all that the reference of Python documents.
+
+    Autodoc writes annotations into pydantic's ``BaseModel`` as it reads, and a model that is made afterwards and
+    takes further keys is refused.
+    """
+    text = (GENERATED.parent / "api.md").read_text()
+    for name in re.findall(r"\.\. auto\w+:: (\S+)", text):
+        pydoc.locate(name)
 
 
 def name_regions(site: Path) -> None:
