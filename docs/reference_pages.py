@@ -246,7 +246,7 @@ def lead_inside(app: Any, page: str, source: list[str]) -> None:
 def import_documented() -> None:
     """Import all that the reference of Python documents.
 
-    Autodoc writes annotations into pydantic's ``BaseModel`` as it reads, and a model that is made afterwards and
+    Autodoc writes annotations into pydantic's ``BaseModel`` as it reads. A model that is made afterwards and
     takes further keys is refused.
     """
     text = (GENERATED.parent / "api.md").read_text()

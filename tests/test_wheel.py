@@ -125,6 +125,7 @@ EXTRAS = {
         (
             "selfplay nothing --out nowhere",
             "best-response nobody --out nowhere",
+            "double-oracle --side nobody --out nowhere",
             "leaderboard audit-season nothing --work nowhere",
             "leaderboard close-season ../nothing --work nowhere --folder nowhere",
         ),

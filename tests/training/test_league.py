@@ -136,7 +136,7 @@ def test_the_full_search_tries_every_kind_of_response_with_two_seeds(tmp_path, m
     measures = {"return": 0.0, "measures": {"jamming_success_rate": 0.0}}
     row = {"responses": [], "scripts": {"tone": measures}, "lowest": {"return": 0.0, "against": "tone"}}
     monkeypatch.setattr(responding, "best_responses", lambda agent, out, **given: calls.append(given) or row)
-    best_response("expert", tmp_path / "out", full=True)
+    best_response("expert", tmp_path / "out", full=True, game={})
     assert [call["algorithm"] for call in calls] == ["sac", "ppo-stack8", "ppo-stack8", "ppo-stack8"]
     assert {call["n_seeds"] for call in calls} == {2}
     assert [call.get("actions") for call in calls] == [None, None, "discrete", "discrete"]
@@ -169,7 +169,7 @@ def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result
 
 @pytest.mark.slow
 def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys):
-    best_response("tone", tmp_path / "out", steps="400", n_seeds=1, hyperparams=settings("ppo"))
+    best_response("tone", tmp_path / "out", steps="400", n_seeds=1, hyperparams=settings("ppo"), game={})
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
     assert [row["reward"] for row in result["responses"]] == ["own"]
     assert result["lowest"]["against"] in result["scripts"]

@@ -1,4 +1,4 @@
-"""Findings as cards on the front page: claims of ``docs/results/findings.md``, and rounds that show them."""
+"""Findings as cards on the front page: claims of the documentation's findings, and rounds that show them."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@
     const { ally, opponent } = duel;
     const [i, j] = [slugs.ally.indexOf(ally.slug), slugs.opponent.indexOf(opponent.slug)], href = address(ally.slug, opponent.slug);
     const link = document.getElementById("duel");
-    document.getElementById("chosen").textContent = `${ally.name} against ${opponent.name}: the ally earns ${within("ally", i, j, step)} per step; jamming success rate ${percent(matrices.jammed[i][j])}.`;
+    document.getElementById("chosen").textContent = `${ally.name} against ${opponent.name}: the ally earns ${within("ally", i, j, step)} per step; jamming success rate ${percent(matrices.jamming_success_rate[i][j])}.`;
     link.hidden = !href;
     if (href) link.href = href;
   }
