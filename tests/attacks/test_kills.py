@@ -204,8 +204,8 @@ AS_OTHERS = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"] if os.g
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("evaluate expert --matches 1 --out results", "results/records.jsonl"),
-        ("evaluate expert --matches 1 --out new", "new"),
+        ("evaluate expert --matches 1 --out results", "results cannot be written to"),
+        ("evaluate expert --matches 1 --out new", "shared cannot be written to"),
         ("evaluate expert --suite hidden.yml --out {own}/new", "hidden.yml"),
         ("table results", "results/table.md"),
         ("play --out round.html", "round.html"),
