@@ -145,7 +145,7 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     committed = (BOARD / "results/ally/expert.jsonl").read_bytes()
     (then,) = re.findall(b'"version":"(.+?)"', committed)
     assert written.read_bytes() == committed.replace(then, __version__.encode(), 1)
-    written.write_text(written.read_text().replace('"public":{"value":', '"public":{"value":9', 1))
+    written.write_text(written.read_text().replace('"returns":[', '"returns":[9', 1))
     status, output = fpg(
         "leaderboard", "verify", "--folder", tmp_path, "--sample", "5%", "--sample-seed", "3"
     )
