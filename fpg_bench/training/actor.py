@@ -161,7 +161,8 @@ class Actor(nn.Module):
             action = action + velocity @ torch.eye(ACTION_SIZE)[-3:]
         if choices.is_drawn:
             assert noise is not None
-            point = (noise >= torch.from_numpy(choices.quantiles)).sum(1)
+            below = noise < torch.from_numpy(choices.quantiles)  # ONNX 1.17 infers no shape of >=
+            point = len(choices.quantiles) - below.sum(1)
             preference = torch.from_numpy(choices.preferences).index_select(0, point)
             drawn = torch.from_numpy(choices.lists[0].drawn).index_select(0, best[0])
             action = action + (drawn * preference).unsqueeze(1) @ torch.eye(ACTION_SIZE)[[PREFERENCE]]

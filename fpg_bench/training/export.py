@@ -396,8 +396,8 @@ def _velocity(graph: _Graph, choices: Choices, chosen: str) -> str:
 
 def _preference(graph: _Graph, choices: Choices, chosen: str) -> str:
     """Add the preferred frequency that a choice with a drawn point adds to its action."""
-    reached = graph.add("GreaterOrEqual", "noise", graph.constant(choices.quantiles))
-    counted = graph.add("Where", reached, graph.constant([1]), graph.constant([0]))
+    below = graph.add("Less", "noise", graph.constant(choices.quantiles))  # ONNX 1.17 infers no shape of >=
+    counted = graph.add("Where", below, graph.constant([0]), graph.constant([1]))
     point = graph.add("ReduceSum", counted, graph.constant([1]), keepdims=0)
     actions = np.zeros((len(choices.preferences), ACTION_SIZE), np.float32)
     actions[:, PREFERENCE] = choices.preferences
