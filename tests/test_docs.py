@@ -193,8 +193,9 @@ def test_the_table_of_the_readme_has_the_committed_scores_of_the_scripts():
         if summary.entry in SCRIPTED["ally"]:
             score, worst = summary.score, summary.by_rival[summary.worst].value
             scores = f"{score.value:z.1f} | [{score.low:.1f}, {score.high:.1f}]"
-            returns = f"{summary.reward.value:.2f} | {worst:.2f}"
-            begins, ends = f"| {summary.entry} | - | - | {scores} | ", f" | {returns} |"
+            shares = [100 * summary.measures[name] for name in ("overlap_ratio", "jamming_success_rate")]
+            begins = f"| {summary.entry} | - | {scores} | "
+            ends = f" | {shares[0]:.1f} | {shares[1]:.1f} | {worst:.2f} |"
             assert any(row.startswith(begins) and row.endswith(ends) for row in rows)
 
 
