@@ -1,9 +1,12 @@
 """Double oracle: whom each stage meets, when it stops, what is exported, and resumption."""
 
+import inspect
 import json
 
 import pytest
 
+from fpg_bench.cli.fields import with_fields
+from fpg_bench.cli.league import double_oracle
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.players.agent import load_agent
@@ -55,6 +58,24 @@ def test_stages_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp
     agent = load_agent(tmp_path / "agent")
     assert agent.card.training_steps == 400 * (result["stage"] + 1)
     assert agent.card.game.actions == "uniform-hop"
+    options = agent.card.command.split()[2:]
+    assert dict(zip(options[::2], options[1::2], strict=True)) == {
+        "--side": "ally",
+        "--stages": str(result["stage"] + 1),
+        "--steps": "400",
+        "--response-steps": "400",
+        "--algorithm": "ppo",
+        "--response-algorithm": "ppo",
+        "--response-actions": "discrete",
+        "--against": "tone,tone,hunter",
+        "--weight": "3",
+        "--seed": "0",
+        "--actions": "uniform-hop",
+    }
+    known = {
+        f"--{name.replace('_', '-')}" for name in inspect.signature(with_fields(double_oracle)).parameters
+    }
+    assert set(options[::2]) <= known
     assert json.loads((tmp_path / oracle.ABOUT).read_text())["stage"] == result["stage"]
     seeds = {RunFolder(run).read().training_seed for run in (tmp_path / "runs").glob("*")}
     assert len(seeds) == 6

@@ -139,10 +139,10 @@ def double_oracle(
             file.append(rows[-1:])
             _logger.info(_row_text(rows[-1]))
         best = sorted(rows, key=lambda row: row["low"], reverse=True)[:FINALISTS]
-        confirmed = {row["stage"]: league.answer(row["stage"], number=1) for row in best}
-        stage = max(confirmed, key=lambda stage: confirmed[stage])
+        confirmed = {str(row["stage"]): league.answer(row["stage"], number=1) for row in best}
+        stage = int(max(confirmed, key=lambda stage: confirmed[stage]))
         league.export_agent(stage)
-        result = about | {"rows": rows, "confirmed": _by_text(confirmed), "stage": stage}
+        result = about | {"rows": rows, "confirmed": confirmed, "stage": stage}
         write_json(league.folder / ABOUT, result)
         return result
 
@@ -258,9 +258,21 @@ class _DoubleOracle:
     def export_agent(self, stage: int) -> None:
         """Copy the agent of a stage; its ``agent.json`` describes the whole search up to it."""
         runs = [self.run(number).read() for number in range(stage + 1)]
-        settings = {"stages": stage + 1, "steps": self.steps[0], "weight": self.weight, "seed": self.seed}
+        game = self.game.options()
+        settings = {
+            "side": self.side,
+            "stages": stage + 1,
+            "steps": self.steps[0],
+            "response_steps": self.steps[1],
+            "algorithm": self.algorithms[0],
+            "response_algorithm": self.algorithms[1],
+            "response_actions": self.response.actions or "continuous",
+            "against": game.pop(other_side(self.side)),
+            "weight": self.weight,
+            "seed": self.seed,
+        }
         update = {
-            "command": command_line("double-oracle", side=self.side, **settings),
+            "command": command_line("double-oracle", **settings, **game),
             "training_seed": self.seed,
             "training_steps": len(runs) * self.steps[0],
             "steps_done": sum(run.steps_done or 0 for run in runs),
@@ -276,11 +288,6 @@ def _is_flat(rows: Sequence[Row], patience: int) -> bool:
     """Return True if the last stages brought no higher ``low`` than those before them."""
     lows = [row["low"] for row in rows]
     return len(lows) > patience and max(lows[-patience:]) <= max(lows[:-patience])
-
-
-def _by_text(values: Mapping[int, float]) -> dict[str, float]:
-    """Return a mapping with keys as JSON has them."""
-    return {str(key): value for key, value in values.items()}
 
 
 def _row_text(row: Row) -> str:
