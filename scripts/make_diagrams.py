@@ -8,20 +8,18 @@ the reader's system is.
 from __future__ import annotations
 
 import argparse
-import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import cast
 
 import gymnasium
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 import fpg_bench  # noqa: F401  registers the ids
-from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure
+from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, image_of
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
 from fpg_bench.envs.gymnasium_env import FPGEnv
@@ -199,11 +197,8 @@ def span(axes: Axes, ends: Place, text: str, y: float) -> None:
 
 
 def write(figure: Figure, path: Path) -> None:
-    """Write a figure as SVG that is the same each time, and dark where the reader's system is."""
-    image = io.StringIO()
-    with rc_context({"svg.hashsalt": path.stem, "svg.fonttype": "none"}):
-        figure.savefig(image, format="svg", metadata={"Date": None})
-    head, mark, rest = image.getvalue().partition("<defs>")
+    """Write a figure as SVG, dark where the reader's system is."""
+    head, mark, rest = image_of(figure, "svg", path.stem).decode().partition("<defs>")
     write_whole(path, head + DARK + mark + rest)
 
 

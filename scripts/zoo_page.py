@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.canvas import blank_figure
+from fpg_bench.common.canvas import blank_figure, image_of
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS, GREY, Styles, draw_curves, styles_of
@@ -247,11 +246,6 @@ def _draw_improvement(scores: Mapping[str, np.ndarray], styles: Styles, path: Pa
 
 
 def _save(figure: Any, path: Path) -> None:
-    from matplotlib import rc_context
-
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
-    image = io.BytesIO()
-    with rc_context({"svg.hashsalt": f"{path.parent.name}-{path.stem}", "svg.fonttype": "none"}):
-        figure.savefig(image, format="svg", metadata={"Date": None})
-    write_whole(path, image.getvalue())
+    write_whole(path, image_of(figure, "svg", f"{path.parent.name}-{path.stem}"))

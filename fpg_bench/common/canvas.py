@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURES = (".png", ".svg", ".pdf")
+_UNDATED = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}  # metadata
 ALLY, OPPONENT = "#0072b2", "#d55e00"  # Okabe and Ito's colour-blind safe palette
 SIDE_COLOURS = {"ally": ALLY, "opponent": OPPONENT}
 
@@ -34,14 +35,25 @@ def check_figure(path: Path) -> None:
 
 
 def write_figure(figure: Figure, path: Path) -> None:
-    """Write a matplotlib figure as PNG, SVG or PDF, by the path's suffix.
+    """Write a matplotlib figure as PNG, SVG or PDF, by the path's suffix; see :func:`image_of`."""
+    check_figure(path)
+    write_whole(path, image_of(figure, path.suffix.lower().removeprefix("."), path.stem))
+
+
+def image_of(figure: Figure, form: str, name: str, dpi: float | str = "figure") -> bytes:
+    """Return a matplotlib figure as the content of a file, which is the same each time.
 
     Text stays text: TrueType fonts in PDF, as journals ask for, and ``<text>`` in SVG.
+
+    Args:
+        figure: the figure.
+        form: ``png``, ``svg`` or ``pdf``.
+        name: distinguishes its parts in SVG from those of other figures of a page.
+        dpi: dots per inch.
     """
     from matplotlib import rc_context
 
-    check_figure(path)
     image = io.BytesIO()
-    with rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):
-        figure.savefig(image, format=path.suffix.lower().removeprefix("."))
-    write_whole(path, image.getvalue())
+    with rc_context({"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": name}):
+        figure.savefig(image, format=form, metadata=_UNDATED[form], dpi=dpi)
+    return image.getvalue()

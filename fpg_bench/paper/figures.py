@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure
+from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure, image_of
 from fpg_bench.common.files import write_whole
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
@@ -195,17 +194,12 @@ FIGURES: Mapping[str, Callable[[Runs, str], Any]] = MappingProxyType(
 
 def save_figure(figure: Figure, stem: Path) -> list[Path]:
     """Write ``<stem>.png`` and ``<stem>.svg``, reproducibly to the byte, and return both paths."""
-    from matplotlib import rc_context
-
     paths = []
     for axes in figure.axes:
         axes.spines["top"].set_visible(False)
-    for form, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
-        image = io.BytesIO()
-        with rc_context({"svg.hashsalt": stem.name, "svg.fonttype": "none"}):
-            figure.savefig(image, format=form, metadata=metadata, dpi=150 if form == "svg" else "figure")
+    for form, dpi in (("png", "figure"), ("svg", 150)):
         path = stem.with_suffix(f".{form}")
-        write_whole(path, image.getvalue())
+        write_whole(path, image_of(figure, form, stem.name, dpi))
         paths.append(path)
         figure.set_layout_engine("none")  # keeps the first format's layout
     return paths

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import io
 import warnings
 from collections.abc import Callable
 from itertools import zip_longest
@@ -12,12 +11,11 @@ from typing import Any
 
 import numpy as np
 import optuna
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 from optuna.distributions import CategoricalDistribution
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.common.canvas import blank_figure
+from fpg_bench.common.canvas import blank_figure, image_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.training.tuning.space import format_values, from_params
@@ -75,19 +73,12 @@ def _plots(study: optuna.Study) -> str:
     parts = []
     for heading, draw in _PLOTS:
         try:
-            drawn = _svg(draw(study))
+            drawn = image_of(draw(study), "svg", heading).decode()
+            drawn = drawn[drawn.index("<svg") :]  # an element of the page
         except (ValueError, RuntimeError) as error:  # too few trials for importances
             drawn = f"<p>{html.escape(str(error))}</p>"
         parts.append(f"<h2>{heading}</h2>{drawn}")
     return "".join(parts)
-
-
-def _svg(figure: Figure) -> str:
-    """Return a figure as an element of the page."""
-    image = io.StringIO()
-    with rc_context({"svg.fonttype": "none"}):
-        figure.savefig(image, format="svg", metadata={"Date": None})
-    return "<svg" + image.getvalue().partition("<svg")[2]
 
 
 def _complete(study: optuna.Study) -> list[FrozenTrial]:
