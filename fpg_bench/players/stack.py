@@ -80,10 +80,10 @@ def stacks(players: Sequence[Player], side: str, scenario: Scenario) -> list[tup
     """
     by_sizes: dict[tuple[int, ...], list[tuple[int, Network]]] = {}
     for index, player in enumerate(players):
-        if index == next(k for k, other in enumerate(players) if other is player):
-            network = network_of(player)
-            if network is not None:
-                by_sizes.setdefault(network.sizes, []).append((index, network))
+        if any(other is player for other in players[:index]):  # named several times, to be drawn more often
+            continue
+        if (network := network_of(player)) is not None:
+            by_sizes.setdefault(network.sizes, []).append((index, network))
     alike = [group for group in by_sizes.values() if len(group) > 1]
     seen = _observations(side, scenario) if alike else np.empty(0)
     found = []
