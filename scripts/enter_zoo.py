@@ -21,15 +21,7 @@ from fpg_bench.leaderboard.tracks import TRACKS, Track
 from fpg_bench.players.agent import baselines_folder, read_card
 
 AUTHORS = ["fpg-bench maintainers"]
-# Track by the public suite of a group. Agents of other scenarios are not entered.
-TRACK_OF = {
-    "ally-v1": "ally",
-    "ally-planner-v1": "ally",
-    "opponent-v1": "opponent-pursuit",
-    "opponent-learned-v1": "opponent-learned",
-    "ally-link-v1": "ally-link",
-    "opponent-link-v1": "opponent-link",
-}
+TRACK_OF = {track.public: track for track in TRACKS.values()}  # other suites have no track
 # What tells a script's entry from that in the first track of its side: end of the folder's name, and remark.
 SCRIPT_TRACKS = {
     "ally": ("", ""),
@@ -189,8 +181,9 @@ def agents() -> dict[str, str]:
     for group in zoo.groups:
         for algorithm in group.steps:
             members = zoo.members(f"{group.name}/{algorithm}")
-            if group.suites[0] in TRACK_OF and all(member.shipped for member in members):
-                track, folder = TRACKS[TRACK_OF[group.suites[0]]], members[0].folder.parent
+            track = TRACK_OF.get(group.suites[0].partition("@")[0])
+            if track and all(member.shipped for member in members):
+                folder = members[0].folder.parent
                 command = f"python scripts/train_zoo.py --only {group.name}/{algorithm}"
                 text = trained(folder, track, *GROUPS[group.name], f"From the zoo; trained by {command}.")
                 entries[f"{track.side}/{group.name}-{algorithm}"] = text

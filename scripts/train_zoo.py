@@ -85,7 +85,7 @@ def run_folder(agent: ZooAgent, runs: Path) -> Path:
 def run_config(agent: ZooAgent) -> RunConfig:
     """Return the run that trains an agent."""
     group = agent.group
-    suite = None if group.id == DUEL else group.suites[0]
+    suite = None if group.id == DUEL else group.training_suite
     return RunConfig(
         *(agent.algorithm, group.game, agent.seed, agent.steps),
         hyperparams=group.hyperparams.get(agent.algorithm),

@@ -41,17 +41,21 @@ repeats all of it, and goes on where it was stopped; `python scripts/train_zoo.p
 agent again and compares. This page and its pictures are made by `{COMMAND}`.
 
 A score is the mean over a suite's rivals of the return per step, on the scale of the track
-([protocol](../docs/benchmark/protocol.md#suites-and-scores)). The first suite of a group is public:
-agents may be trained against its rivals. The rivals of a season suite were trained after the entries of
-that season had been closed. Intervals are 95 %, by Student's t: over training seeds, and for scripts
+([protocol](../docs/benchmark/protocol.md#suites-and-scores)), and a number is comparable with others of its
+column only. The first suite is the one that `fpg-bench zoo` shows; with `@season-2` it is played on the
+seeds of that season, as the leaderboard plays it, and the scores are the leaderboard's. Agents may be trained
+against all rivals but those of a season suite, which were trained after the entries of that season had been
+closed. The last columns are of the first suite.
+
+Intervals are 95 %, by Student's t: over training seeds, and for scripts
 over matches. † marks fewer than three training seeds. Time is that of training, on one core, without
 evaluations, at the speed of the fastest training seed, because other work slowed down the others on a
 shared machine. The last column says after how many minutes of such time a training
 reached the score of the best script; it is the median over training seeds.
 """
 _CAPTIONS = (
-    "Learning curves: the score on tuning seeds, mean and range over training seeds, while all of them "
-    "train; the grey line is the best script on the evaluation seeds.",
+    "Learning curves: the score on tuning seeds of `{suite}`, mean and range over training seeds, while all "
+    "of them train; the grey line is the best script on its evaluation seeds.",
     "Performance profiles: the share of runs (a training seed against a rival) with a return above τ per "
     "step; thin lines are single training seeds, the grey one is the best script.",
     "Probability of improvement: how likely a new training of one algorithm has a higher return against a "
@@ -113,6 +117,7 @@ def _section(zoo: Zoo, group: ZooGroup) -> str:
         for name, caption in zip(PICTURES, _CAPTIONS, strict=True):
             if name == PICTURES[0] and not curve_file(zoo, group).read():
                 continue  # agents whose training was scored on another scale have no curves
+            caption = caption.format(suite=group.training_suite)
             body += [caption, "", f"![{name} of {group.name}](scores/{group.name}/{name}.svg)", ""]
     return "\n".join([*head, *body])
 
@@ -135,20 +140,24 @@ def _option(value: Any) -> str:
 
 
 def _table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[Summary]]) -> str:
-    names = ["player", "seeds", "steps", "score", "95 % interval"]
-    for name in group.suites[1:]:
-        names += [f"on {name}", "95 % interval"]
-    names += [
+    names = [
+        *("player", "seeds", "steps"),
+        *(f"score on {name}" for name in group.suites),
         "worst return per step",
         *(heading for heading, _ in _MEASURES),
-        "time (min)",
-        "to the best script (min)",
+        *("time (min)", "to the best script (min)"),
     ]
-    script = next((summary.score.value for summary in public if not summary.trained), np.inf)
+    script = max((of.score.value for of in _scripts(zoo, group)), default=np.inf)
     cells = [
         [*_cells(zoo, group, summary, others), _minutes_to(zoo, group, summary, script)] for summary in public
     ]
     return markdown_table([names, *cells]) + "\n"
+
+
+def _scripts(zoo: Zoo, group: ZooGroup) -> list[Summary]:
+    """Return the summaries of the scripts on the suite that scores a group's trainings, best first."""
+    suite = load_suite(group.training_suite)
+    return summarise(zoo.read_script_records(suite), suite)
 
 
 def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summary]]) -> list[str]:
@@ -157,14 +166,12 @@ def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summar
     elsewhere = [next((s for s in suite if s.entry == summary.entry), None) for suite in others]
     lows = {f"{s.suite.name}, {s.worst}": s.by_rival[s.worst].value for s in (summary, *elsewhere) if s}
     worst = min(lows, key=lambda name: lows[name])
-    scores = [("-", "-") if s is None else (number(s.score.value), bounds(s.score)) for s in elsewhere]
+    scores = [f"{number(s.score.value)} {bounds(s.score)}{few}" if s else "-" for s in (summary, *elsewhere)]
     return [
         f"**{summary.entry}**" if summary.trained else summary.entry,
         str(summary.training_seeds or "-"),
         steps,
-        number(summary.score.value),
-        f"{bounds(summary.score)}{few}",
-        *(text for pair in scores for text in pair),
+        *scores,
         f"{number(lows[worst])} {worst}",
         *(number(summary.measures[name], 100) for _, name in _MEASURES),
         minutes,
@@ -199,7 +206,7 @@ def draw_pictures(zoo: Zoo, group: ZooGroup, summaries: Sequence[Summary]) -> No
     paths = [zoo.scores(group) / f"{name}.svg" for name in PICTURES]
     best = next((summary for summary in summaries if not summary.trained), None)  # of the scripts
     scores = {s.entry: s.rewards.mean(axis=2) for s in summaries if s.trained or s is best}
-    levels = {best.entry: best.score.value} if best else {}
+    levels = {of.entry: of.score.value for of in _scripts(zoo, group)[:1]}
     styles = styles_of(group.steps)
     if rows := curve_file(zoo, group).read():
         _save(draw_curves(rows, levels=levels, styles=styles, band="range"), paths[0])

@@ -11,7 +11,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.players.agent import suites_folder
 
@@ -135,6 +135,18 @@ def season_key(number: int) -> SeasonKey:
         UserError: no such season; also as :func:`current_season`.
     """
     return _key(f"season-{number}")
+
+
+def season_seed(name: str) -> str:
+    """Return the seed of a closed season by its folder's name, ``season-2`` or ``season-2-link``.
+
+    Raises:
+        UserError: no such season; also as :func:`current_season`.
+    """
+    closed = sorted(file.parent.name for file in suites_folder().glob("season-*/season.yml"))
+    if name not in closed:
+        raise UserError(f"no season {name!r} is closed{nearest(name, closed)}")
+    return _key(name).seed
 
 
 def _key(name: str) -> SeasonKey:

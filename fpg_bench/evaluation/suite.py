@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
 import json
@@ -21,7 +22,7 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.imports import SUITE, check_allowed, names_object
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
-from fpg_bench.evaluation.seeds import SEASON
+from fpg_bench.evaluation.seeds import SEASON, season_seed
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card, suites_folder
@@ -30,6 +31,7 @@ from fpg_bench.players.remote import is_remote
 MOST_ROUNDS = 1_000_000  # per rival
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
 _SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # so that sums can be pooled
+_ON_SEASON = re.compile(r"(.+)@(season-[\w-]+)\Z", re.ASCII)  # a suite on the seeds of a closed season
 # Names of scripts and agents of the package: neither code (a:b) nor paths that lead out of it.
 SHIPPED = re.compile(r"^[\w-][\w.-]*(/[\w-][\w.-]*)*\Z", re.ASCII)
 Rewards = TypeVar("Rewards", float, np.ndarray)
@@ -217,6 +219,7 @@ def suite_file(name: str) -> Path:
     Raises:
         UserError: no such suite.
     """
+    name = _ON_SEASON.sub(r"\1", name)
     if name.endswith((".yml", ".yaml")):
         return Path(name)
     path = suites_folder() / f"{name}.yml"
@@ -334,6 +337,9 @@ def load_suite(
 ) -> Suite:
     """Load a suite and its players by its name (``ally-v1``) or from a YAML file of the same form.
 
+    ``ally-v2@season-2`` is the suite ``ally-v2`` on the evaluation seeds of that closed season, as the
+    leaderboard plays it.
+
     Args:
         name: the suite's name or file.
         side: the side that it must measure; None: any.
@@ -368,7 +374,11 @@ def _read(name: str, side: str | None) -> tuple[Suite, _SuiteFile]:
         verb = "plan compare" if content.side == PLANNER else "evaluate"
         raise UserError(f"suite {name}: measures the {content.side}, not the {side}; write fpg-bench {verb}")
     try:
-        return content.build(path.stem), content
+        suite = content.build(path.stem)
+        if at := _ON_SEASON.match(name):
+            seed = season_seed(at[2])
+            suite = dataclasses.replace(suite, name=f"{suite.name}@{at[2]}", season=seed)
+        return suite, content
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
 

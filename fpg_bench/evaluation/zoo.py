@@ -16,7 +16,7 @@ from fpg_bench.common.ids import SCRIPTED, sides_of
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.evaluation.record import Record, read_records
-from fpg_bench.evaluation.suite import Suite, read_suite
+from fpg_bench.evaluation.suite import Suite, read_suite, suite_of
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder, load_agent, read_card
 from fpg_bench.players.card import AgentCard
@@ -66,6 +66,12 @@ class ZooGroup(_GroupFile):
     def game(self) -> GameSpec:
         """The game of the training."""
         return GameSpec.from_dict({"id": self.id, **self.options}, f"zoo: {self.name}: options")
+
+    @property
+    def training_suite(self) -> str:
+        """The suite that scores trainings: the usual one of the game if the group has it, else its first."""
+        usual = suite_of(self.game, self.side)
+        return usual if usual in self.suites else self.suites[0]
 
 
 @dataclass(frozen=True)

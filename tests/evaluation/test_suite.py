@@ -170,6 +170,17 @@ def test_a_suite_of_another_side_names_the_command_that_plays_it():
         load_suite("ally-v1", side="planner")
 
 
+def test_a_public_suite_is_played_on_the_seeds_of_a_season_as_on_the_board():
+    public, season = load_suite("ally-v2"), load_suite("ally-season-2")
+    suite = load_suite("ally-v2@season-2")
+    assert suite == dataclasses.replace(public, name="ally-v2@season-2", season=season.season)
+    with pytest.raises(UserError, match="no season 'season-9' is closed; did you mean"):
+        load_suite("ally-v2@season-9")
+    with pytest.raises(UserError, match="unknown suite 'aly-v2'; did you mean 'ally-v2'"):
+        load_suite("aly-v2@season-2")
+
+
+
 def test_the_hash_speaks_of_everything_that_decides():
     suite = load_suite("planner-v1")
     first, *others = suite.rivals

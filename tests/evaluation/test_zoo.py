@@ -53,6 +53,13 @@ def test_the_mixture_of_rivals_is_that_of_the_agents_of_an_id():
         load_zoo().mixture(GameSpec("FPG/AllyVsPlanner-v0"))
 
 
+def test_a_training_is_scored_on_the_usual_suite_of_its_game():
+    groups = {group.name: group for group in load_zoo().groups}
+    assert groups["ally-scripted"].training_suite == "ally-v1"
+    assert groups["ally-planner"].training_suite == "ally-planner-v1"
+    assert groups["opponent-learned"].training_suite == "opponent-learned-v1"
+
+
 def test_bad_zoo_files(tmp_path):
     for old, new, message in (
         ("seeds: [0, 1, 2]", "seeds: 5", "seeds: expected a list"),

@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 from fpg_bench.cli import app
 from fpg_bench.cli.leaderboard import build
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.leaderboard.about import name_skeleton
 from fpg_bench.leaderboard.board import make_board
@@ -103,6 +105,22 @@ def test_the_script_enters_what_stands_there_and_no_half_of_an_algorithm(tmp_pat
         assert member.shipped or not entered, member.name
     again = python(*run)
     assert (again.returncode, again.stdout) == (0, "")
+
+
+def test_the_zoo_and_the_board_have_the_same_scores(shown):
+    on_board = {
+        (track.suites[0].name, entry.slug): figures.scores[PUBLIC].value
+        for track in shown.values()
+        for entry, figures in track.verified()
+    }
+    zoo = load_zoo()
+    for group in zoo.groups:
+        name, at, _ = group.suites[0].partition("@")
+        suite = load_suite(group.suites[0])
+        for summary in summarise(zoo.read_records(group, suite), suite) if at else ():
+            slug = f"{group.name}-{summary.entry}" if summary.trained else summary.entry
+            if summary.trained or (name, slug) in on_board:
+                assert on_board[name, slug] == pytest.approx(summary.score.value, abs=1e-4), slug
 
 
 def test_random_play_stands_at_0_and_nobody_above_100(shown):
