@@ -2,7 +2,8 @@
 
 python scripts/run_notebooks.py examples/quick_start.ipynb
 
-Each runs in an empty folder, without Jupyter; cells that install packages are skipped.
+Each runs in an empty folder, which its outputs do not name, and without Jupyter; cells that install packages are
+skipped.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def run_cell(source: str, names: dict[str, Any], number: int) -> list[dict[str, 
             if isinstance(last, ast.Expr):
                 value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
     outputs: list[dict[str, Any]] = []
-    if text := printed.getvalue():
+    if text := printed.getvalue().replace(f"{Path.cwd()}{os.sep}", ""):
         outputs.append({"name": "stdout", "output_type": "stream", "text": text.splitlines(keepends=True)})
     for figure in map(plt.figure, plt.get_fignums()):
         image = io.BytesIO()
