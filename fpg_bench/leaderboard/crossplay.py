@@ -35,7 +35,7 @@ from fpg_bench.leaderboard.folders import at_work, crossplay_file, submission_fo
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, running_player
 from fpg_bench.leaderboard.result import round_finite
 from fpg_bench.leaderboard.tracks import PUBLIC
-from fpg_bench.leaderboard.verification import Case, board_reader, check_share, explain, load_case
+from fpg_bench.leaderboard.verification import Case, board_reader, check_share, load_case
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.sandbox.process import PolicyFailed
@@ -160,10 +160,8 @@ def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayE
     reader, cases = board_reader(board), []
     for folder in submission_folders(board):
         if folder.parent.name in SIDES:
-            try:
+            with contextlib.suppress(UserError, OSError):  # leaderboard verify names the problem
                 cases.append(load_case(board, folder, reader=reader))
-            except Exception as error:  # leaderboard verify names the problem
-                explain(f"{folder.parent.name}/{folder.name}", error)
     return players_of(cases)
 
 

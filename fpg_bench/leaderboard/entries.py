@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from fpg_bench.common.errors import nearest
+from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.leaderboard.crossplay import Pairs, players_of, read_pairs
@@ -19,7 +19,6 @@ from fpg_bench.leaderboard.tracks import Track, TrackSuites
 from fpg_bench.leaderboard.verification import (
     Case,
     board_reader,
-    explain,
     load_entry,
     make_case,
     shared_policies,
@@ -124,15 +123,14 @@ def _read_cases(board: Path, reader: Reader) -> tuple[list[Case], list[tuple[Sub
             continue
         try:
             submission = load_entry(folder, reader, inspect_onnx=False)
-        except Exception as error:
-            reason = explain(name, error)
-            _logger.info(f"{name}: left out: {reason}")  # nothing of it can be trusted, not even its name
+        except (UserError, OSError) as error:  # what its files can cause; all else is a bug of ours
+            _logger.info(f"{name}: left out: {error}")  # nothing of it can be trusted, not even its name
             continue
         try:
             case = make_case(board, submission, reader.suites)
             failure = _failure_reason(case)
-        except Exception as error:
-            failure = explain(name, error)
+        except (UserError, OSError) as error:
+            failure = str(error)
         if failure is None:
             cases.append(case)
         else:

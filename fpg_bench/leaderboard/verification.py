@@ -18,7 +18,6 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, meant, printable
 from fpg_bench.common.ids import NAMED
-from fpg_bench.common.imports import described
 from fpg_bench.common.parallel import Job, Workers, folder_job, outcome_of, run_jobs
 from fpg_bench.evaluation.record import TALLIES, Record
 from fpg_bench.evaluation.suite import Suite
@@ -199,17 +198,6 @@ def _identities(case: Case) -> Iterator[object]:
         yield policy.sha256
         if policy.seed in by_seed:
             yield tuple(sorted(by_seed[policy.seed]))
-
-
-def explain(name: str, error: Exception) -> str:
-    """Return why an entry cannot be loaded; logs the traceback of an unexpected error, which is a bug.
-
-    A hostile submission must not stop the board for the others, so callers catch all exceptions.
-    """
-    if isinstance(error, UserError | OSError):
-        return str(error)
-    _logger.error(f"{name}: unexpected error", exc_info=error)
-    return described(error)
 
 
 def _result_at(

@@ -129,22 +129,22 @@ def test_what_does_not_count_is_shown_last_or_left_out_with_its_reason(entered, 
     ]
 
 
-def test_a_bug_that_takes_an_entry_off_the_board_is_logged_with_its_traceback(board, in_process, monkeypatch):
+def test_a_bug_takes_no_entry_off_the_board_but_ends_the_build(board, in_process, monkeypatch):
     enter(board, "ally", "wise", script="expert")
     verify(board)
 
     def broken(*_, **options):
-        raise TypeError("a bug")
+        raise NameError("a bug")
 
     for name, load in (
         ("entries.load_entry", load_entries),
         ("entries.make_case", load_entries),
         ("crossplay.load_case", play_missing),
     ):
-        with monkeypatch.context() as patched, logged() as messages:
+        with monkeypatch.context() as patched:
             patched.setattr(f"fpg_bench.leaderboard.{name}", broken)
-            load(board)
-        assert re.match(r"ally/wise: unexpected error\nTraceback .*TypeError: a bug$", messages[0], re.DOTALL)
+            with pytest.raises(NameError, match="a bug"):
+                load(board)
 
 
 def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, tmp_path):
