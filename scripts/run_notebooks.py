@@ -29,7 +29,7 @@ import matplotlib.pyplot as plt
 
 
 class Image:
-    """What a cell uses of ``IPython.display.Image``: a file that is shown."""
+    """Stand-in for ``IPython.display.Image``: a file that a cell shows."""
 
     def __init__(self, filename: str, format: str = "png") -> None:
         self.data = Path(filename).read_bytes()

@@ -1,11 +1,14 @@
-"""The examples of public docstrings: every public name has one, and all of them run."""
+"""Docstrings: every public name has an example, all of them run, and none begins as a question."""
 
+import ast
 import doctest
 import importlib
+import re
 
 import pytest
 
 import fpg_bench
+from tests.environments import ROOT
 
 _PUBLIC = [name for name in fpg_bench.__all__ if not name.startswith("__")]
 _OTHERS = [
@@ -43,3 +46,18 @@ def test_a_public_name_has_an_example_that_runs(name, tmp_path, monkeypatch):
         runner.run(test, out=lines.append)
     assert not runner.failures, "".join(lines)
     assert not list(tmp_path.iterdir()), "leaves files behind"
+
+
+def docstrings(file):
+    """The docstrings of a module and of all that it defines."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            yield ast.get_docstring(node) or ""
+
+
+def test_no_docstring_begins_with_a_question_s_word():
+    words = re.compile(r"(What|Where|Which|Who|Whom|Whose|Why|How)\b")
+    files = [file for folder in ("fpg_bench", "scripts", "tests") for file in (ROOT / folder).rglob("*.py")]
+    found = {file.name: text for file in files for text in docstrings(file) if words.match(text)}
+    assert files
+    assert not found

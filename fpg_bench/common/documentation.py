@@ -1,4 +1,4 @@
-"""Where a reader of a message finds a page of the documentation: published, installed, or in the source."""
+"""Pages of the documentation as messages name them: published, installed, or in the source."""
 
 from __future__ import annotations
 

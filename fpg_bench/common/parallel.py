@@ -87,7 +87,7 @@ def folder_job(name: str, folder: Path, run: Callable[[Path], Any], done: Callab
 
 @dataclass(frozen=True)
 class Workers:
-    """Where jobs run, and how many of them at once.
+    """Processes that run jobs in parallel, on this machine or a cluster.
 
     Functions that take workers also take a number, of processes of this machine.
 

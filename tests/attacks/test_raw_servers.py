@@ -14,9 +14,8 @@ import pytest
 
 from fpg_bench.planning.llm.client import ERRORS, LONGEST_BODY
 from tests.attacks import SCALE, SEED
-from tests.planning.llm.fault_server import completion
+from tests.planning.llm.fault_server import FaultServer, completion, raw
 from tests.planning.llm.playing import ask, client
-from tests.planning.llm.raw_server import RawServer
 
 BODY = json.dumps(completion("Hello.")).encode()
 OK = b"HTTP/1.1 200 OK\r\n"
@@ -106,9 +105,9 @@ def once(monkeypatch):
 
 def check(answer, deadline_s: float = 20.0):
     """Ask a server that answers so; return the reply, and how many bytes the server could send."""
-    with RawServer(answer) as server:
+    with FaultServer([raw(answer)]) as server:
         reply = ask(client(server.url, deadline_s=deadline_s))
-    assert server.requests == reply.calls == 1
+    assert len(server.requests) == reply.calls == 1
     assert (reply.error is None) == (reply.text is not None)
     assert reply.error in (None, *ERRORS)
     assert reply.detail.isprintable()

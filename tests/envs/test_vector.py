@@ -85,7 +85,7 @@ def test_rounds_can_be_begun_in_some_games_alone():
 
 def test_players_and_paths_of_a_list_are_drawn_per_round_from_the_games_own_stream():
     def drawn(games, seed=0):
-        """Which of the other side's players and paths each game's rounds drew, ``(rounds, 2, games)``."""
+        """The other side's players and paths that each game's rounds drew, ``(rounds, 2, games)``."""
         env = make(ALLY_POLICY, games, opponent=["tone", "comb"], path=["circle", "pursuit"])
         core, choices = env.unwrapped.core, []
         for number in range(4):

@@ -1,4 +1,4 @@
-"""Which type and centre the opponent jams, and what that covers (Table 1, Eq. 7-10)."""
+"""The type and centre that the opponent jams, and the band that this covers (Table 1, Eq. 7-10)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands between a game and a policy: folded into every player, or refused by name."""
+"""Wrappers between a game and a policy are folded into every player, or refused by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whose policies play in the user's own process."""
+"""Policies play in the user's own process only if the user trusts them."""
 
 import shutil
 

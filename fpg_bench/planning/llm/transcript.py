@@ -160,7 +160,7 @@ class Attempt(Strict, extra="ignore"):
 
 
 class Header(Strict, extra="allow"):
-    """What every attempt of a run was made with; further keys are kept, since the chain hashes them all.
+    """Settings that all attempts of a run share; further keys are kept, since the chain hashes them all.
 
     Attributes:
         model: name of the model that was asked.
@@ -220,7 +220,7 @@ class Flown(Strict, extra="ignore"):
 
 
 class Judged(NamedTuple):
-    """What follows from a reply: fields of an :class:`Attempt` of the same names."""
+    """Verdict on a reply: fields of an :class:`Attempt` of the same names."""
 
     waypoints: list[list[float]] | None
     rung: str

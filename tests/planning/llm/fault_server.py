@@ -5,19 +5,21 @@
     assert len(server.requests) == 2
 
 Each request takes the next behaviour; when the last is reached, it stays. A behaviour is a function of the
-handler and the request's body; ``answer(function)`` makes one from a function of the body to a text.
+handler and the request's body; ``answer(function)`` makes one from a function of the body to a text, and
+``raw(data)`` one from bytes, HTTP or not, or from a function of an iterator for what has no end.
 """
 
 from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 MODEL = "fault-model"
+MOST_SENT = 50_000_000  # bytes after which an answer without end is given up
 
 
 @dataclass(frozen=True)
@@ -30,11 +32,18 @@ class Received:
 
 
 class FaultServer:
-    """Serves while the ``with`` block lasts; ``url`` is the base URL, ``requests`` what came in."""
+    """Serves while the ``with`` block lasts.
+
+    Attributes:
+        url: the base URL.
+        requests: the requests so far.
+        sent: bytes of raw answers that could be sent.
+    """
 
     def __init__(self, behaviours: Iterable[Behaviour]) -> None:
         self.behaviours = list(behaviours)
         self.requests: list[Received] = []
+        self.sent = 0
         self.stopping = threading.Event()
         self._lock = threading.Lock()
 
@@ -196,6 +205,21 @@ def close_socket(after: int = 0) -> Behaviour:
             data = json.dumps(completion("cut off")).encode()
             handler.start(200, len(data), None, "application/json")
             handler.wfile.write(data[:after])
+
+    return play
+
+
+def raw(data: bytes | Callable[[], Iterator[bytes]]) -> Behaviour:
+    """Bytes in the place of a response, up to the end of the test; then it hangs up."""
+
+    def play(handler: _Handler, request: dict[str, Any]) -> None:
+        handler.close_connection = True
+        owner = handler.server.owner
+        for part in [data] if isinstance(data, bytes) else data():
+            if owner.stopping.is_set() or owner.sent > MOST_SENT:
+                return
+            handler.wfile.write(part)
+            owner.sent += len(part)
 
     return play
 
