@@ -8,7 +8,6 @@ import math
 import textwrap
 from collections.abc import Iterable, Mapping
 from decimal import Decimal, InvalidOperation
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -74,10 +73,10 @@ def game_options(*names: str) -> Fields:
 
 
 HyperparamsOption = Annotated[
-    Path | None,
+    str | None,
     typer.Option(
-        help="Hyper-parameters to use instead of the default ones: a YAML file, or a shipped name such as "
-        "ppo-fast.",
+        help="Hyper-parameters to use instead of the default ones: a YAML file, a shipped name such as "
+        "ppo-fast, or an entry as JSON.",
         rich_help_panel=TRAINING,
     ),
 ]

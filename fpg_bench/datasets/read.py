@@ -36,6 +36,12 @@ class Dataset:
     spec: DatasetSpec
     sha256: str
 
+    @property
+    def name(self) -> str:
+        """The name that :func:`open_dataset` takes: that in Minari's folder, elsewhere the folder."""
+        home = datasets_root() / NAMESPACE / self.spec.name
+        return self.spec.name if self.path.is_relative_to(home) else str(self.path)
+
     def read(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Read all N rounds of T steps; those of the last data set are cached.
 

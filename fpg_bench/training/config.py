@@ -36,7 +36,7 @@ class RunConfig:
             both sides. Names of agents on the Hub are pinned to their commits.
         seed: training seed k; its games start at game seed k * 10^6.
         steps: budget over all games, rounded up to whole rollouts; None takes that of the hyper-parameters.
-        hyperparams: a YAML file, or its entry for the id; None takes the shipped file.
+        hyperparams: a YAML file, its entry for the id, or the entry as JSON; None takes the shipped file.
         suite: suite that scores the policy during training, on tuning seeds; None takes that of the id.
         start: folder of a finished run of the same side, algorithm and networks (for PPO also ``bc``); the
             new run starts from its weights, optimizer and normalization, and skips imitation.

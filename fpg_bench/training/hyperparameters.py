@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,6 +14,7 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import DUEL, ENVS
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Expected, Strict, problems_of
+from fpg_bench.common.strict_json import read_object
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import MOST_STEPS
@@ -20,7 +22,7 @@ from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.rl_zoo3_format import argument_problems, read_entry, whole_arguments
 
 # Arguments of algorithms that the runner sets itself.
-Hyperparams = str | Path | Mapping[str, object] | None  # a YAML file, an entry of one, or what is shipped
+Hyperparams = str | Path | Mapping[str, object] | None  # a YAML file, an entry; None: what is shipped
 _RESERVED = {"env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}
 _NOISE = ("noise_type", "noise_std")  # rl-zoo3's form of action_noise
 _TRANSLATED = ("log_std_init", "net_arch")  # of policies; checked where the model is made
@@ -102,6 +104,7 @@ def load_hyperparameters(
             discrete actions have their own shipped values.
         file: a YAML file, the name of a shipped one (``ppo-fast``), or its entry for the id; None takes the
             shipped file of the algorithm, and for a custom class the defaults of that class with 64 games.
+            A text that begins with a brace is the entry as JSON.
         allow: the ``package.module:object`` and agents of the Hub that the file may name; neither is run on a
             file's word.
 
@@ -116,6 +119,8 @@ def load_hyperparameters(
     else:
         game = GameSpec.of(game)
         env_id = game.id
+    if isinstance(file, str) and file.startswith("{"):
+        file = _entry_of(file)
     if isinstance(file, Mapping):
         return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
@@ -130,6 +135,21 @@ def load_hyperparameters(
         )
     check_allowed(content[env_id], allow, f"hyper-parameters {file}")
     return _parse(algorithm, content[env_id], f"hyper-parameters {file}: {env_id}")
+
+
+def as_option(file: Hyperparams) -> object:
+    """Return hyper-parameters as ``--hyperparams`` takes them; an entry with objects stays a mapping."""
+    try:
+        return json.dumps(dict(file)) if isinstance(file, Mapping) else file
+    except TypeError:
+        return file
+
+
+def _entry_of(text: str) -> dict[str, Any]:
+    try:
+        return read_object(text)
+    except ValueError as error:
+        raise UserError(f"hyper-parameters: not valid JSON: {error}") from error
 
 
 def _named_file(file: Path) -> Path:

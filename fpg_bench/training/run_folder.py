@@ -7,7 +7,7 @@ import os
 import shlex
 import shutil
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, other_content
@@ -82,6 +82,9 @@ class RunFolder:
                 self.path,
                 f"another run ({state.command}), or this one with other hyper-parameters or agents",
             )
+        if state.suite not in (None, about.suite):
+            content = f"this run scored on {state.suite}, not on {about.suite}"
+            raise other_content(self.path, content, f"keep its suite (--suite {state.suite})")
         if not state.finished and not allow_unfinished:
             remedy = "continue it with --resume, start over with --restart"
             raise other_content(self.path, "this run unfinished", remedy)
@@ -117,13 +120,22 @@ class RunFolder:
         os.truncate(self.evaluations.path, 0)  # it is locked, so it stays
 
 
-def command_line(*arguments: str, **options: object) -> str:
-    """Return the ``fpg-bench`` command with these arguments and options; lists are comma-separated."""
+def command_line(*arguments: str, allow: Collection[str] = (), **options: object) -> str | None:
+    """Return the ``fpg-bench`` command with these arguments and options.
+
+    Lists are comma-separated, each name of ``allow`` is an option of its own, and what is None is left out.
+
+    Returns:
+        The command; None if an option is an object or a mapping, which only Python can give.
+    """
     words = ["fpg-bench", *arguments]
     for name, value in options.items():
-        text = ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-        words += [f"--{name.replace('_', '-')}", text]
-    return shlex.join(words)
+        parts = value if isinstance(value, list | tuple) else [] if value is None else [value]
+        if not all(isinstance(part, str | int | float | os.PathLike) for part in parts):
+            return None
+        if parts:
+            words += [f"--{name.replace('_', '-')}", ",".join(map(str, parts))]
+    return shlex.join([*words, *(word for name in sorted(allow) for word in ("--allow", name))])
 
 
 def revision() -> str | None:

@@ -52,7 +52,7 @@ from fpg_bench.training.checkpoint import (
 )
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.export import check_exportable, write_exported
-from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.hyperparameters import as_option, load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.models import by_side, is_finite, make_model, tells_divergence
@@ -129,7 +129,7 @@ def train(
         raise UserError("resume continues a run, restart starts it over; give only one of them")
     if log_rounds:
         require_extra("video", "PIL")
-    run = _Run(config, RunFolder(Path(out)))
+    run = _Run(config, RunFolder(Path(out)), evaluations)
     run.setup()
     evaluators = {
         side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side, allow=config.allow)
@@ -143,7 +143,7 @@ def train(
                 run.resume(state)
             else:
                 run.folder.clear()
-            run.learn(evaluators, evaluations, progress, log_rounds)
+            run.learn(evaluators, progress, log_rounds)
             run.finish()
             if curve and (figure := draw_run(run.folder.path)) is not None:
                 write_figure(figure, run.folder.curve)
@@ -255,8 +255,8 @@ class _Run:
         UserError: something unknown or out of range.
     """
 
-    def __init__(self, config: RunConfig, folder: RunFolder) -> None:
-        self.config, self.folder = config, folder
+    def __init__(self, config: RunConfig, folder: RunFolder, evaluations: int = EVALUATIONS) -> None:
+        self.config, self.folder, self.evaluations = config, folder, evaluations
         self.algorithm, self.sides = find_algorithm(config.algorithm), config.spec.sides
         self.algorithm.check_sides(config.spec.id, self.sides)
         if self.algorithm.offline != (config.dataset is not None):
@@ -282,16 +282,9 @@ class _Run:
         spec, scenario, options = config.spec, config.spec.resolve(), config.options()
         entry = {"n_envs": parameters.n_envs, "normalize": parameters.normalize} | parameters.entry()
         entry.pop("n_timesteps", None)
-        command_options: dict[str, Any] = {"seed": config.seed, "steps": budget}
-        if isinstance(config.hyperparams, str | Path):
-            command_options["hyperparams"] = config.hyperparams
-        if (data := config.dataset) is None:
-            command = command_line("train", name, spec.id, **command_options, **spec.options(), **options)
-        else:
-            command = command_line("offline", name, data.spec.name, **command_options)
-        policies = policies_of(spec)
+        data, policies = config.dataset, policies_of(spec)
         about = {
-            "command": command,
+            "command": self._command(budget),
             "algorithm": name,
             "game": spec.describe(),
             "side": " and ".join(self.sides),
@@ -308,6 +301,26 @@ class _Run:
             "revision": revision(),
         }
         return RunDescription(**json.loads(json.dumps(about, default=str)))  # as it is read from JSON
+
+    def _command(self, budget: int) -> str | None:
+        """Return the command that makes the run again; None if it was given objects of Python."""
+        config, data = self.config, self.config.dataset
+        try:
+            game = config.spec.to_dict() if data is None else {"id": data.name}
+        except UserError:  # a player or a planner has no name
+            return None
+        verb, what = "train" if data is None else "offline", game.pop("id")
+        options = {
+            "seed": config.seed,
+            "steps": budget,
+            "hyperparams": as_option(config.hyperparams),
+            **game,
+            **config.options(),
+            "suite": config.suite,
+            "n_evals": self.evaluations,
+            "out": self.folder.path,
+        }
+        return command_line(verb, self.algorithm.name, what, allow=config.allow, **options)
 
     def setup(self) -> None:
         """Make the model, and check that it can be exported before anything is written."""
@@ -381,7 +394,6 @@ class _Run:
     def learn(
         self,
         evaluators: Mapping[str, PolicyEvaluator],
-        n_evals: int,
         progress: bool,
         log_rounds: bool = False,
     ) -> None:
@@ -404,7 +416,7 @@ class _Run:
                 evaluators,
                 self.folder.evaluations,
                 budget,
-                n_evals,
+                self.evaluations,
                 stop,
                 log_rounds,
             )

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import shlex
 
 import pytest
 
@@ -58,7 +59,7 @@ def test_stages_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp
     agent = load_agent(tmp_path / "agent")
     assert agent.card.training_steps == 400 * (result["stage"] + 1)
     assert agent.card.game.actions == "uniform-hop"
-    options = agent.card.command.split()[2:]
+    options = shlex.split(agent.card.command)[2:]
     assert dict(zip(options[::2], options[1::2], strict=True)) == {
         "--side": "ally",
         "--stages": str(result["stage"] + 1),
@@ -71,6 +72,9 @@ def test_stages_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp
         "--weight": "3",
         "--seed": "0",
         "--actions": "uniform-hop",
+        "--hyperparams": json.dumps(TINY),
+        "--response-hyperparams": json.dumps(TINY),
+        "--out": str(tmp_path),
     }
     known = {
         f"--{name.replace('_', '-')}" for name in inspect.signature(with_fields(double_oracle)).parameters

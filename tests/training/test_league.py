@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shlex
 
 import pytest
 import yaml
@@ -393,7 +394,9 @@ def test_a_generation_starts_from_the_one_before_against_the_other_side_s_past(p
 @pytest.mark.slow
 def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
     described = {"training_seed": 3, "training_steps": 800, "steps_done": 800, "options": {}}
-    described["command"] = "fpg-bench selfplay ppo --generations 2 --steps 400 --pool 5 --seed 3"
+    command = ["fpg-bench", "selfplay", "ppo", "--generations", "2", "--steps", "400", "--pool", "5"]
+    command += ["--seed", "3", "--hyperparams", json.dumps(TINY), "--n-evals", "1"]
+    described["command"] = shlex.join([*command, "--out", str(played)])
     for side in ("ally", "opponent"):
         agent = load_agent(played / side, side)
         assert agent.model == load_agent(played / "generations" / f"{side}_1" / "agent").model

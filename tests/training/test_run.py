@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
+import shlex
+import shutil
 
 import pytest
+import yaml
+from torch import nn
+from typer.testing import CliRunner
 
 from fpg_bench import Run, UserError
+from fpg_bench.cli import app
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.training import train as training
-from tests.training.tiny import run_config, settings
+from tests.training.tiny import ALLY, run_config, settings, train_tiny
+
+CODE = "stable_baselines3.common.torch_layers:FlattenExtractor"
 
 
 def small(**options):
@@ -73,3 +81,52 @@ def test_a_description_of_an_earlier_version_is_read(tmp_path):
     about.write(tmp_path)
     assert json.loads((tmp_path / "run.json").read_text())["new"] == 1
     assert RunDescription.read(tmp_path) == about
+
+
+def by_command_line(words, out):
+    """The policy that a command trains into a folder, and the command that is recorded there."""
+    result = CliRunner().invoke(app, words, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    about = json.loads((out / "agent" / "agent.json").read_text())
+    assert about["command"] == RunDescription.read(out).command
+    return about["policy_sha256"], about["command"]
+
+
+@pytest.mark.slow
+def test_a_recorded_command_makes_the_run_again(tmp_path):
+    entry = settings("ppo", learning_rate=1e-5)
+    entry["policy_kwargs"] = {"net_arch": [8], "features_extractor_class": CODE}
+    file, out, again = (tmp_path / name for name in ("tiny.yml", "a run", "again"))
+    file.write_text(yaml.safe_dump({ALLY: entry}))
+    options = {"hyperparams": file, "suite": "ally-shifted-v1", "n-evals": 0, "path": "circle,triangle"}
+    options |= {"seed": 3, "steps": 400, "allow": CODE, "out": out}
+    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    policy, command = by_command_line(["train", "ppo", ALLY, *words], out)
+    assert dict(zip(shlex.split(command)[4::2], shlex.split(command)[5::2], strict=True)) == {
+        word: words[place + 1] for place, word in enumerate(words) if place % 2 == 0
+    }
+    Run(again, Run(out, allow=[CODE]).config).train(evaluations=0, progress=False)
+    same, from_folder = by_command_line(shlex.split(RunDescription.read(again).command)[1:], again)
+    assert same == policy
+    shutil.rmtree(again)
+    assert by_command_line(shlex.split(from_folder)[1:], again) == (policy, from_folder)
+    with pytest.raises(UserError, match="hyper-parameters: not valid JSON: Expecting property name"):
+        train_tiny("ppo", again, hyperparams="{n_envs: 4}")
+
+
+def test_a_run_of_python_s_objects_has_no_command(tmp_path):
+    entry = settings("ppo", policy_kwargs={"net_arch": [8], "activation_fn": nn.Tanh})
+    train_tiny("ppo", tmp_path / "run", steps=400, hyperparams=entry)
+    assert "command" not in RunDescription.read(tmp_path / "run").model_dump(exclude_none=True)
+
+
+def test_another_suite_for_the_same_run_is_refused(tmp_path):
+    train_tiny("ppo", tmp_path / "run", suite="ally-shifted-v1")
+    train_tiny("ppo", tmp_path / "run", suite="ally-shifted-v1")
+    for options in ({}, {"suite": "ally-v1", "resume": True}):
+        with pytest.raises(UserError) as raised:
+            train_tiny("ppo", tmp_path / "run", **options)
+        assert str(raised.value) == (
+            f"{tmp_path / 'run'}: holds this run scored on ally-shifted-v1, not on ally-v1; keep its suite "
+            "(--suite ally-shifted-v1), or choose another folder"
+        )

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -32,13 +32,12 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.config import RunConfig
-from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.hyperparameters import Hyperparams, as_option, load_hyperparameters
 from fpg_bench.training.league.best_responses import RESPONSE_REWARDS
 from fpg_bench.training.league.evaluation import MATCHES, check_same
 from fpg_bench.training.run_folder import RunFolder, command_line
 from fpg_bench.training.train import train
 
-Hyperparams = str | Path | Mapping[str, Any] | None
 ROWS, ABOUT = "double_oracle.jsonl", "double_oracle.json"
 SEED_STRIDE = 1000  # stage k with seed s has training seed 1000 s + k, and its responses 1000 s + 500 + 2 k
 FINALISTS = 2  # stages that a second response is trained against
@@ -258,7 +257,8 @@ class _DoubleOracle:
     def export_agent(self, stage: int) -> None:
         """Copy the agent of a stage; its ``agent.json`` describes the whole search up to it."""
         runs = [self.run(number).read() for number in range(stage + 1)]
-        game = self.game.options()
+        game = self.game.to_dict()
+        del game["id"]
         settings = {
             "side": self.side,
             "stages": stage + 1,
@@ -270,9 +270,12 @@ class _DoubleOracle:
             "against": game.pop(other_side(self.side)),
             "weight": self.weight,
             "seed": self.seed,
+            "hyperparams": as_option(self.hyperparams[0]),
+            "response_hyperparams": as_option(self.hyperparams[1]),
+            "out": self.folder,
         }
         update = {
-            "command": command_line("double-oracle", **settings, **game),
+            "command": command_line("double-oracle", allow=self.allow, **game, **settings),
             "training_seed": self.seed,
             "training_steps": len(runs) * self.steps[0],
             "steps_done": sum(run.steps_done or 0 for run in runs),

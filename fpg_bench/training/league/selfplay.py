@@ -26,7 +26,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.config import RunConfig
-from fpg_bench.training.hyperparameters import Hyperparams, load_hyperparameters
+from fpg_bench.training.hyperparameters import Hyperparams, as_option, load_hyperparameters
 from fpg_bench.training.league.evaluation import MATCHES, check_same, evaluate_against, result_row
 from fpg_bench.training.run_folder import RunFolder, command_line
 from fpg_bench.training.train import train
@@ -85,7 +85,7 @@ def selfplay(
     for name, value in (("generations", generations), ("pool", pool)):
         integer(value, name)
     games = {side: GameSpec.of(policy_env(side).id, **game) for side in SIDES}
-    league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, games, allow)
+    league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, games, allow, evaluations)
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
     check_own_folder(league.folder, ABOUT, "self-play", ROWS)
     with file.locked():
@@ -117,6 +117,7 @@ class _SelfPlay:
     hyperparams: Hyperparams
     games: Mapping[str, GameSpec]
     allow: Collection[str]
+    evaluations: int
 
     def describe(self) -> dict[str, Any]:
         """Return the settings that distinguish it from another self-play, as they are read from JSON."""
@@ -179,10 +180,21 @@ class _SelfPlay:
         """Copy the agent of the last generation; its ``agent.json`` describes the whole self-play."""
         last = self.run(side, generations - 1).agent
         runs = [self.run(side, generation).read() for generation in range(generations)]
-        settings = {"generations": generations, "steps": self.steps, "pool": self.pool, "seed": self.seed}
         game = self.games[side]
+        shared = game.to_dict()
+        del shared["id"]
+        options = {
+            "generations": generations,
+            "steps": self.steps,
+            "pool": self.pool,
+            "seed": self.seed,
+            "hyperparams": as_option(self.hyperparams),
+            **shared,
+            "n_evals": self.evaluations,
+            "out": self.folder,
+        }
         update = {
-            "command": command_line("selfplay", self.algorithm, **settings, **game.options()),
+            "command": command_line("selfplay", self.algorithm, allow=self.allow, **options),
             "game": game,
             "options": {},
             "training_seed": self.seed,
