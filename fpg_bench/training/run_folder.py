@@ -120,16 +120,19 @@ class RunFolder:
         os.truncate(self.evaluations.path, 0)  # it is locked, so it stays
 
 
-def command_line(*arguments: str, allow: Collection[str] = (), **options: object) -> str | None:
+def command_line(*arguments: str, out: Path, allow: Collection[str] = (), **options: object) -> str | None:
     """Return the ``fpg-bench`` command with these arguments and options.
 
     Lists are comma-separated, each name of ``allow`` is an option of its own, and what is None is left out.
+    Of an ``out`` outside the current folder it has the name alone, as agents are published with it.
 
     Returns:
         The command; None if an option is an object or a mapping, which only Python can give.
     """
     words = ["fpg-bench", *arguments]
-    for name, value in options.items():
+    here = Path.cwd()
+    place = out.relative_to(here) if out.is_relative_to(here) else out.name if out.is_absolute() else out
+    for name, value in (options | {"out": place}).items():
         parts = value if isinstance(value, list | tuple) else [] if value is None else [value]
         if not all(isinstance(part, str | int | float | os.PathLike) for part in parts):
             return None

@@ -318,9 +318,10 @@ class _Run:
             **config.options(),
             "suite": config.suite,
             "n_evals": self.evaluations,
-            "out": self.folder.path,
         }
-        return command_line(verb, self.algorithm.name, what, allow=config.allow, **options)
+        return command_line(
+            verb, self.algorithm.name, what, out=self.folder.path, allow=config.allow, **options
+        )
 
     def setup(self) -> None:
         """Make the model, and check that it can be exported before anything is written."""

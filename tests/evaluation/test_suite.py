@@ -180,7 +180,6 @@ def test_a_public_suite_is_played_on_the_seeds_of_a_season_as_on_the_board():
         load_suite("aly-v2@season-2")
 
 
-
 def test_the_hash_speaks_of_everything_that_decides():
     suite = load_suite("planner-v1")
     first, *others = suite.rivals

@@ -74,7 +74,7 @@ def test_stages_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp
         "--actions": "uniform-hop",
         "--hyperparams": json.dumps(TINY),
         "--response-hyperparams": json.dumps(TINY),
-        "--out": str(tmp_path),
+        "--out": tmp_path.name,
     }
     known = {
         f"--{name.replace('_', '-')}" for name in inspect.signature(with_fields(double_oracle)).parameters

@@ -396,7 +396,7 @@ def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
     described = {"training_seed": 3, "training_steps": 800, "steps_done": 800, "options": {}}
     command = ["fpg-bench", "selfplay", "ppo", "--generations", "2", "--steps", "400", "--pool", "5"]
     command += ["--seed", "3", "--hyperparams", json.dumps(TINY), "--n-evals", "1"]
-    described["command"] = shlex.join([*command, "--out", str(played)])
+    described["command"] = shlex.join([*command, "--out", played.name])
     for side in ("ally", "opponent"):
         agent = load_agent(played / side, side)
         assert agent.model == load_agent(played / "generations" / f"{side}_1" / "agent").model

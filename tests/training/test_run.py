@@ -93,7 +93,8 @@ def by_command_line(words, out):
 
 
 @pytest.mark.slow
-def test_a_recorded_command_makes_the_run_again(tmp_path):
+def test_a_recorded_command_makes_the_run_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # a folder elsewhere is named without its place
     entry = settings("ppo", learning_rate=1e-5)
     entry["policy_kwargs"] = {"net_arch": [8], "features_extractor_class": CODE}
     file, out, again = (tmp_path / name for name in ("tiny.yml", "a run", "again"))
@@ -104,7 +105,7 @@ def test_a_recorded_command_makes_the_run_again(tmp_path):
     policy, command = by_command_line(["train", "ppo", ALLY, *words], out)
     assert dict(zip(shlex.split(command)[4::2], shlex.split(command)[5::2], strict=True)) == {
         word: words[place + 1] for place, word in enumerate(words) if place % 2 == 0
-    }
+    } | {"--out": "a run"}
     Run(again, Run(out, allow=[CODE]).config).train(evaluations=0, progress=False)
     same, from_folder = by_command_line(shlex.split(RunDescription.read(again).command)[1:], again)
     assert same == policy

@@ -272,10 +272,9 @@ class _DoubleOracle:
             "seed": self.seed,
             "hyperparams": as_option(self.hyperparams[0]),
             "response_hyperparams": as_option(self.hyperparams[1]),
-            "out": self.folder,
         }
         update = {
-            "command": command_line("double-oracle", allow=self.allow, **game, **settings),
+            "command": command_line("double-oracle", out=self.folder, allow=self.allow, **game, **settings),
             "training_seed": self.seed,
             "training_steps": len(runs) * self.steps[0],
             "steps_done": sum(run.steps_done or 0 for run in runs),

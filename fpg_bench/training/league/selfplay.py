@@ -191,10 +191,9 @@ class _SelfPlay:
             "hyperparams": as_option(self.hyperparams),
             **shared,
             "n_evals": self.evaluations,
-            "out": self.folder,
         }
         update = {
-            "command": command_line("selfplay", self.algorithm, allow=self.allow, **options),
+            "command": command_line("selfplay", self.algorithm, out=self.folder, allow=self.allow, **options),
             "game": game,
             "options": {},
             "training_seed": self.seed,
