@@ -43,6 +43,14 @@ const fpgPen = (() => {
     pen.fillText(text, x, y);
   }
 
+  /** What jamming of a kind covers between two ends of an axis, as [from, to] in MHz: one piece, or one for each tooth. */
+  function footprint({ half_width_mhz: half, spacing_mhz: spacing }, centre, low, high) {
+    const first = spacing ? centre - spacing * Math.ceil((centre - low) / spacing) : centre, pieces = [];
+    for (let tooth = first; tooth - half < high; tooth += spacing || Infinity)
+      if (tooth + half > low) pieces.push([Math.max(low, tooth - half), Math.min(high, tooth + half)]);
+    return pieces;
+  }
+
   const HEIGHT = 15; // of a line of text
   const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
   const around = ([x, y], width, height) => ({ left: x - width / 2, right: x + width / 2, top: y - height / 2, bottom: y + height / 2 });
@@ -97,5 +105,5 @@ const fpgPen = (() => {
     return Object.fromEntries(names.map((name) => [name, style.getPropertyValue("--" + name).trim()]));
   }
 
-  return { prepare, stroke, note, labels, readColours };
+  return { prepare, stroke, note, footprint, labels, readColours };
 })();

@@ -97,14 +97,10 @@ function fpgTimes(scene, canvases) {
 
   function drawFootprint({ pen, x, y }, k, end, bottom, top) {
     if (scene.steps.type[k] < 0) return;
-    const kind = scene.scenario.jamming[scene.steps.type[k]], spacing = kind.spacing_mhz;
-    const first = spacing ? scene.steps.centre[k] - spacing * Math.ceil((scene.steps.centre[k] - bottom) / spacing) : scene.steps.centre[k];
+    const kind = scene.scenario.jamming[scene.steps.type[k]];
     pen.fillStyle = scene.colours.opponent;
     pen.globalAlpha = Math.max(0.3, Math.min(0.85, 0.3 + (0.55 * kind.power_dbm) / 30));
-    for (let centre = first; centre <= top + kind.half_width_mhz; centre += spacing || Infinity) {
-      const low = Math.max(bottom, centre - kind.half_width_mhz), high = Math.min(top, centre + kind.half_width_mhz);
-      if (low < high) pen.fillRect(x(k - 1), y(high), x(end) - x(k - 1), y(low) - y(high));
-    }
+    for (const [low, high] of fpgPen.footprint(kind, scene.steps.centre[k], bottom, top)) pen.fillRect(x(k - 1), y(high), x(end) - x(k - 1), y(low) - y(high));
     pen.globalAlpha = 1;
   }
 

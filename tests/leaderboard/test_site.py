@@ -220,7 +220,7 @@ def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, page
         mission = [views.format_number(figures.measures[name], "share") for name in views.MISSION]
         assert cells[5 * k : 5 * k + 5] == [score, *mission, rank, "6 of 7" if k == 0 else "2"]
         assert f"<small>{views.format_interval(figures.score)}</small>" in (site / "index.html").read_text()
-    assert "9 entries, trained or scripted" in text
+    assert "9 agents and scripts" in text
     assert "8 of 9 entries are verified: their 400 records, 40,000 rounds" in text
     assert ROUND.file in pages["index.html"].values("src")
     elements = pages["index.html"].elements

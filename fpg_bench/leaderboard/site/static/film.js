@@ -15,13 +15,7 @@
   const between = (a, b, share) => a.map((x, i) => x + share * (b[i] - x));
 
   function fit() {
-    const ratio = window.devicePixelRatio || 1;
-    width = canvas.clientWidth;
-    height = canvas.clientHeight;
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
-    pen = canvas.getContext("2d");
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    ({ pen, width, height } = fpgPen.prepare(canvas));
     if (steps) draw();
   }
 
@@ -90,7 +84,8 @@
       const end = Math.min(i, time);
       if (end <= i - 1) break;
       if (steps.spreading[i]) shade(x(i - 1), top, x(end), bottom, colours.spreading, 0.25);
-      footprints(i, ([low, high]) => shade(x(i - 1), y(high), x(end), y(low), colours.opponent, 0.55), bottomMhz, topMhz);
+      const jammed = steps.type[i] < 0 ? [] : fpgPen.footprint(scenario.jamming[steps.type[i]], steps.centre[i], bottomMhz, topMhz);
+      for (const [from, to] of jammed) shade(x(i - 1), y(to), x(end), y(from), colours.opponent, 0.55);
       const level = y(steps.frequency[i]), out = outage(i);
       if (steps.frequency[i] !== steps.frequency[i - 1]) stroke([[x(i - 1), y(steps.frequency[i - 1])], [x(i - 1), level]], colours.ally, 1.2);
       stroke([[x(i - 1), level], [x(end), level]], colours.panel, 7);
@@ -104,14 +99,6 @@
     pen.fillStyle = colour;
     pen.fillRect(x0, y0, x1 - x0, y1 - y0);
     pen.globalAlpha = 1;
-  }
-
-  /** The bands that are jammed in step k, within bounds. */
-  function footprints(k, each, bottom, top) {
-    if (steps.type[k] < 0) return;
-    const { half_width_mhz: half, spacing_mhz: spacing } = scenario.jamming[steps.type[k]], centre = steps.centre[k];
-    const first = spacing ? centre - spacing * Math.ceil((centre - bottom) / spacing) : centre;
-    for (let tooth = first; tooth <= top + half; tooth += spacing || Infinity) each([Math.max(bottom, tooth - half), Math.min(top, tooth + half)]);
   }
 
   function draw() {

@@ -20,14 +20,6 @@ window.fpgTheatre = ({ band: [low, high], jamming, rounds }) => {
     return canvas;
   }
 
-  /** What is jammed in a second of a round, as pieces of the band in MHz. */
-  function footprints({ type, centre }, k) {
-    const { half_width_mhz: half, spacing_mhz: spacing } = jamming[type[k]];
-    const first = spacing ? centre[k] - spacing * Math.floor((centre[k] - low) / spacing) : centre[k], pieces = [];
-    for (let tooth = first; tooth < high + half; tooth += spacing || Infinity) pieces.push([tooth - half, tooth + half]);
-    return pieces;
-  }
-
   function drawOne(canvas, round) {
     const { pen, width, height } = fpgPen.prepare(canvas);
     const x = (mhz) => ((mhz - low + 4) / (high - low + 8)) * width, row = height / SHOWN_S, newest = Math.min(last, Math.floor(time));
@@ -37,7 +29,7 @@ window.fpgTheatre = ({ band: [low, high], jamming, rounds }) => {
       const y = Math.round((newest - 1 - k) * row), tall = Math.round((newest - k) * row) - y;
       pen.globalAlpha = 0.62;
       pen.fillStyle = colours.opponent;
-      for (const [from, to] of footprints(round, k)) pen.fillRect(x((from + to) / 2) - Math.max(3, x(to) - x(from)) / 2, y, Math.max(3, x(to) - x(from)), tall);
+      for (const [from, to] of fpgPen.footprint(jamming[round.type[k]], round.centre[k], low - 4, high + 4)) pen.fillRect(x((from + to) / 2) - Math.max(3, x(to) - x(from)) / 2, y, Math.max(3, x(to) - x(from)), tall);
       pen.globalAlpha = 1;
       pen.fillStyle = round.out[k] ? colours.ink : colours.ally;
       pen.fillRect(x(round.frequency[k]) - 4, y, 8, tall);
