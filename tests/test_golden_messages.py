@@ -1,0 +1,105 @@
+"""One wrong command line of each verb: its message and status are those of ``golden/messages.json``.
+
+``python -m tests.test_golden_messages`` writes the file again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+
+from fpg_bench import cli
+from tests.attacks.test_command_lines import COMMAND, verbs
+
+GOLDEN = Path(__file__).parent / "golden" / "messages.json"
+# Each runs in an empty folder. Verbs that take no words of their own are given one too many.
+LINES = (
+    "play --ally experd",
+    "train ppo FPG/AllyVsScripted-v9 --out run",
+    "train ppo FPG/AllyVsScripted-v0 --opponent tonee --out run",
+    "offline bc nowhere --out run",
+    "evaluate experd --suite ally-v1",
+    "evaluate expert --suite ally-v9",
+    "table nowhere",
+    "curves nowhere",
+    "best-response experd --out out",
+    "double-oracle --side both --out out",
+    "selfplay pppo --out out",
+    "export nowhere --out mine",
+    "reproduce fig99",
+    "envs FPG/AllyVsScripted-v9",
+    "players surplus",
+    "suites ally-v9",
+    "zoo surplus",
+    "scenario show lnk",
+    "scenario check nowhere.yml",
+    "tune run pppo FPG/AllyVsScripted-v0 --out study",
+    "tune report nowhere",
+    "tune export nowhere best.yml",
+    "plan run --planner hill-clim",
+    "plan replay nowhere.jsonl",
+    "plan probe --server nowhere",
+    "plan compare circel --suite planner-v1",
+    "dataset list surplus",
+    "dataset make ally-randm-v0",
+    "dataset check nowhere",
+    "hub push nowhere me/mine",
+    "hub pull mine --out mine",
+    "llm fetch --wheel nowhere",
+    "llm serve --model nowhere",
+    "submit check nowhere",
+    "submit run nowhere",
+    "leaderboard init /dev/null",
+    "leaderboard verify --folder nowhere",
+    "leaderboard crossplay --folder nowhere",
+    "leaderboard build --folder nowhere",
+    "leaderboard serve nowhere",
+    "leaderboard close-season 9 --work work --folder nowhere",
+    "leaderboard audit-season 9 --work work --folder nowhere",
+)
+
+
+def message_of(line: str) -> str:
+    """The last line that a wrong command line prints, after its status; it must fail and write nothing."""
+    shown, status = io.StringIO(), 0
+    words, home = ["fpg-bench", *line.split()], os.getcwd()
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stderr(shown):
+        os.chdir(folder)
+        try:
+            with contextlib.redirect_stdout(shown), patch.object(sys, "argv", words):
+                cli.main()
+        except SystemExit as end:
+            status = end.code
+        finally:
+            os.chdir(home)
+        assert not os.listdir(folder), line
+    assert status in (1, 2), line
+    return f"{status} {shown.getvalue().splitlines()[-1]}"  # the kernel may say before that it is compiled
+
+
+def test_each_verb_has_a_wrong_command_line():
+    names = [" ".join(words) for words, _ in verbs()]
+    assert names
+    assert [name for name in names if not any(line.startswith(f"{name} ") for line in LINES)] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", LINES)
+def test_the_message_of_a_wrong_command_line(line, monkeypatch):
+    monkeypatch.setattr(cli, "app", COMMAND)  # building it for each line would take a tenth of a second
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    golden = json.loads(GOLDEN.read_text())
+    assert line in golden, "make its message: python -m tests.test_golden_messages"
+    assert message_of(line) == golden[line]
+
+
+if __name__ == "__main__":
+    GOLDEN.write_text(json.dumps({line: message_of(line) for line in LINES}, indent=1) + "\n")
