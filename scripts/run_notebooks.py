@@ -2,8 +2,8 @@
 
 python scripts/run_notebooks.py examples/quick_start.ipynb
 
-Each runs in an empty folder, which its outputs do not name, and without Jupyter; cells that install packages are
-skipped.
+Each runs without Jupyter in an empty folder, which its outputs do not name;
+cells that install packages are skipped.
 """
 
 from __future__ import annotations
