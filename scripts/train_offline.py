@@ -17,7 +17,6 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.ids import OFFLINE
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.rows import RowFile
 from fpg_bench.datasets.make import make_dataset
@@ -31,6 +30,7 @@ from fpg_bench.evaluation.summary import summarise, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table, number
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.training.algorithms import OFFLINE, find_algorithm
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import parse_seeds, train
@@ -64,7 +64,8 @@ def missing(rows: RowFile, seeds: list[int]) -> list[tuple[str, str, int | None]
     for seed in seeds:
         for name in DATASETS:
             actions = load_spec(name).actions
-            wanted += [(name, algorithm, seed) for algorithm, of in OFFLINE.items() if actions in of]
+            fitting = [word for word in OFFLINE if actions in find_algorithm(word).kind.modes]
+            wanted += [(name, algorithm, seed) for algorithm in fitting]
     return [each for each in wanted if each not in done]
 
 

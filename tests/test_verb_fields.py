@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import inspect
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -12,9 +13,11 @@ from typer.testing import CliRunner
 
 from fpg_bench.cli.fields import Fields, Given, first_sentences, with_fields
 from fpg_bench.cli.options import game_options
+from fpg_bench.cli.training import train
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.parallel import Workers
 from fpg_bench.game.spec import GameSpec, option_names
+from fpg_bench.training.config import RunConfig
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,14 @@ def test_the_first_sentence_of_a_field_is_its_help():
         "label": "Of the cup.",
     }
     assert set(option_names()) <= set(first_sentences(GameSpec))
+
+
+def test_a_run_s_own_fields_are_options_of_train():
+    options, sentences = inspect.signature(with_fields(train)).parameters, first_sentences(RunConfig)
+    assert {each.name for each in fields(RunConfig)} - set(options) == {"game", "dataset", "llm"}
+    for name in ("steps", "hyperparams", "start", "suite", "transcript", "allow"):
+        option = options[name].annotation.__metadata__[0]
+        assert option.help.startswith(sentences[name])
 
 
 def test_a_verb_gets_the_dataclass_with_the_defaults_that_it_names():

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 
-from fpg_bench.common.ids import DUEL, NAMED, OFFLINE, registered_ids
+from fpg_bench.common.ids import DUEL, NAMED, registered_ids
+from fpg_bench.training.algorithms import ALGORITHMS, JOINT, OFFLINE
 
 
 def complete_player(incomplete: str) -> list[str]:
@@ -39,9 +39,8 @@ def complete_dataset(incomplete: str) -> list[str]:
 
 
 def complete_algorithm(incomplete: str) -> list[str]:
-    """Return the algorithms with this prefix that have shipped hyper-parameters."""
-    names = (name for name in _shipped("hyperparams") if not re.search("-(learned|discrete)", name))
-    return _beginning(incomplete, (name for name in names if name not in OFFLINE))
+    """Return the algorithms with this prefix that learn by playing."""
+    return _beginning(incomplete, (*ALGORITHMS, *JOINT))
 
 
 def complete_offline(incomplete: str) -> list[str]:

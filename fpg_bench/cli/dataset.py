@@ -10,14 +10,12 @@ import typer
 
 from fpg_bench.cli.completion import complete_dataset, complete_offline
 from fpg_bench.cli.evaluation import shown_progress
-from fpg_bench.cli.fields import with_fields
+from fpg_bench.cli.fields import Given, with_fields
 from fpg_bench.cli.options import (
-    AllowOption,
-    HyperparamsOption,
     LocalWorkersOption,
     name_all,
+    run_options,
     share,
-    steps_option,
     whole_number,
 )
 from fpg_bench.cli.training import (
@@ -25,7 +23,6 @@ from fpg_bench.cli.training import (
     RestartOption,
     ResumeOption,
     RunOption,
-    ScoringSuiteOption,
     SeedOption,
     SeedsOption,
     train_runs,
@@ -35,6 +32,8 @@ from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
+from fpg_bench.training.algorithms import OFFLINE
+from fpg_bench.training.config import RunConfig
 
 app = typer.Typer(help="Make and check data sets for offline reinforcement learning.")
 
@@ -121,7 +120,7 @@ def offline(
     algorithm: Annotated[
         str,
         typer.Argument(
-            help="bc, td3-bc, cql, iql or discrete-cql; bc-stack8 etc. see the last eight observations.",
+            help=f"{', '.join(OFFLINE)}; bc-stack8 etc. see the last eight observations.",
             autocompletion=complete_offline,
         ),
     ],
@@ -136,16 +135,12 @@ def offline(
     out: RunOption,
     resume: ResumeOption = False,
     restart: RestartOption = False,
-    steps: Annotated[
-        int | None, steps_option("Number of gradient steps. Default: that of the hyper-parameter file.")
-    ] = None,
-    hyperparams: HyperparamsOption = None,
     seed: SeedOption = None,
     seeds: SeedsOption = None,
-    suite: ScoringSuiteOption = None,
     n_evals: EvaluationsOption = 5,
+    *,
+    run: Annotated[Given, run_options("steps", "hyperparams", "suite", "allow")],
     workers: LocalWorkersOption = Workers(2),
-    allow: AllowOption = None,
 ) -> None:
     """Train an offline algorithm on a data set without interacting with the environment; export the agent.
 
@@ -154,15 +149,11 @@ def offline(
     check_writable(out)
     require_extra("offline", "minari", "h5py", "PIL", "torch", "stable_baselines3")
     from fpg_bench.datasets.read import open_dataset
-    from fpg_bench.training.config import RunConfig
 
     config = RunConfig.offline(
         algorithm,
         open_dataset(dataset),
         seed=seed or 0,
-        steps=steps,
-        hyperparams=hyperparams,
-        suite=suite,
-        allow=allow or (),
+        **run,
     )
     train_runs(config, out, seed, seeds, n_evals, resume, restart, workers)

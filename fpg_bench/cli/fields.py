@@ -43,10 +43,11 @@ class Fields:
         for field in dataclasses.fields(self.kind):
             if self.names and field.name not in self.names:
                 continue
-            help = docs.get(field.name, "") + " Several are separated by commas." * (field.name in self.lists)
-            details = {"help": help, "rich_help_panel": self.panel} | dict(self.details.get(field.name, {}))
             kinds = str(field.type).split(" | ")
             kind: Any = next((_TYPES[name] for name in kinds if name in _TYPES), str)
+            help = docs.get(field.name, "") + " Several are separated by commas." * (field.name in self.lists)
+            help += " May be repeated." * (kind == list[str])
+            details = {"help": help, "rich_help_panel": self.panel} | dict(self.details.get(field.name, {}))
             value = field.default if isinstance(default, type) else getattr(default, field.name)
             of = kind | None if value in (None, ()) else kind
             annotation: Any = Annotated[of, typer.Option(**details)]

@@ -6,19 +6,21 @@ import dataclasses
 import json
 import math
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
 from typing import Annotated, Any
 
 import typer
 
 from fpg_bench.cli.completion import complete_player, complete_suite
-from fpg_bench.cli.fields import Fields
+from fpg_bench.cli.fields import Fields, Given, first_sentences
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
+from fpg_bench.common.strict_json import Json
 from fpg_bench.game.spec import LISTS, GameSpec, option_names
+from fpg_bench.training.config import RunConfig
 
 # Panels of long lists of options, in the order in which they are shown.
 GAME = "Game"
@@ -68,29 +70,30 @@ PlayerOption = Annotated[str, typer.Option(help=f"The player: {_PLAYER}.", autoc
 def game_options(*names: str) -> Fields:
     """Return options of games, the fields of a specification, by name; no names: all but the id."""
     players = {"autocompletion": complete_player}
-    details: dict[str, dict[str, Any]] = {"opponent": players, "ally": players, "history": {"min": 1}}
+    details: dict[str, Given] = {"opponent": players, "ally": players, "history": {"min": 1}}
     return Fields(GameSpec, names or option_names(), LISTS, GAME, details)
 
 
-HyperparamsOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Hyper-parameters to use instead of the default ones: a YAML file, a shipped name such as "
-        "ppo-fast, or an entry as JSON.",
-        rich_help_panel=TRAINING,
-    ),
-]
+def run_options(*names: str) -> Fields:
+    """Return options of a training run, fields of :class:`RunConfig`, by name."""
+    details: dict[str, Given] = {
+        "steps": {"parser": whole_number, "metavar": "STEPS"},
+        "suite": {"autocompletion": complete_suite, "rich_help_panel": EVALUATION},
+        "transcript": {"rich_help_panel": LLM},
+        "allow": {"rich_help_panel": TRUST},
+    }
+    return Fields(RunConfig, names, panel=TRAINING, details=details)
 
+
+_WORDS = first_sentences(RunConfig)
+HyperparamsOption = Annotated[str | None, typer.Option(help=_WORDS["hyperparams"], rich_help_panel=TRAINING)]
 SuiteOption = Annotated[str, typer.Option(help="A suite's name or YAML file.", autocompletion=complete_suite)]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print a JSON list of mappings instead of the table.")
 ]
 AllowOption = Annotated[
     list[str] | None,
-    typer.Option(
-        help="What files may load: package.module:object, or an agent of the Hub. May be repeated.",
-        rich_help_panel=TRUST,
-    ),
+    typer.Option(help=f"{_WORDS['allow']} May be repeated.", rich_help_panel=TRUST),
 ]
 WideOption = Annotated[bool, typer.Option("--wide", help="Print all columns, for a wide terminal.")]
 _WORKERS = Fields(Workers, panel=PARALLEL, details={"n_jobs": {"min": 1}})
@@ -100,12 +103,12 @@ LocalWorkersOption = Annotated[Workers, dataclasses.replace(_WORKERS, names=("n_
 
 def llm_options(*names: str) -> Fields:
     """Return options of the planner llm, fields of :class:`LLMOptions`, by name."""
-    details: dict[str, dict[str, Any]] = {name: {"min": 1} for name in ("calls", "tokens", "concurrency")}
+    details: dict[str, Given] = {name: {"min": 1} for name in ("calls", "tokens", "concurrency")}
     details |= {name: {"min": 0} for name in ("sampling_seed", "seconds", "deadline")}
     return Fields(LLMOptions, names, panel=LLM, details=details | {"temperature": {"min": 0, "max": 2}})
 
 
-def print_json(rows: Iterable[Mapping[str, Any]]) -> None:
+def print_json(rows: Iterable[Json]) -> None:
     """Print a list of mappings as JSON; non-finite numbers become null."""
     finite = [
         {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,30 +12,27 @@ import typer
 from fpg_bench.cli.completion import (
     complete_algorithm,
     complete_id,
-    complete_suite,
 )
 from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import (
     EVALUATION,
     GAME,
-    LLM,
     OUTPUT,
     TRAINING,
-    AllowOption,
-    HyperparamsOption,
     WorkersOption,
     game_options,
     listed,
     llm_options,
-    steps_option,
+    run_options,
 )
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.parallel import Workers
+from fpg_bench.training.algorithms import ALGORITHMS, JOINT
+from fpg_bench.training.config import RunConfig
 
 if TYPE_CHECKING:
-    from fpg_bench.training.config import RunConfig
     from fpg_bench.training.run_folder import RunFolder
 
 ZOO = "zoo"  # value of --against
@@ -59,14 +57,6 @@ SeedsOption = Annotated[
         rich_help_panel=TRAINING,
     ),
 ]
-ScoringSuiteOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Suite for evaluations during training. Default: that of the environment.",
-        autocompletion=complete_suite,
-        rich_help_panel=EVALUATION,
-    ),
-]
 EvaluationsOption = Annotated[
     int,
     typer.Option(
@@ -79,8 +69,7 @@ def train(
     algorithm: Annotated[
         str,
         typer.Argument(
-            help="ppo, ppo-fast, ppo-stack8, recurrent-ppo, maskable-ppo, dqn, qr-dqn, sac, td3, maddpg, or "
-            "package.module:Class.",
+            help=f"{', '.join((*ALGORITHMS, *JOINT))}, or package.module:Class.",
             autocompletion=complete_algorithm,
         ),
     ],
@@ -93,20 +82,8 @@ def train(
     out: RunOption,
     resume: ResumeOption = False,
     restart: RestartOption = False,
-    steps: Annotated[
-        int | None, steps_option("Training budget, such as 2e6. Default: that of the hyper-parameter file.")
-    ] = None,
-    hyperparams: HyperparamsOption = None,
     seed: SeedOption = None,
     seeds: SeedsOption = None,
-    start: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of a finished run with the initial weights; ppo can also start from a run of bc.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = None,
-    suite: ScoringSuiteOption = None,
     n_evals: EvaluationsOption = 20,
     log_rounds: Annotated[
         bool,
@@ -125,18 +102,12 @@ def train(
         ),
     ] = None,
     *,
+    run: Annotated[Given, run_options("steps", "hyperparams", "start", "suite", "transcript", "allow")],
     game: Annotated[Given, game_options()],
     workers: WorkersOption = Workers(2),
-    transcript: Annotated[
-        Path | None,
-        typer.Option(
-            help="Replay the plans of another run's transcript, without a server.", rich_help_panel=LLM
-        ),
-    ] = None,
     llm: Annotated[
         LLMOptions, llm_options("prompt", "server", "calls", "tokens", "seconds", "deadline")
     ] = LLMOptions(),
-    allow: AllowOption = None,
 ) -> None:
     """Train an algorithm on an environment and export the agent.
 
@@ -145,24 +116,12 @@ def train(
     check_writable(out)  # before the seconds that the imports take
     from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.spec import GameSpec
-    from fpg_bench.training.config import RunConfig
 
     from_zoo = against == ZOO and not {"opponent", "ally"} & set(game)
     spec = GameSpec.of(env_id, against=None if from_zoo else listed(against), **game)
     if from_zoo:
         spec = load_zoo().mixture(spec)
-    config = RunConfig(
-        algorithm,
-        spec,
-        seed or 0,
-        steps,
-        hyperparams,
-        suite=suite,
-        start=start,
-        transcript=transcript,
-        llm=llm,
-        allow=allow or (),
-    )
+    config = RunConfig(algorithm, spec, seed or 0, llm=llm, **run)
     if seeds is None and workers.backend != "loky":
         raise UserError("backend: needs several runs; list their --seeds")
     train_runs(config, out, seed, seeds, n_evals, resume, restart, workers, log_rounds)
@@ -247,8 +206,16 @@ def export(
         str | None, typer.Option(help="For a zip: ppo, a2c, sac or td3.", rich_help_panel=ZIP)
     ] = None,
     env_id: Annotated[
-        str, typer.Option("--id", help="For a zip: the environment id.", rich_help_panel=ZIP)
-    ] = "FPG/AllyVsScripted-v0",
+        str | None,
+        typer.Option(
+            "--id",
+            help="For a zip: the environment id. Default: that of the run whose folder it is in.",
+            autocompletion=complete_id,
+            rich_help_panel=ZIP,
+        ),
+    ] = None,
+    *,
+    game: Annotated[Given, dataclasses.replace(game_options("scenario", "path", "actions"), panel=ZIP)],
     seed: Annotated[
         int | None,
         typer.Option(
@@ -275,10 +242,14 @@ def export(
     if source.is_dir():
         exported = export_runs(source, out, side)
     else:
+        from fpg_bench.game.spec import GameSpec
         from fpg_bench.training.sb3_zip import export_zip
 
         check_free(out)
-        exported = {out: export_zip(source, out, algo, env_id, seed, is_plain=not_normalized)}
+        if game and env_id is None:
+            raise UserError(f"{next(iter(game))}: is of the game of --id, which is not given")
+        spec = None if env_id is None else GameSpec.of(env_id, **game)
+        exported = {out: export_zip(source, out, algo, spec, seed, is_plain=not_normalized)}
     for agent, difference in exported.items():
         shown = "unknown" if difference is None else f"{difference:.2g}"
         typer.echo(f"agent: {agent}\nlargest difference from predict(): {shown}")

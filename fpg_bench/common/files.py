@@ -26,7 +26,7 @@ from typing import Any
 import yaml
 
 from fpg_bench.common.errors import UserError, one_line, other_content
-from fpg_bench.common.strict_json import LONGEST, read_plain
+from fpg_bench.common.strict_json import LONGEST, JsonObject, read_plain
 
 PACKED = ".gz"
 _MOST_NODES = 100_000
@@ -83,7 +83,7 @@ def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
     return known[id(node)]
 
 
-def read_yaml(path: Path, what: str) -> dict[str, Any]:
+def read_yaml(path: Path, what: str) -> JsonObject:
     """Return the mapping in a YAML file, loaded safely.
 
     Raises:
@@ -117,7 +117,7 @@ def _too_deep(text: str) -> bool:
     return False
 
 
-def read_json(path: Path, what: str) -> dict[str, Any]:
+def read_json(path: Path, what: str) -> JsonObject:
     """Return the object in a JSON file; raises as :func:`read_yaml` does."""
     text = _read(path, what, LONGEST)
     try:
@@ -272,7 +272,7 @@ def _read(path: Path, what: str, most: int) -> str:
         raise UserError(f"{what} {path}: cannot be read: {error}") from error
 
 
-def _mapping(content: object, path: Path, what: str) -> dict[str, Any]:
+def _mapping(content: object, path: Path, what: str) -> JsonObject:
     if content is None:
         raise UserError(f"{what} {path}: is empty")
     if not isinstance(content, dict):

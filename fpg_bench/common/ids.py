@@ -121,14 +121,6 @@ SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTI
 SCRIPTS = {side: (*SCRIPTED[side], *LATER_TACTICS[side]) for side in SCRIPTED}
 # All players of the package without a policy.
 NAMED = {"ally": (*SCRIPTS["ally"], *LEARNERS), "opponent": SCRIPTS["opponent"]}
-# Algorithms that learn from data sets, and the action modes that each can learn.
-OFFLINE = {
-    "bc": ("continuous", "discrete"),
-    "td3-bc": ("continuous",),
-    "cql": ("continuous",),
-    "iql": ("continuous",),
-    "discrete-cql": ("discrete",),
-}
 
 
 def policy_env(side: str) -> EnvConfig:

@@ -110,7 +110,7 @@ PRODUCTS = {
                 "offline": "fpg_bench.cli.dataset:offline",
                 "dataset": "fpg_bench.cli.dataset:app",
             },
-            "algorithm": {
+            "offline algorithm": {
                 "bc": "fpg_bench.training.offline:BC",
                 "td3-bc": "fpg_bench.training.offline:TD3BC",
                 "cql": "fpg_bench.training.offline:CQL",
@@ -121,7 +121,7 @@ PRODUCTS = {
     ),
     "maddpg": Product(
         ("training/maddpg",),
-        {"algorithm": {"maddpg": "fpg_bench.training.maddpg:MADDPG"}},
+        {"joint algorithm": {"maddpg": "fpg_bench.training.maddpg:MADDPG"}},
     ),
     "league": Product(
         ("training/league", "cli/league.py"),

@@ -10,20 +10,19 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType, UnionType
-from typing import Any
 
 import filelock
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_bounded
-from fpg_bench.common.strict_json import read_object
+from fpg_bench.common.strict_json import JsonObject, read_object
 
 try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-Row = dict[str, Any]
+Row = JsonObject
 _LARGEST = 2**30  # bytes; those of a long run are a few million
 
 # Locks held by this process, and the number of holders of each: a match and its planner share a transcript.

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 Json = Mapping[str, object]  # an object of JSON whose keys are not ours
+JsonObject = dict[str, Any]  # one that is made, changed or looked into
 LONGEST = 64_000_000  # bytes or characters
 DEEPEST = 50  # brackets within brackets
 MOST_DIGITS = 40  # of a number, its point and exponent included; a float has 24 at most
@@ -48,7 +49,7 @@ def read_plain(text: str | bytes, most: int = LONGEST, nan: bool = False, halves
     return content
 
 
-def read_object(text: str | bytes, most: int = LONGEST, nan: bool = False) -> dict[str, Any]:
+def read_object(text: str | bytes, most: int = LONGEST, nan: bool = False) -> JsonObject:
     """Return the object in a JSON text; raises as :func:`read_plain`, and ValueError for anything else."""
     content = read_plain(text, most, nan)
     if not isinstance(content, dict):
@@ -56,7 +57,7 @@ def read_object(text: str | bytes, most: int = LONGEST, nan: bool = False) -> di
     return content
 
 
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique(pairs: list[tuple[str, Any]]) -> JsonObject:
     content = dict(pairs)
     if len(content) < len(pairs):
         twice = next(key for key, times in Counter(key for key, _ in pairs).items() if times > 1)
@@ -94,7 +95,7 @@ def _check_depth(content: object) -> None:
             raise ValueError(f"more than {DEEPEST} brackets within brackets")
 
 
-def _parts(item: dict[str, Any] | list[Any]) -> Any:
+def _parts(item: JsonObject | list[Any]) -> Any:
     return item.values() if isinstance(item, dict) else item
 
 

@@ -9,24 +9,47 @@ from dataclasses import dataclass
 from typing import Any
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import DUEL, OFFLINE
+from fpg_bench.common.ids import DUEL
 from fpg_bench.common.imports import imported
 from fpg_bench.common.products import offered
 
-# Of one side, with shipped hyper-parameters.
-ALGORITHMS = ("ppo", "ppo-fast", "ppo-stack8", "recurrent-ppo", "maskable-ppo", "sac", "td3", "dqn", "qr-dqn")
-_CLASSES = {
-    "ppo": "stable_baselines3:PPO",
-    "sac": "stable_baselines3:SAC",
-    "td3": "stable_baselines3:TD3",
-    "dqn": "stable_baselines3:DQN",
-    "recurrent-ppo": "sb3_contrib:RecurrentPPO",
-    "qr-dqn": "sb3_contrib:QRDQN",
-    "maskable-ppo": "sb3_contrib:MaskablePPO",
-    **offered("algorithm"),
+
+@dataclass(frozen=True)
+class _Row:
+    """Row of the table of algorithms.
+
+    Attributes:
+        place: its class, as ``module:Class``.
+        base: the algorithm of which it is a variant, with hyper-parameters of its own; None: it is none.
+        search: the algorithm whose search space it has; None: its own.
+        stacks: it may see stacked frames, as ``ppo-stack8``.
+        joint: it trains both sides at once.
+        offline: it learns from a data set.
+    """
+
+    place: str
+    base: str | None = None
+    search: str | None = None
+    stacks: bool = True
+    joint: bool = False
+    offline: bool = False
+
+
+_TABLE = {
+    "ppo": _Row("stable_baselines3:PPO"),
+    "ppo-fast": _Row("stable_baselines3:PPO", base="ppo", stacks=False),  # the least time to a score
+    "recurrent-ppo": _Row("sb3_contrib:RecurrentPPO", search="ppo", stacks=False),
+    "maskable-ppo": _Row("sb3_contrib:MaskablePPO", search="ppo"),
+    "sac": _Row("stable_baselines3:SAC"),
+    "td3": _Row("stable_baselines3:TD3"),
+    "dqn": _Row("stable_baselines3:DQN"),
+    "qr-dqn": _Row("sb3_contrib:QRDQN", search="dqn"),
 }
-_VARIANTS = {"ppo-fast": "ppo"}  # the same class with its own hyper-parameter file
-_STACKED = re.compile(rf"(ppo|sac|td3|dqn|qr-dqn|maskable-ppo|{'|'.join(OFFLINE)})-stack([1-9]\d*)")
+ALGORITHMS = (*_TABLE, "ppo-stack8")  # of one side, that learn by playing; of stacked frames an example
+JOINT, OFFLINE = tuple(offered("joint algorithm")), tuple(offered("offline algorithm"))
+_TABLE |= {name: _Row(place, stacks=False, joint=True) for name, place in offered("joint algorithm").items()}
+_TABLE |= {name: _Row(place, offline=True) for name, place in offered("offline algorithm").items()}
+_STACKED = re.compile(r"(.+)-stack([1-9]\d*)")
 
 
 @dataclass(frozen=True)
@@ -40,6 +63,9 @@ class Algorithm:
         kind: the class, a subclass of SB3's ``BaseAlgorithm``.
         frame_stack: number of stacked observations; None leaves it to the hyper-parameters.
         custom: True for a user's own class.
+        search: the algorithm whose search space it has.
+        joint: True if it trains both sides at once.
+        offline: True if it learns from a data set; then its class names the action ``modes`` that it learns.
     """
 
     name: str
@@ -47,16 +73,9 @@ class Algorithm:
     kind: type[Any]
     frame_stack: int | None = None
     custom: bool = False
-
-    @property
-    def joint(self) -> bool:
-        """True if it trains both sides at once."""
-        return self.base == "maddpg"
-
-    @property
-    def offline(self) -> bool:
-        """True if it learns from a data set."""
-        return self.base in OFFLINE
+    search: str = ""
+    joint: bool = False
+    offline: bool = False
 
     def check_sides(self, env_id: str, sides: Sequence[str]) -> None:
         """Raise UserError if it trains both sides and the id has one, or the other way round."""
@@ -69,10 +88,8 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     """Return the algorithm of a name or a class.
 
     Args:
-        name: ``ppo``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-fast`` (PPO tuned for the least time to a
-            score), ``dqn``, ``qr-dqn``, ``maskable-ppo``, ``ppo-stack8`` (any number of frames, on any of
-            them without an LSTM), ``maddpg``, a name of :data:`fpg_bench.common.ids.OFFLINE`,
-            ``package.module:Class``, or a class.
+        name: one of :data:`ALGORITHMS`, :data:`JOINT` and :data:`OFFLINE`, of most of them also with any
+            number of stacked frames (``sac-stack4``), ``package.module:Class``, or a class.
 
     Raises:
         UserError: no such algorithm, or a class that is not a subclass of SB3's ``BaseAlgorithm``.
@@ -81,18 +98,21 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
         return _custom(f"{name.__module__}:{name.__qualname__}", name)
     if ":" in name:
         return _custom(name, imported(name, "algorithm"))
-    if stacked := _STACKED.fullmatch(name):
-        return Algorithm(name, stacked[1], _registered(stacked[1]), int(stacked[2]))
-    base = _VARIANTS.get(name, name)
-    if base not in _CLASSES:
-        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, *offered('algorithm')))}")
-    return Algorithm(name, base, _registered(base))
-
-
-def _registered(base: str) -> Any:
-    """Return a registered class; unlike a user's own, it is not searched in the current folder."""
-    module, _, name = _CLASSES[base].partition(":")
-    return getattr(importlib.import_module(module), name)
+    stacked = _STACKED.fullmatch(name)
+    root = stacked[1] if stacked else name
+    row = _TABLE.get(root)
+    if row is None or (stacked and not row.stacks):
+        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*_TABLE, *ALGORITHMS))}")
+    module, _, kind = row.place.partition(":")  # unlike a user's own, not searched in the current folder
+    return Algorithm(
+        name,
+        row.base or root,
+        getattr(importlib.import_module(module), kind),
+        int(stacked[2]) if stacked else None,
+        search=row.search or row.base or root,
+        joint=row.joint,
+        offline=row.offline,
+    )
 
 
 def _custom(name: str, kind: object) -> Algorithm:
@@ -100,4 +120,4 @@ def _custom(name: str, kind: object) -> Algorithm:
 
     if not (isinstance(kind, type) and issubclass(kind, BaseAlgorithm)):
         raise UserError(f"algorithm {name!r}: is not a subclass of stable_baselines3's BaseAlgorithm")
-    return Algorithm(name, name, kind, custom=True)
+    return Algorithm(name, name, kind, custom=True, search=name)

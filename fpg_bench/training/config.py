@@ -6,19 +6,20 @@ import dataclasses
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-from stable_baselines3.common.base_class import BaseAlgorithm
+from typing import TYPE_CHECKING, Any
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import DUEL, OFFLINE
+from fpg_bench.common.ids import DUEL
 from fpg_bench.common.llm_options import LLMOptions
-from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.remote import pinned
-from fpg_bench.training.algorithms import find_algorithm
-from fpg_bench.training.hyperparameters import Hyperparams
+from fpg_bench.training.algorithms import OFFLINE, find_algorithm
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+    from fpg_bench.training.hyperparameters import Hyperparams
 
 
 @dataclass(frozen=True)
@@ -30,20 +31,23 @@ class RunConfig:
     (('circle',), ['ally-v1'])
 
     Attributes:
-        algorithm: ``ppo``, ``ppo-fast``, ``sac``, ``td3``, ``recurrent-ppo``, ``ppo-stack8`` and the like,
-            ``maddpg``, ``package.module:Class``, or a class with Stable-Baselines3's interface.
+        algorithm: one of :data:`fpg_bench.training.algorithms.ALGORITHMS` and the like,
+            ``package.module:Class``, or a class with Stable-Baselines3's interface.
         game: the game, or an environment id for instance ``FPG/AllyVsScripted-v0``; ``FPG/duel_v0`` trains
             both sides. Names of agents on the Hub are pinned to their commits.
         seed: training seed k; its games start at game seed k * 10^6.
-        steps: budget over all games, rounded up to whole rollouts; None takes that of the hyper-parameters.
-        hyperparams: a YAML file, its entry for the id, or the entry as JSON; None takes the shipped file.
-        suite: suite that scores the policy during training, on tuning seeds; None takes that of the id.
-        start: folder of a finished run of the same side, algorithm and networks (for PPO also ``bc``); the
-            new run starts from its weights, optimizer and normalization, and skips imitation.
-        transcript: transcript of a run with a language model; its plans are replayed without a server.
+        steps: training budget over all games, such as 2e6, of offline algorithms in gradient steps; None:
+            that of the hyper-parameters. It is rounded up to whole rollouts.
+        hyperparams: hyper-parameters: a YAML file with an entry for the id, a shipped name such as
+            ``ppo-fast``, or an entry as JSON; None: the shipped file. In Python also the entry itself.
+        suite: suite that scores the policy during training, on tuning seeds; None: that of the id.
+        start: folder of a finished run with the initial weights; ``ppo`` can also start from a run of ``bc``.
+            It is of the same side, algorithm and networks; the new run has its optimizer and normalization,
+            too, and skips imitation.
+        transcript: transcript of a run with a language model, whose plans are replayed without a server.
         llm: options of a language model's planner.
-        allow: the ``package.module:object`` and agents of the Hub that the files of the hyper-parameters, of
-            the suite and of a game may name; neither is run on a file's word.
+        allow: what files may load: ``package.module:object``, or an agent of the Hub. What the files of the
+            hyper-parameters, of the suite and of a game name is not run on their word.
         dataset: data set of an offline algorithm, a :class:`fpg_bench.datasets.read.Dataset`; see
             :meth:`offline`.
     """
@@ -71,16 +75,16 @@ class RunConfig:
         """Return the configuration of a run that learns from a data set.
 
         Args:
-            algorithm: one of :data:`fpg_bench.common.ids.OFFLINE`, with or without stacked frames.
+            algorithm: one of :data:`fpg_bench.training.algorithms.OFFLINE`, with or without stacked frames.
             dataset: the data set, a :class:`fpg_bench.datasets.read.Dataset`.
             **options: further attributes.
 
         Raises:
             UserError: an algorithm that does not learn from data sets, or not from this action mode.
         """
-        spec, base = dataset.spec, find_algorithm(algorithm).base
-        if spec.actions not in OFFLINE.get(base, ()):
-            fitting = [name for name, modes in OFFLINE.items() if spec.actions in modes]
+        spec, known = dataset.spec, find_algorithm(algorithm)
+        if not known.offline or spec.actions not in known.kind.modes:
+            fitting = [name for name in OFFLINE if spec.actions in find_algorithm(name).kind.modes]
             raise UserError(
                 f"{algorithm}: does not learn from a data set of {spec.actions} actions, as {spec.name} is; "
                 f"these do: {', '.join(fitting)}"
@@ -100,11 +104,13 @@ class RunConfig:
 
     def suites(self) -> list[str]:
         """Return the suite that scores each side; raises UserError where one suite is set for both sides."""
+        from fpg_bench.evaluation.suite import suite_of  # with all that reads suites
+
         if self.suite and self.spec.is_duel:
             raise UserError(f"suite: each side of {DUEL} is scored on its own suite; omit it")
         return [self.suite] if self.suite else [suite_of(self.spec, side) for side in self.spec.sides]
 
-    def options(self) -> dict[str, Any]:
+    def options(self) -> dict[str, object]:
         """Return the options beside those of the game: ``start``, ``transcript``, and those of ``llm``."""
         options = {"transcript": self.transcript, "start": self.start, **self.llm.given()}
         return {name: value for name, value in options.items() if value is not None}

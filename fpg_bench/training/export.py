@@ -29,9 +29,9 @@ from torch.distributions import Distribution
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import reason
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.actions import PREFERENCE
 from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
-from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
@@ -129,7 +129,7 @@ def export_agent(
     folder: str | os.PathLike[str],
     *,
     training_seed: int,
-    id: str | None = None,
+    game: str | GameSpec | None = None,
     algorithm: str | None = None,
     **about: object,
 ) -> float:
@@ -153,8 +153,9 @@ def export_agent(
         model: a trained model with a policy like those of PPO, DQN, SAC or TD3, with or without an LSTM.
         folder: the agent's folder; for a submission ``<submission>/seed_<training seed>``.
         training_seed: the training seed.
-        id: the environment id; None takes that of the model's games. A discrete model without games needs the
-            id of its action mode, for instance ``FPG/AllyVsScriptedDiscrete-v0``.
+        game: the game that it was trained in, or its id; None takes that of the model's games. A model
+            without games needs one that names its scenario, for instance
+            ``GameSpec("FPG/AllyVsScriptedDiscrete-v0", scenario="standard")``.
         algorithm: name of the algorithm; None takes the model's class.
         **about: further entries of ``agent.json``.
 
@@ -162,32 +163,30 @@ def export_agent(
         The largest difference of any action from the model's own ``predict``.
 
     Raises:
-        UserError: an unsupported policy, or neither games of this package nor an ``id``.
+        UserError: an unsupported policy, or neither games of this package nor a game with its scenario.
     """
     core = core_of(model)
-    if id is not None:
-        game = GameSpec(id)
-    elif core is None or core.game_spec.is_duel:
-        raise UserError("export: the model has no games of fpg_bench; give the id that it was trained for")
-    else:
-        game = core.game_spec
-    scenario = STANDARD if core is None else core.duel.scenario
-    choices = None
-    if not game.is_duel:
-        choices = action_choices(game.config.side, game.action_mode, STANDARD)
+    spec = GameSpec.of(game) if game is not None else None if core is None else core.game_spec
+    if spec is None or spec.is_duel or (core is None and spec.scenario is None):
+        raise UserError(
+            "export: the model has no games of fpg_bench of one side; give the game that it was trained in, "
+            "as game=GameSpec('FPG/AllyVsScripted-v0', scenario='standard')"
+        )
+    scenario = spec.resolve() if core is None else core.duel.scenario
+    choices = action_choices(spec.config.side, spec.action_mode, scenario) if core is None else None
     description = {
         "algorithm": algorithm or type(model).__name__.lower(),
-        "game": game.describe(),
+        "game": spec.describe(),
         "scenario": scenario.hash,
         "scenario_fields": scenario.to_dict(),
         "training_seed": training_seed,
         "training_steps": model.num_timesteps,
     }
-    return write_exported(model, Path(folder), description | about, choices if core is None else None)
+    return write_exported(model, Path(folder), description | about, choices)
 
 
 def write_exported(
-    model: BaseAlgorithm, folder: Path, about: dict[str, Any], choices: Choices | None = None
+    model: BaseAlgorithm, folder: Path, about: JsonObject, choices: Choices | None = None
 ) -> float:
     """Write an agent folder: ``policy.onnx`` and ``agent.json``.
 
@@ -259,7 +258,7 @@ def largest_difference(
     stack = model_state = player_state = None
     starts, differences = np.ones(games, bool), []
     steps_of_round, keys = np.zeros(games, np.int64), np.arange(games, dtype=np.uint64)
-    masks: dict[str, Any] = {}
+    masks: dict[str, np.ndarray] = {}
     if choices is not None and takes_masks(model) and not choices.mask.all():
         masks["action_masks"] = np.tile(choices.mask, (games, 1))
     for _ in range(steps):

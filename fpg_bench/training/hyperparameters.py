@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import ConfigDict, Field
 
@@ -19,7 +19,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import MOST_STEPS
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
-from fpg_bench.training.rl_zoo3_format import argument_problems, read_entry, whole_arguments
+from fpg_bench.training.rl_zoo3_format import Entry, argument_problems, read_entry, whole_arguments
 
 # Arguments of algorithms that the runner sets itself.
 Hyperparams = str | Path | Mapping[str, object] | None  # a YAML file, an entry; None: what is shipped
@@ -68,18 +68,18 @@ class Hyperparameters(Strict):
 
     n_envs: Annotated[int, Field(ge=1, le=MOST_ENVS), _at_most(MOST_ENVS)] = 1
     n_timesteps: Annotated[int, Field(ge=1, le=MOST_STEPS), _at_most(MOST_STEPS)] = 0
-    normalize: dict[str, Any] | None = None
+    normalize: Entry | None = None
     frame_stack: Annotated[int | None, Field(ge=1, le=MOST_FRAMES), _at_most(MOST_FRAMES)] = None
     imitate: ImitationConfig | None = None
 
     @property
-    def algorithm(self) -> dict[str, Any]:
+    def algorithm(self) -> Entry:
         """All other keys: arguments of the algorithm's constructor, ``policy`` included."""
         return dict(self.model_extra or {})
 
-    def entry(self) -> dict[str, Any]:
+    def entry(self) -> Entry:
         """Return the hyper-parameters as an entry of a file."""
-        values: dict[str, Any] = {
+        values: Entry = {
             "n_envs": self.n_envs,
             "n_timesteps": self.n_timesteps or None,
             "normalize": self.normalize,
@@ -145,7 +145,7 @@ def as_option(file: Hyperparams) -> object:
         return file
 
 
-def _entry_of(text: str) -> dict[str, Any]:
+def _entry_of(text: str) -> Entry:
     try:
         return read_object(text)
     except ValueError as error:
@@ -179,7 +179,7 @@ def _shipped_file(algorithm: Algorithm, game: GameSpec) -> Path:
     return next((file for file in files if file.is_file()), files[-1])
 
 
-def _parse(algorithm: Algorithm, content: dict[str, Any], where: str) -> Hyperparameters:
+def _parse(algorithm: Algorithm, content: Entry, where: str) -> Hyperparameters:
     content, unreadable = read_entry(content)
     content = whole_arguments(content, algorithm.kind)
     parameters, invalid = problems_of(Hyperparameters, content)
@@ -207,7 +207,7 @@ def _argument_problems(algorithm: Algorithm, parameters: Hyperparameters) -> lis
     ]
 
 
-def _policy_problems(algorithm: Algorithm, arguments: Mapping[str, Any]) -> list[str]:
+def _policy_problems(algorithm: Algorithm, arguments: Mapping[str, object]) -> list[str]:
     """Return a line per problem of ``policy`` and ``policy_kwargs``."""
     from torch.optim import Adam
 

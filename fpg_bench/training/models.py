@@ -21,7 +21,7 @@ from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.hyperparameters import Hyperparameters
-from fpg_bench.training.rl_zoo3_format import LARGEST, SCHEDULED, net_arch
+from fpg_bench.training.rl_zoo3_format import LARGEST, SCHEDULED, Entry, net_arch
 
 # Elementwise activations of torch that ONNX also has, without weights and randomness.
 # LogSigmoid is left out because its export differs by 8e-4.
@@ -107,9 +107,9 @@ def _wrapped(games: VecEnv, parameters: Hyperparameters, where: str) -> VecEnv:
     return VecNormalize(games, **{"gamma": parameters.algorithm.get("gamma", 0.99), **parameters.normalize})
 
 
-def _constructor_arguments(algorithm: Algorithm, values: dict[str, Any], where: str) -> dict[str, Any]:
+def _constructor_arguments(algorithm: Algorithm, values: Entry, where: str) -> Entry:
     """Translate rl-zoo3's values into arguments of the algorithm's constructor."""
-    arguments: dict[str, Any] = {"device": "cpu", **copy.deepcopy(values)}  # SB3 writes into policy_kwargs
+    arguments: Entry = {"device": "cpu", **copy.deepcopy(values)}  # SB3 writes into policy_kwargs
     noise_type, noise_std = arguments.pop("noise_type", None), arguments.pop("noise_std", None)
     if (noise_type, noise_std) != (None, None):
         if noise_type != "normal":

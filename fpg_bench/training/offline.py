@@ -129,8 +129,11 @@ class OfflineAlgorithm(OffPolicyAlgorithm):
     """Base class: ``learn`` makes gradient steps on batches of :attr:`data` and plays no game.
 
     Attributes:
+        modes: the action modes that it learns.
         data: the transitions; :meth:`learn_from` sets them before ``learn``.
     """
+
+    modes: ClassVar[tuple[str, ...]] = ("continuous",)
 
     data: Transitions
 
@@ -284,6 +287,8 @@ class DiscreteCQL(OfflineAlgorithm, DQN):
         tau: coefficient of the target network's update after each step.
     """
 
+    modes: ClassVar[tuple[str, ...]] = ("discrete",)
+
     def __init__(
         self, policy: Any, env: Any, alpha: float = 1.0, tau: float = 0.005, **arguments: Any
     ) -> None:
@@ -309,6 +314,8 @@ class BC(OfflineAlgorithm):
     The standard deviation stays at ``log_std_init``, and the critic is fitted to the discounted returns, so
     that PPO can start from a clone.
     """
+
+    modes: ClassVar[tuple[str, ...]] = ("continuous", "discrete")
 
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": ActorCriticPolicy}
 
@@ -349,6 +356,8 @@ class IQL(BC):
         expectile: above 0.5, so that better actions weigh more.
         beta: inverse temperature: an action's weight in the policy's regression is exp(beta advantage).
     """
+
+    modes: ClassVar[tuple[str, ...]] = ("continuous",)
 
     def __init__(
         self, policy: Any, env: Any, expectile: float = 0.7, beta: float = 3.0, **arguments: Any

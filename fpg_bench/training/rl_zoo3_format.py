@@ -25,8 +25,10 @@ LARGEST = 1e30  # of others; optimizers multiply them in single precision
 _MOST = 10**12  # of whole numbers
 _WIDEST = 16_384  # neurons of a layer; two such layers have 270 million weights
 
+Entry = dict[str, Any]  # hyper-parameters of an id, or some of them: arguments of any algorithm
 
-def read_entry(entry: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+
+def read_entry(entry: Mapping[str, object]) -> tuple[Entry, list[str]]:
     """Return an entry with plain values: no expressions, and ``normalize`` as a mapping or None.
 
     Read are ``dict(...)``, lists and mappings of literals, and activations such as ``nn.ReLU``.
@@ -37,7 +39,7 @@ def read_entry(entry: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
     Returns:
         The values that can be read, and a line for each of the others.
     """
-    values: dict[str, Any] = {}
+    values: Entry = {}
     problems = []
     for key, value in entry.items():
         try:
@@ -92,7 +94,7 @@ def _whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def whole_arguments(values: Mapping[str, Any], kind: type) -> dict[str, Any]:
+def whole_arguments(values: Mapping[str, object], kind: type) -> Entry:
     """Return arguments of a class, whole floats as integers where it takes integers."""
     arguments, _ = _arguments(kind)
     integers = {
@@ -121,7 +123,7 @@ def _takes_only_integers(annotation: object) -> bool:
 
 
 def argument_problems(
-    values: Mapping[str, Any], kind: type, reserved: Collection[str], is_custom: bool = False
+    values: Mapping[str, object], kind: type, reserved: Collection[str], is_custom: bool = False
 ) -> list[str]:
     """Return a line for each value that is no argument of a class, of the wrong type, or out of range.
 

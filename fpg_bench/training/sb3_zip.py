@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import zipfile
 from pathlib import Path
@@ -14,8 +15,10 @@ from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 
 from fpg_bench.common.errors import UserError, nearest, one_line
-from fpg_bench.common.strict_json import read_object
+from fpg_bench.common.strict_json import JsonObject, read_object
 from fpg_bench.envs.sb3_vec_env import make_sb3
+from fpg_bench.evaluation.run_description import FILE, RunDescription
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.training.export import export_agent
 from fpg_bench.training.models import ACTIVATIONS
@@ -38,7 +41,7 @@ def export_zip(
     path: Path,
     out: Path,
     algorithm: str | None,
-    env_id: str,
+    game: GameSpec | None = None,
     seed: int | None = None,
     *,
     is_plain: bool = False,
@@ -49,7 +52,7 @@ def export_zip(
         path: the zip.
         out: the agent's folder.
         algorithm: see :func:`load_zip`; None is refused, as a zip does not name it.
-        env_id: the environment id that it was trained on.
+        game: the game that it was trained in, with its scenario; None: that of the run whose folder it is in.
         seed: the training seed; None: that of a folder named ``seed_<k>``.
         is_plain: confirms that it was trained without VecNormalize, which a zip does not show.
 
@@ -74,17 +77,23 @@ def export_zip(
         if (named := re.fullmatch(r"seed_(\d+)", out.name)) is None:
             raise UserError("export: add --seed, the training seed, or name the folder seed_<k>")
         seed = int(named[1])
-    model = load_zip(path, algorithm, env_id)
-    return export_agent(model, out, training_seed=seed, algorithm=algorithm)
+    if game is None and (path.parent / FILE).is_file():
+        game = RunDescription.read(path.parent).game
+    elif game is not None and game.scenario is None:
+        game = None
+    if game is None:
+        raise UserError("export: a zip does not name its game; add --id and --scenario, such as standard")
+    model = load_zip(path, algorithm, game)
+    return export_agent(model, out, training_seed=seed, game=game, algorithm=algorithm)
 
 
-def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:
+def load_zip(path: Path, algorithm: str, game: str | GameSpec) -> BaseAlgorithm:
     """Load a model from a zip written by SB3's ``save``; its pickles are never opened.
 
     Args:
         path: the zip.
         algorithm: ``ppo``, ``a2c``, ``sac`` or ``td3``.
-        id: the environment id that it was trained on.
+        game: the game that it was trained in, or its id; the other side's player does not matter.
 
     Raises:
         UserError: no such zip, or a policy that does not follow from its weights alone.
@@ -94,7 +103,10 @@ def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:
     data, weights = _read(path)
     try:
         model: BaseAlgorithm = KINDS[algorithm](
-            "MlpPolicy", _games(id, weights), policy_kwargs=_policy_kwargs(data, weights), device="cpu"
+            "MlpPolicy",
+            _games(GameSpec.of(game), weights),
+            policy_kwargs=_policy_kwargs(data, weights),
+            device="cpu",
         )
         model.policy.load_state_dict(weights)
     except (KeyError, RuntimeError, TypeError, AssertionError, StopIteration) as error:
@@ -106,7 +118,7 @@ def load_zip(path: Path, algorithm: str, id: str) -> BaseAlgorithm:
     return model
 
 
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+def _read(path: Path) -> tuple[JsonObject, dict[str, torch.Tensor]]:
     """Return the plain JSON of a zip, and the policy's weights."""
     try:
         with zipfile.ZipFile(path) as archive:
@@ -118,7 +130,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
     return data, weights
 
 
-def _policy_kwargs(data: dict[str, Any], weights: dict[str, torch.Tensor]) -> dict[str, Any]:
+def _policy_kwargs(data: JsonObject, weights: dict[str, torch.Tensor]) -> dict[str, Any]:
     """Return the sizes of the networks, from the weights, and their activation, from its name."""
     saved = data.get("policy_kwargs") or {}
     if other := sorted(set(saved) - _HARMLESS):
@@ -157,8 +169,8 @@ def _layers(weights: dict[str, torch.Tensor], prefix: str) -> list[int]:
     return [sizes[index] for index in sorted(sizes)]
 
 
-def _games(id: str, weights: dict[str, torch.Tensor]) -> VecEnv:
-    """Return a game of the id, with as many stacked frames as the first layer reads."""
+def _games(spec: GameSpec, weights: dict[str, torch.Tensor]) -> VecEnv:
+    """Return a game with as many stacked frames as the first layer reads, whomever it was played against."""
     first = next(
         tensor
         for key, tensor in weights.items()
@@ -167,7 +179,8 @@ def _games(id: str, weights: dict[str, torch.Tensor]) -> VecEnv:
         )
     )
     frames, rest = divmod(first.shape[1], OBSERVATION_SIZE)
-    games: VecEnv = make_sb3(id, 1)
+    alone = dataclasses.replace(spec, opponent=None, ally=None, planner=None, untrusted=frozenset())
+    games: VecEnv = make_sb3(alone, 1)
     if rest:
         raise UserError(
             f"export: it reads {first.shape[1]} numbers, not frames of {OBSERVATION_SIZE}; {INSTEAD}"

@@ -31,6 +31,7 @@ from fpg_bench import evaluate, export_agent, make_sb3, supersuit_vec_env
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.preprocessing import difference_in_own_games
 from fpg_bench.players.registry import as_player
@@ -228,7 +229,7 @@ def test_a_model_that_lost_its_statistics_is_refused(tmp_path):
     with pytest.raises(UserError, match=r"trained with VecNormalize, .* PPO.load\(path, env=VecNormalize"):
         as_player(loaded, "ally", STANDARD)
     with pytest.raises(UserError, match="was trained with VecNormalize"):
-        export_agent(loaded, tmp_path / "agent", training_seed=0, id=ALLY)
+        export_agent(loaded, tmp_path / "agent", training_seed=0, game=GameSpec(ALLY, scenario="standard"))
     model.get_env().save(str(tmp_path / "statistics.pkl"))
     games = VecNormalize.load(str(tmp_path / "statistics.pkl"), make_sb3(ALLY))
     loaded = PPO.load(tmp_path / "model.zip", env=games, device="cpu")
@@ -266,10 +267,11 @@ def test_a_joint_model_is_no_player_of_one_side():
 @pytest.mark.parametrize("side", ["ally", "opponent"])
 def test_one_policy_of_both_sides_is_exported_for_either(side, tmp_path):
     model = a_model(VecNormalize(supersuit_vec_env(2, seed=0)))
-    with pytest.raises(UserError, match="give the id"):
+    with pytest.raises(UserError, match="give the game"):
         export_agent(model, tmp_path, training_seed=0)
     id = {"ally": ALLY, "opponent": "FPG/OpponentVsScripted-v0"}[side]
-    assert export_agent(model, tmp_path, training_seed=0, id=id) < 1e-4
+    game = GameSpec(id, scenario="standard")
+    assert export_agent(model, tmp_path, training_seed=0, game=game) < 1e-4
     seen = np.random.default_rng(0).uniform(-1, 1, (20, 15)).astype(np.float32)
     live = as_player(model, side, STANDARD).predict(seen)[0]
     assert np.abs(fpg_bench.load_agent(tmp_path).predict(seen)[0] - live).max() < 1e-4

@@ -1,3 +1,4 @@
+import dataclasses
 from functools import partial
 
 import numpy as np
@@ -12,6 +13,8 @@ from torch import nn
 from fpg_bench import make_sb3
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
+from fpg_bench.game.scenario import STANDARD
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.training import export
 from fpg_bench.training.actor import Actor, ActorPlayer
@@ -174,13 +177,31 @@ def test_a_users_own_dqn_is_exported_and_evaluated(tmp_path):
     assert returns["model"] == returns["agent"]
     model.save(tmp_path / "model.zip")
     loaded = DQN.load(tmp_path / "model.zip")  # without games
-    with pytest.raises(UserError, match="give the id that it was trained for"):
-        export_agent(loaded, tmp_path / "other", training_seed=0)
-    export_agent(loaded, tmp_path / "other", training_seed=0, id="FPG/AllyVsScriptedDiscrete-v0")
+    for game in (None, "FPG/AllyVsScriptedDiscrete-v0"):  # of a scenario that nothing tells
+        with pytest.raises(UserError, match="give the game that it was trained in, as game=GameSpec"):
+            export_agent(loaded, tmp_path / "other", training_seed=0, game=game)
+    game = GameSpec("FPG/AllyVsScriptedDiscrete-v0", scenario="standard")
+    export_agent(loaded, tmp_path / "other", training_seed=0, game=game)
     files = [(tmp_path / name / "policy.onnx").read_bytes() for name in ("agent", "other")]
     assert files[0] == files[1]
+    game = GameSpec("FPG/OpponentVsScriptedDiscrete-v0", scenario="standard")
     with pytest.raises(UserError, match="the model chooses from Discrete"):
-        export_agent(loaded, tmp_path / "other", training_seed=0, id="FPG/OpponentVsScriptedDiscrete-v0")
+        export_agent(loaded, tmp_path / "other", training_seed=0, game=game)
+
+
+def test_a_model_without_its_games_has_the_choices_of_its_scenario(tmp_path):
+    game = GameSpec("FPG/OpponentVsScriptedDiscrete-v0", scenario="link")
+    model = DQN("MlpPolicy", make_sb3(game), policy_kwargs=SMALL, seed=0, device="cpu")
+    export_agent(model, tmp_path / "agent", training_seed=0)
+    model.save(tmp_path / "model.zip")
+    export_agent(DQN.load(tmp_path / "model.zip"), tmp_path / "other", training_seed=0, game=game)
+    cards = [load_agent(tmp_path / name).card.to_dict() for name in ("agent", "other")]
+    assert cards[0]["scenario"] != STANDARD.hash
+    assert cards[0] == cards[1]
+    on_standard = dataclasses.replace(game, scenario="standard")
+    export_agent(DQN.load(tmp_path / "model.zip"), tmp_path / "wrong", training_seed=0, game=on_standard)
+    files = [(tmp_path / name / "policy.onnx").read_bytes() for name in ("agent", "other", "wrong")]
+    assert files[0] == files[1] != files[2]
 
 
 @pytest.mark.slow

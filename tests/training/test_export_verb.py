@@ -2,6 +2,7 @@ import json
 import pickle
 import shutil
 import zipfile
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,14 +11,16 @@ from stable_baselines3 import PPO, TD3
 from stable_baselines3.common.vec_env import VecFrameStack
 
 import fpg_bench
-from fpg_bench.cli.training import export as export_verb
+from fpg_bench.cli.training import export
 from fpg_bench.common.errors import UserError
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import agent_folder, load_agent
 from fpg_bench.training.export import export_agent
 from fpg_bench.training.sb3_zip import load_zip
-from tests.training.tiny import train_tiny
+from tests.training.tiny import ALLY, train_tiny
 
 ID = "FPG/OpponentVsScripted-v0"
+export_verb = partial(export, game={})
 SMALL = {"net_arch": [16, 8]}
 SEEN = np.random.default_rng(0).uniform(-1, 1, (5, 15)).astype(np.float32)
 
@@ -94,8 +97,27 @@ def test_export_reads_runs_and_zips(tmp_path, capsys):
     shutil.copy(tmp_path / "run" / "model.zip", tmp_path / "model.zip")
     with pytest.raises(UserError, match="--not-normalized"):
         export_verb(tmp_path / "model.zip", mine / "seed_7", algo="ppo")
-    export_verb(tmp_path / "model.zip", mine / "seed_7", algo="ppo", not_normalized=True)
+    plain = {"algo": "ppo", "not_normalized": True}
+    for told in ({}, {"env_id": ALLY}):
+        with pytest.raises(UserError, match="does not name its game; add --id and --scenario"):
+            export_verb(tmp_path / "model.zip", mine / "seed_7", **plain, **told)
+    with pytest.raises(UserError, match="scenario: is of the game of --id, which is not given"):
+        export_verb(tmp_path / "model.zip", mine / "seed_7", **plain, game={"scenario": "link"})
+    export_verb(tmp_path / "model.zip", mine / "seed_7", **plain, env_id=ALLY, game={"scenario": "standard"})
     assert load_agent(mine / "seed_7").card.training_seed == 7
+    assert load_agent(mine / "seed_7").card.game == GameSpec(ALLY, scenario="standard")
+
+
+def test_a_zip_in_the_folder_of_its_run_has_the_run_s_game(tmp_path):
+    game = GameSpec("FPG/AllyVsPolicy-v0", scenario="link", opponent=("tone", "sweep"))
+    model = PPO("MlpPolicy", fpg_bench.make_sb3(game), device="cpu", policy_kwargs=SMALL)
+    model.save(tmp_path / "model.zip")
+    about = {"algorithm": "ppo", "game": game.to_dict() | {"opponent": ["tone", "mine:Player"]}}
+    (tmp_path / "run.json").write_text(json.dumps(about))
+    export_verb(tmp_path / "model.zip", tmp_path / "seed_2", algo="ppo", not_normalized=True)
+    card = load_agent(tmp_path / "seed_2").card
+    assert card.scenario == game.resolve().hash
+    assert card.game.opponent == ("tone", "mine:Player")  # named, not imported
 
 
 def test_export_of_a_folder_of_runs_is_one_agent_for_each_seed(tmp_path):

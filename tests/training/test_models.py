@@ -15,10 +15,11 @@ from fpg_bench.common.ids import ENVS
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder, load_agent
-from fpg_bench.training.algorithms import ALGORITHMS, find_algorithm
+from fpg_bench.training.algorithms import ALGORITHMS, JOINT, OFFLINE, find_algorithm
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import as_activation, make_model
+from tests.environments import ROOT
 from tests.training.own import Mine
 from tests.training.tiny import ALLY, SMALL, settings, train, train_tiny
 
@@ -43,6 +44,17 @@ def test_an_algorithm_is_found_by_its_name_or_class():
     ):
         algorithm = find_algorithm(name)
         assert (algorithm.kind, algorithm.frame_stack) == (kind, frames)
+
+
+def test_every_algorithm_is_found_and_in_the_guide():
+    guide = (ROOT / "docs/guides/training.md").read_text()
+    for name in (*ALGORITHMS, *JOINT, *OFFLINE):
+        algorithm = find_algorithm(name)
+        assert (algorithm.joint, algorithm.offline) == (name in JOINT, name in OFFLINE)
+        assert f"`{name}`" in guide
+    for name in ("ppo-fast-stack2", "recurrent-ppo-stack2", "maddpg-stack2"):
+        with pytest.raises(UserError, match="unknown algorithm"):
+            find_algorithm(name)
 
 
 def test_unknown_algorithms_are_refused(tmp_path, monkeypatch):

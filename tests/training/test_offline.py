@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 from fpg_bench.cli import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
-from fpg_bench.common.ids import OFFLINE
 from fpg_bench.datasets.make import make_dataset
 from fpg_bench.datasets.read import open_dataset
 from fpg_bench.datasets.rounds import play_rounds
@@ -22,6 +21,7 @@ from fpg_bench.envs.sb3_vec_env import FPGVecEnv, make_sb3
 from fpg_bench.evaluation.entry import entries_of
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.players.agent import load_agent
+from fpg_bench.training.algorithms import OFFLINE
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.offline import BC, Transitions
 from fpg_bench.training.train import train

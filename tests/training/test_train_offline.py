@@ -18,7 +18,7 @@ def here(tmp_path, monkeypatch):
         "ROWS": tmp_path / "scores.jsonl",
         "PAGE": tmp_path / "page.md",
         "DATASETS": {"ally-random-v0": "ally-scripted"},
-        "OFFLINE": {"bc": ("continuous",), "discrete-cql": ("discrete",)},
+        "OFFLINE": ("bc", "discrete-cql"),
         "TRANSITIONS": 900,
     }.items():
         monkeypatch.setattr(script, name, value)

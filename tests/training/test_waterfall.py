@@ -15,6 +15,7 @@ from fpg_bench import evaluate, export_agent, load_agent, make_sb3
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.leaderboard.playing import smoke_test
 from fpg_bench.players.registry import as_player
 from fpg_bench.training.actor import ActorPlayer
@@ -88,10 +89,9 @@ def test_models_that_see_something_else_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"DQN sees \(6, 20\), the ally here a waterfall of \(6, 10\)"):
         as_player(model, "ally", dataclasses.replace(STANDARD, bandwidth_mhz=10.0))
     model.save(tmp_path / "model.zip")
+    game = GameSpec(ALLY, scenario="standard", actions="discrete")
     with pytest.raises(UserError, match="not the waterfall of its games"):
-        export_agent(
-            DQN.load(tmp_path / "model.zip"), tmp_path, training_seed=0, id=f"{ALLY[:-3]}Discrete-v0"
-        )
+        export_agent(DQN.load(tmp_path / "model.zip"), tmp_path, training_seed=0, game=game)
     continuous.save(tmp_path / "ppo.zip")
     with pytest.raises(UserError, match=r"it sees a waterfall of \(6, 20\)"):
         load_zip(tmp_path / "ppo.zip", "ppo", ALLY)

@@ -15,12 +15,7 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.schema import Expected, Strict, parse
 from fpg_bench.players.agent import baselines_folder
-
-_SHARED = {
-    "recurrent-ppo": "ppo",
-    "maskable-ppo": "ppo",
-    "qr-dqn": "dqn",
-}  # algorithms that use another one's space
+from fpg_bench.training.rl_zoo3_format import Entry
 
 _MOST = 10**12
 Number = Annotated[float, Field(ge=-_MOST, le=_MOST), Expected("a number (1.0e-4, not 1e-4)")]
@@ -115,8 +110,8 @@ def load_space(algorithm: str, file: Path | None = None, actions: str = "continu
         UserError: there is no shipped space, or the file is not a search space.
     """
     folder = baselines_folder() / "search"
-    name = _SHARED.get(algorithm, algorithm)
-    path = file or folder / f"{'ppo-discrete' if name == 'ppo' and actions != 'continuous' else name}.yml"
+    is_discrete = algorithm == "ppo" and actions != "continuous"
+    path = file or folder / f"{'ppo-discrete' if is_discrete else algorithm}.yml"
     if file is None and not path.is_file():
         shipped = [path.stem for path in folder.glob("*.yml")]
         raise UserError(
@@ -131,25 +126,25 @@ def load_space(algorithm: str, file: Path | None = None, actions: str = "continu
     return parse(Space, content, f"search space {path}")
 
 
-def suggest(space: Space, trial: optuna.trial.BaseTrial) -> dict[str, Any]:
+def suggest(space: Space, trial: optuna.trial.BaseTrial) -> Entry:
     """Return the values that the sampler suggests for a trial, by hyper-parameter."""
     return {name: values.suggest(trial, name) for name, values in space.items()}
 
 
-def from_params(space: Space, params: dict[str, Any]) -> dict[str, Any]:
+def from_params(space: Space, params: Entry) -> Entry:
     """Return the values of a trial from the parameters that Optuna stored."""
     return suggest(space, optuna.trial.FixedTrial(params))
 
 
-def to_params(space: Space, hyperparameters: Mapping[str, Any]) -> dict[str, Any]:
+def to_params(space: Space, hyperparameters: Mapping[str, object]) -> Entry:
     """Return the hyper-parameters that lie in the space, as Optuna stores them."""
     present = {name: _look_up(hyperparameters, name) for name in space}
     return {name: _to_categorical(value) for name, value in present.items() if value in space[name]}
 
 
-def merge_values(hyperparameters: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+def merge_values(hyperparameters: Mapping[str, object], values: Mapping[str, object]) -> Entry:
     """Return a copy of the hyper-parameters with some values replaced; dots lead into mappings."""
-    merged = copy.deepcopy(dict(hyperparameters))
+    merged: Entry = copy.deepcopy(dict(hyperparameters))
     for name, value in values.items():
         *outer, last = name.split(".")
         inner = merged
@@ -167,7 +162,7 @@ def _look_up(hyperparameters: object, name: str) -> Any:
     return hyperparameters
 
 
-def format_values(values: dict[str, Any]) -> str:
+def format_values(values: Mapping[str, object]) -> str:
     """Return values by name, in one line."""
     return ", ".join(
         f"{name} {v:.3g}" if isinstance(v, float) else f"{name} {v}" for name, v in values.items()

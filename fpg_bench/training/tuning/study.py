@@ -23,11 +23,13 @@ from fpg_bench.common.errors import UserError, first_line, nearest, other_conten
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Strict, parse
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.suite import load_suite, suite_of
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import Game
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.tuning.space import Space, load_space, to_params
 
 DATABASE = "study.db"
@@ -69,7 +71,7 @@ class Task(Strict):
     suite_hash: str
     rounds: int
     space: Space
-    hyperparameters: dict[str, Any]
+    hyperparameters: Entry
 
     @pydantic.model_validator(mode="before")
     @classmethod
@@ -100,7 +102,7 @@ class Task(Strict):
             )
 
 
-def _present_form(stored: dict[str, Any]) -> dict[str, Any]:
+def _present_form(stored: JsonObject) -> JsonObject:
     """Return a stored task; of version 0.2.0 with its id and options as one game."""
     if "game" in stored or not isinstance(env_id := stored.get("env_id"), str):
         return stored
@@ -140,7 +142,7 @@ def make_task(
     scoring = load_suite(name, allow=allow)
     if scoring.side not in sides:
         raise UserError(f"suite {name}: measures the {scoring.side}; in {game.id} the {sides[0]} learns")
-    values = load_space(registered.base, Path(space) if space else None, game.action_mode)
+    values = load_space(registered.search, Path(space) if space else None, game.action_mode)
     check_allowed({name: each.model_dump() for name, each in values.items()}, allow, f"search space {space}")
     return Task(
         algorithm=algorithm,
@@ -155,10 +157,10 @@ def make_task(
     )
 
 
-def _storable(values: dict[str, Any], where: str) -> dict[str, Any]:
+def _storable(values: Entry, where: str) -> Entry:
     """Return values as they are read from JSON, in which a study stores them."""
     try:
-        stored: dict[str, Any] = json.loads(json.dumps(values))
+        stored: Entry = json.loads(json.dumps(values))
     except TypeError as error:
         raise UserError(
             f"{where}: must be storable as JSON, so use names instead of objects: {error}"
