@@ -8,6 +8,7 @@ import gc
 import os
 import signal
 import sys
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
@@ -34,7 +35,8 @@ def _shown_type(option: TyperOption, ctx: Any) -> str | None:
 
 
 TyperOption.display_type_rich = _shown_type  # type: ignore[method-assign, assignment]
-_VERBS: dict[str, Any] = {  # in the order of --help; None: a product's, which is there or not
+# In the order of --help; None: a product's, which is there or not
+_VERBS: dict[str, Callable[..., None] | typer.Typer | None] = {
     "play": evaluation.play,
     "train": training.train,
     "offline": None,

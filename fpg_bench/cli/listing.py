@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,6 +16,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 from fpg_bench.common.products import load, offered
+from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
     from fpg_bench.common.ids import EnvConfig
@@ -123,7 +124,7 @@ def zoo(
     if not members:
         typer.echo("no agents are shipped; python scripts/train_zoo.py trains them")
         return
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for group in shipped.groups:
         suite = read_suite(group.suites[0])
         summaries = {s.entry: s for s in summarise(shipped.read_records(group, suite), suite)}
@@ -156,7 +157,7 @@ def zoo(
     name_all("champions", (name for side in SIDES for name in _champions(side)))
 
 
-def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[dict[str, Any]]:
+def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[Row]:
     """Yield one row for all training seeds of an algorithm, or one per seed if ``every``."""
     steps = agents[0].card().training_steps
     if not every:

@@ -6,7 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -27,6 +27,7 @@ from fpg_bench.common.files import check_target
 from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.output import wrapped
 from fpg_bench.common.products import load, offered
+from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.match import Round
@@ -268,7 +269,7 @@ def _print_table(rounds: list[Round], title: str) -> None:
     console.print(table) if console.width >= 100 else Console(width=100).print(table)
 
 
-def _numbers(rows: list[dict[str, Any]]) -> list[str]:
+def _numbers(rows: list[Row]) -> list[str]:
     """Return the reward per step and the percentages of time near the ally and of jamming, over rounds."""
     steps, reward, near, jammed = (
         sum(row[name] for row in rows) for name in ("steps", "opponent_return", "near", "jammed")
@@ -276,17 +277,17 @@ def _numbers(rows: list[dict[str, Any]]) -> list[str]:
     return [f"{reward / steps:+.2f}", f"{100 * near / steps:.1f}", f"{100 * jammed / steps:.1f}"]
 
 
-def _costs(rows: list[dict[str, Any]]) -> list[str]:
+def _costs(rows: list[Row]) -> list[str]:
     counted = [row["tokens"] for row in rows if row["tokens"] is not None]
     return [str(sum(counted)) if counted else "-", f"{sum(row['seconds'] for row in rows):.3f}"]
 
 
-def _has_score(rows: list[dict[str, Any]]) -> bool:
+def _has_score(rows: list[Row]) -> bool:
     """Return False for a language model's match in which every round flew a fallback path."""
     return not all(row["status"].startswith("fallback") for row in rows)
 
 
-def _valid(rows: list[dict[str, Any]]) -> str:
+def _valid(rows: list[Row]) -> str:
     """Return the number of valid plans as text; empty if no language model was asked."""
     fallen = sum(row["status"].startswith("fallback") for row in rows)
     asked = fallen or any(row["source"] == "llm" for row in rows)

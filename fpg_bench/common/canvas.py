@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURES = (".png", ".svg", ".pdf")
+Style = dict[str, Any]  # keywords of matplotlib
 _UNDATED = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}  # metadata
 ALLY, OPPONENT = "#0072b2", "#d55e00"  # Okabe and Ito's colour-blind safe palette
 SIDE_COLOURS = {"ally": ALLY, "opponent": OPPONENT}

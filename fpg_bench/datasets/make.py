@@ -10,7 +10,6 @@ from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import gymnasium
 import minari
@@ -21,6 +20,7 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder, check_writable, read_json, write_json
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.datasets.croissant import croissant
 from fpg_bench.datasets.rounds import play_rounds
 from fpg_bench.datasets.spec import NAMESPACE, DatasetSpec
@@ -125,7 +125,7 @@ def _finished(data: Path, cuts: list[int]) -> int:
     )
 
 
-def _check_same(folder: Path, recipe: dict[str, Any]) -> None:
+def _check_same(folder: Path, recipe: JsonObject) -> None:
     """Raise UserError if a folder does not hold the data set of the recipe."""
     where = f"data set {folder}"
     known = read_json(folder / "data" / METADATA, "data set").get(RECIPE)
@@ -150,7 +150,7 @@ def _check_room(data: Path, spec: DatasetSpec) -> None:
         )
 
 
-def _metadata(spec: DatasetSpec, recipe: dict[str, Any]) -> dict[str, Any]:
+def _metadata(spec: DatasetSpec, recipe: JsonObject) -> JsonObject:
     """Return Minari's metadata without the totals, which are known at the end."""
     env = gymnasium.make(spec.game.id, **spec.game.options())
     assert env.spec is not None

@@ -7,7 +7,6 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import minari
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError, first_line, nearest
 from fpg_bench.common.files import check_regular, read_json
 from fpg_bench.common.schema import parse
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.datasets.make import METADATA, RECIPE, content_sha256, datasets_root
 from fpg_bench.datasets.rounds import round_digest
 from fpg_bench.datasets.spec import NAMESPACE, DatasetSpec, spec_names
@@ -98,7 +98,7 @@ def open_dataset(name: str | Path) -> Dataset:
     return Dataset(found[0], spec, sha256)
 
 
-def checked_recipe(metadata: dict[str, Any], where: str) -> tuple[DatasetSpec, str]:
+def checked_recipe(metadata: JsonObject, where: str) -> tuple[DatasetSpec, str]:
     """Return the specification and the hash in the metadata, if this version plays the same rounds.
 
     Raises:

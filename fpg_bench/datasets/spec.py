@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import pydantic
 
@@ -12,6 +12,7 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import id_with, other_side, policy_env
 from fpg_bench.common.schema import Expected, Items, NonNegativeInt, PositiveInt, Strict, parse
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import dataset_seed
 from fpg_bench.evaluation.suite import SHIPPED, identity
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -102,7 +103,7 @@ class DatasetSpec(Strict):
         """Seed of the first round; each round is the first of a separate match."""
         return dataset_seed(self.seed)
 
-    def recipe(self) -> dict[str, Any]:
+    def recipe(self) -> JsonObject:
         """Return the origin of a data set: the specification, and hashes of its scenario and players.
 
         Raises:

@@ -27,6 +27,9 @@ from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import expand_suites
 from fpg_bench.players.registry import as_player, named_card, player_name
 
+Info = dict[str, Any]  # of a reset or a step, as Gymnasium has it
+ResetOptions = dict[str, Any]
+
 
 def observation_space(waterfall: Waterfall | None = None) -> spaces.Box:
     """Observation space of either side: ``Box(-1, 1, (15,), float32)``, or that of a waterfall.
@@ -191,7 +194,7 @@ class SingleAgentGame(Core):
         """``(N,)`` float64: of the last step; a buffer, copy what you keep."""
         return compute_reward(self._reward, self.side, self.duel.batch.games, self.scenario)
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         self.__dict__.update(state)
         self._bind()  # a copied view no longer shares its buffer
 
@@ -322,7 +325,7 @@ class JointGame(Core):
         self.duel.batch.step(*(np.ascontiguousarray(part) for part in np.split(actions, 2, axis=1)))
 
 
-def wants_new_match(options: dict[str, Any] | None) -> bool:
+def wants_new_match(options: ResetOptions | None) -> bool:
     """Return True if a reset's options ask for a new match; raises UserError for an unknown option."""
     for key in options or {}:
         if key != "new_match":

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.core import SingleAgentGame, first_seeds, one_action, wants_new_match
+from fpg_bench.envs.core import Info, ResetOptions, SingleAgentGame, first_seeds, one_action, wants_new_match
 from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 from fpg_bench.game.scenario import LINK
 from fpg_bench.game.spec import GameSpec
@@ -62,7 +62,7 @@ class FPGEnv(gymnasium.Env):
     """
 
     _spec: EnvSpec | None = None
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FRAMES_PER_SECOND}  # noqa: RUF012
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": FRAMES_PER_SECOND}  # noqa: RUF012
 
     def __init__(
         self, env_id: str, render_mode: str | None = None, threads: int | None = None, **options: Any
@@ -91,8 +91,8 @@ class FPGEnv(gymnasium.Env):
         self._spec = spec
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+        self, *, seed: int | None = None, options: ResetOptions | None = None
+    ) -> tuple[np.ndarray, Info]:
         """Begin a round; see the class.
 
         Raises:
@@ -105,7 +105,7 @@ class FPGEnv(gymnasium.Env):
         self._screen.record(begin=True)
         return self.core.observations[0].copy(), self._info()
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, Info]:
         """Play one step with an action: ``(9,)``, an array of floats or a list, or a choice.
 
         Raises:
@@ -122,9 +122,9 @@ class FPGEnv(gymnasium.Env):
         truncated = bool(core.truncated[0])
         return core.observations[0].copy(), float(core.rewards[0]), False, truncated, self._info()
 
-    def _info(self) -> dict[str, Any]:
+    def _info(self) -> Info:
         core = self.core
-        info: dict[str, Any] = {}
+        info: Info = {}
         if core.side == "ally":
             info["advice"] = core.advice(0)
         if core.choices is not None:

@@ -10,6 +10,8 @@ from gymnasium.vector.utils import batch_space
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import (
+    Info,
+    ResetOptions,
     SingleAgentGame,
     first_seeds,
     staggered_horizons,
@@ -46,7 +48,7 @@ class FPGVectorEnv(VectorEnv):
         **options: attributes of :class:`fpg_bench.game.spec.GameSpec`.
     """
 
-    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
+    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}  # noqa: RUF012
 
     def __init__(
         self,
@@ -83,8 +85,8 @@ class FPGVectorEnv(VectorEnv):
         return self.core.game_spec
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+        self, *, seed: int | list[int | None] | None = None, options: ResetOptions | None = None
+    ) -> tuple[np.ndarray, Info]:
         """Begin a round in every game; seeds as in :class:`fpg_bench.envs.gymnasium_env.FPGEnv`."""
         options = dict(options or {})
         mask = options.pop("reset_mask", None)
@@ -97,9 +99,7 @@ class FPGVectorEnv(VectorEnv):
         self._begun = True
         return self.core.observations.copy(), self._masks()
 
-    def step(
-        self, actions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Info]:
         """Play one step with a batch of actions; see :meth:`fpg_bench.envs.core.SingleAgentGame.step`."""
         core = self.core
         over = core.truncated.copy()
@@ -114,7 +114,7 @@ class FPGVectorEnv(VectorEnv):
             core.reset(truncated)
         return core.observations.copy(), rewards, np.zeros(self.num_envs, bool), truncated, infos
 
-    def _masks(self) -> dict[str, Any]:
+    def _masks(self) -> Info:
         """Return the infos of a step: the allowed choices where actions are discrete."""
         if self.core.choices is None:
             return {}
@@ -124,9 +124,9 @@ class FPGVectorEnv(VectorEnv):
             "_action_mask": np.ones(self.num_envs, bool),
         }
 
-    def _last_info(self, game: int) -> dict[str, Any]:
+    def _last_info(self, game: int) -> Info:
         """Return the info of a game whose round is over."""
-        info: dict[str, Any] = {"measures": self.core.measures(game)}
+        info: Info = {"measures": self.core.measures(game)}
         if self._same_step:
             return {"final_obs": self.core.observations[game].copy(), "final_info": info}
         return info

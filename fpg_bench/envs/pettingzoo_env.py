@@ -12,7 +12,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.core import action_space, first_seeds, observation_space, one_action
+from fpg_bench.envs.core import Info, ResetOptions, action_space, first_seeds, observation_space, one_action
 from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.choices import Choices
@@ -21,7 +21,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
 
 _Observations = dict[str, np.ndarray]  # by agent, as the infos
-_Infos = dict[str, dict[str, Any]]
+_Infos = dict[str, Info]
 
 
 class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
@@ -47,7 +47,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012
+    metadata = {  # noqa: RUF012
         "name": "duel_v0",
         "render_modes": list(RENDER_MODES),
         "render_fps": FRAMES_PER_SECOND,
@@ -81,7 +81,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         return self.action_spaces[agent]
 
     def reset(
-        self, seed: int | None = None, options: dict[str, Any] | None = None
+        self, seed: int | None = None, options: ResetOptions | None = None
     ) -> tuple[_Observations, _Infos]:
         """Begin a round."""
         seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
@@ -140,7 +140,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         self._screen.close()
 
 
-def _mask_info(choices: Choices | None) -> dict[str, Any]:
+def _mask_info(choices: Choices | None) -> Info:
     if choices is None:
         return {}
     masks = tuple(each.allowed.astype(np.int8) for each in choices.lists)

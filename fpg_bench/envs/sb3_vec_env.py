@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from fpg_bench.common.extras import require_extra
+from fpg_bench.envs.core import Info, ResetOptions
 
 require_extra("train", "stable_baselines3")
 
@@ -73,7 +74,7 @@ class FPGVecEnv(VecEnv):
         self._next_seeds = first_seeds(seed, self.num_envs)
         return [int(s) for s in self._next_seeds]
 
-    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+    def set_options(self, options: list[ResetOptions] | ResetOptions | None = None) -> None:
         """Set the options of the next :meth:`reset`: ``{"new_match": True}``, for all games."""
         self._new_match = wants_new_match(next(iter(options), None) if isinstance(options, list) else options)
 
@@ -99,7 +100,7 @@ class FPGVecEnv(VecEnv):
         core = self.core
         core.step(self._actions)
         rewards, dones = core.rewards.astype(np.float32), core.truncated.copy()
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos: list[Info] = [{} for _ in range(self.num_envs)]
         if dones.any():
             for game in np.flatnonzero(dones).tolist():
                 infos[game] = self._last_info(game)
@@ -107,7 +108,7 @@ class FPGVecEnv(VecEnv):
         self._screen.record(begin=bool(dones[0]))
         return core.observations.copy(), rewards, dones, infos
 
-    def _last_info(self, game: int) -> dict[str, Any]:
+    def _last_info(self, game: int) -> Info:
         measures = self.core.measures(game)
         episode = {
             "r": measures[f"{self.core.side}_return"],

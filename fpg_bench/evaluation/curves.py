@@ -6,11 +6,11 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpg_bench.common.canvas import SIDE_COLOURS, blank_figure
+from fpg_bench.common.canvas import SIDE_COLOURS, Style, blank_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.entry import distinct_names
@@ -37,7 +37,7 @@ _DASHES = ("-", "--", "-.", ":", (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))  # for pr
 _LOWEST = -100.0  # of the axis; early policies may score far below
 _MARGIN = 0.15  # of the axis beyond the means, on either side; a band over two seeds is cut there
 
-Styles = Mapping[str, Mapping[str, Any]]
+Styles = Mapping[str, Style]
 
 
 @dataclass(frozen=True)

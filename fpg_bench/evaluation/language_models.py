@@ -7,12 +7,12 @@ import json
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.schema import parse
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.match import Match
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
@@ -232,7 +232,7 @@ def replaying(
 
 def match_planner(
     name: str, scenario: Scenario, path: Path | None, llm: LLMOptions
-) -> tuple[LLMPlanner, dict[str, Any]]:
+) -> tuple[LLMPlanner, JsonObject]:
     """Return a match's planner that asks a language model, and its description for the match's file.
 
     Args:

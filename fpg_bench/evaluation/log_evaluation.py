@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder
-from fpg_bench.common.rows import RowFile
+from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS
 from fpg_bench.evaluation.policy_evaluator import MATCHES, PolicyEvaluator
 from fpg_bench.evaluation.run_description import FILE, RunDescription
@@ -29,7 +28,7 @@ def log_evaluation(
     algorithm: str | None = None,
     training_seed: int | None = None,
     rounds: int = MATCHES,
-) -> dict[str, Any]:
+) -> Row:
     """Score a model on tuning seeds during its training, and append the score to a folder.
 
     ``fpg-bench curves FOLDER`` draws it, alone, or several seeds in ``FOLDER/seed_0``, ``FOLDER/seed_1``, ...

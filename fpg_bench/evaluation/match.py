@@ -19,6 +19,7 @@ from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
 from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match
 from fpg_bench.game.batch import check_seeds
@@ -217,7 +218,7 @@ class Match:
     opponent: str
     scenario: Scenario
     seed: int
-    llm: dict[str, Any] | None
+    llm: JsonObject | None
 
     @property
     def rounds(self) -> int:
@@ -363,7 +364,7 @@ def _short(value: object) -> str:
 
 def _planner(
     spec: PlannerSpec, scenario: Scenario, path: Path | None, llm: LLMOptions
-) -> tuple[Planner, dict[str, Any] | None]:
+) -> tuple[Planner, JsonObject | None]:
     """Return a match's planner, and the description of its language model for the file, if it asks one.
 
     ``path``, the match's file, is the language model's transcript, too.

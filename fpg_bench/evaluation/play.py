@@ -70,8 +70,8 @@ def match_of(player: Any, suite: Suite, rival: Rival, matches: int | None = None
         duel = TwoPlayerBatch(scenario, count, as_planner(player, scenario))
         return make_match(duel, rival.players, suite.opponent)
     planner = None if rival.planner is None else as_planner(rival.planner, scenario)
-    sides: dict[str, Any] = {suite.side: player, suite.other_side: rival.players}
-    return make_match(TwoPlayerBatch(scenario, count, planner), sides["ally"], sides["opponent"])
+    ally, opponent = (player, rival.players) if suite.side == "ally" else (rival.players, player)
+    return make_match(TwoPlayerBatch(scenario, count, planner), ally, opponent)
 
 
 def rounds(match: MatchBatch, suite: Suite, seeds: SeedSource | None = None) -> Iterator[TwoPlayerBatch]:

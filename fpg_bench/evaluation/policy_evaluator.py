@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Sequence
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -22,6 +22,12 @@ from fpg_bench.players.registry import as_player
 from fpg_bench.players.scripted import player_seeds
 
 MATCHES = 10
+
+
+Scored = TypedDict(
+    "Scored",
+    {"score": float, "return": float, "rivals": dict[str, float], "measures": dict[str, float | None]},
+)
 
 
 class PolicyEvaluator:
@@ -63,7 +69,7 @@ class PolicyEvaluator:
         played = loaded if scenario is None else in_scenario(loaded, scenario)
         self.suite = dataclasses.replace(played, matches=-(-rounds // played.rounds_per_match))
 
-    def score(self, player: PlayerSpec) -> dict[str, Any]:
+    def score(self, player: PlayerSpec) -> Scored:
         """Evaluate a player: anything with ``predict``, or a name.
 
         Returns:

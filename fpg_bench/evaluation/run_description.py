@@ -10,6 +10,7 @@ import pydantic
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.schema import NonNegativeInt, Strict, parse
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import Game, OfflineData
 
@@ -65,11 +66,11 @@ class RunDescription(Strict):
     side: str = ""
     suite: str | None = None
     scenario: str | None = None
-    scenario_fields: dict[str, Any] = pydantic.Field(default_factory=dict)
-    options: dict[str, Any] = pydantic.Field(default_factory=dict)
+    scenario_fields: JsonObject = pydantic.Field(default_factory=dict)
+    options: JsonObject = pydantic.Field(default_factory=dict)
     training_seed: int = 0
     training_steps: NonNegativeInt = 0
-    hyperparameters: dict[str, Any] = pydantic.Field(default_factory=dict)
+    hyperparameters: JsonObject = pydantic.Field(default_factory=dict)
     offline: OfflineData | None = None
     policies: dict[str, str] = pydantic.Field(default_factory=dict)
     versions: dict[str, str] = pydantic.Field(default_factory=dict)
@@ -114,7 +115,7 @@ class RunDescription(Strict):
         """Write ``run.json`` into a run's folder."""
         write_json(run / FILE, self.to_dict())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the content of ``run.json``: all that is set."""
         return self.model_dump(mode="json", exclude_unset=True)
 

@@ -11,7 +11,7 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 import pydantic
@@ -22,6 +22,7 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.imports import SUITE, check_allowed, names_object
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import SEASON, season_seed
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
@@ -247,7 +248,7 @@ class _RivalFile(Strict):
     path: str | Items[str] | None = None
     planner: str | None = None
     group: str | None = None
-    changes: dict[str, Any] | None = None
+    changes: JsonObject | None = None
 
 
 class _SuiteFile(Strict):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpg_bench.common.canvas import blank_figure, write_figure
+from fpg_bench.common.canvas import Style, blank_figure, write_figure
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import wrapped
@@ -219,14 +219,14 @@ def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
     write_figure(figure, path)
 
 
-def _style(s: Summary, index: int) -> dict[str, Any]:
+def _style(s: Summary, index: int) -> Style:
     if s.suite.side != PLANNER:
         return {"color": _TRAINED if s.trained else _SCRIPT, "marker": "o", "ms": 4}
     again, colour = divmod(index, len(_COLOURS))
     return {"color": _COLOURS[colour], "marker": _MARKERS[again % len(_MARKERS)], "ms": 4}
 
 
-def _draw_score(axes: Axes, s: Summary, line: int, style: dict[str, Any]) -> None:
+def _draw_score(axes: Axes, s: Summary, line: int, style: Style) -> None:
     each = [s.suite.scale.score(reward.value) for reward in s.by_rival.values()]
     axes.plot(each, [line] * len(each), "|", color=style["color"], alpha=0.4, ms=9)
     axes.errorbar(s.score.value, line, xerr=s.score.half, lw=2, capsize=5, capthick=2, **style)

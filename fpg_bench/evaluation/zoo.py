@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field as Constraint
 
@@ -15,6 +15,7 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import SCRIPTED, sides_of
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.record import Record, read_records
 from fpg_bench.evaluation.suite import Suite, read_suite, suite_of
 from fpg_bench.game.spec import GameSpec
@@ -31,7 +32,7 @@ class _GroupFile(Strict):
     """A group of agents in ``zoo.yml``; see :class:`ZooGroup` for the attributes."""
 
     id: str
-    options: dict[str, Any] = Constraint(default_factory=dict)
+    options: JsonObject = Constraint(default_factory=dict)
     suites: Annotated[Items[str], Constraint(min_length=1)]
     steps: dict[str, PositiveInt]
     hyperparams: dict[str, str] = Constraint(default_factory=dict)

@@ -280,10 +280,10 @@ class GameBatch:
         kernel.trace_ally(path, self.games[game : game + 1].copy(), self._rules)
         return path
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         return {**self.__dict__, "_pool": None, "_arguments": None}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         self.__dict__.update(state)
         self._bind()
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.checks import check_keys, flag, is_integer
 from fpg_bench.common.errors import UserError, shown
 from fpg_bench.common.files import read_yaml
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.names import JAMMING_TYPES
 
 EXPERT_FILE = Path(__file__).with_name("knowledge.yml")
@@ -61,7 +61,7 @@ def _load(path: Path) -> tuple[KnowledgeEntry, ...]:
     return tuple(_entry(f"knowledge {path}: {name}", content[name]) for name in JAMMING_TYPES)
 
 
-def _entry(where: str, content: dict[str, Any]) -> KnowledgeEntry:
+def _entry(where: str, content: JsonObject) -> KnowledgeEntry:
     check_keys(content, _KEYS, where, needed=_KEYS)
     spectrum, candidates = content["spectrum"], content["candidates"]
     check_keys(spectrum, _SPECTRUM, f"{where}: spectrum", needed=_SPECTRUM)

@@ -20,6 +20,7 @@ import yaml
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml, write_whole
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.channel import Channel, load_channel
 from fpg_bench.game.knowledge import KnowledgeEntry, load_knowledge
 from fpg_bench.game.names import (
@@ -39,7 +40,7 @@ MOST_ROTARY_WING_M_S = 30.0  # Zeng, Xu and Zhang (see flight.py) evaluate their
 _logger = logging.getLogger(__name__)
 # The fields of `standard` as version 1 of the rules was released. The file never changes, except that a new
 # field is added with the value under which the game stays as it was.
-RELEASED: dict[str, Any] = json.loads(Path(__file__).with_name("released.json").read_bytes())
+RELEASED: JsonObject = json.loads(Path(__file__).with_name("released.json").read_bytes())
 
 
 class ScenarioError(UserError):
@@ -604,7 +605,7 @@ class Scenario:
         except ScenarioError as error:
             raise ScenarioError(f"{where}: {error}") from error
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the fields that differ from ``standard`` as JSON holds them, for :meth:`from_dict`.
 
         >>> Scenario(hop_cost=60).to_dict()
@@ -623,7 +624,7 @@ class Scenario:
         write_whole(Path(path), yaml.safe_dump(_as_json(dataclasses.asdict(self)), sort_keys=False))
 
 
-def _as_json(values: dict[str, Any]) -> dict[str, Any]:
+def _as_json(values: JsonObject) -> JsonObject:
     """Return values as a JSON file would give them back: lists for tuples."""
     return dict(json.loads(json.dumps(values)))
 

@@ -14,6 +14,7 @@ from fpg_bench.common.checks import mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
+from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
@@ -23,6 +24,8 @@ _MOST_WEIGHT = 1000
 LISTS = (*_SIDES, "path", "jamming_types")  # options that take one name or several
 _NAMES = ("planner", "knowledge", "reward", "observation")
 _ONE_SIDED = (*_SIDES, "reward", "observation", "history")  # options that the duel does not have
+
+Options = dict[str, Any]  # of a game, by name; in Python some are objects
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class GameSpec:
     untrusted: frozenset[str] = dataclasses.field(default=frozenset(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        changes: dict[str, Any] = {"id": plain_id(self.id)}
+        changes: Options = {"id": plain_id(self.id)}
         if self.is_duel:
             for name in _ONE_SIDED:
                 if getattr(self, name) is not None:
@@ -192,7 +195,7 @@ class GameSpec:
             raise UserError(f"path: {self.id} plans no 'waypoints'; FPG/AllyVsPlanner-v0 does")
         return played
 
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Options:
         """Return the options that are set, by name; a list of one name is that name."""
         values = {name: getattr(self, name) for name in option_names()}
         return {
@@ -201,7 +204,7 @@ class GameSpec:
             if value is not None
         }
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the specification as JSON holds it: ``id`` and the options that are set.
 
         A :class:`Scenario` becomes the name of the preset that equals it, or else the mapping of
@@ -212,7 +215,7 @@ class GameSpec:
         """
         return {"id": self.id, **{name: _as_json(name, value) for name, value in self.options().items()}}
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> JsonObject:
         """Return :meth:`to_dict`, with an object's ``repr`` where it raises: enough to read, not to open."""
         return {"id": self.id, **{name: _described(name, value) for name, value in self.options().items()}}
 
@@ -241,7 +244,7 @@ class GameSpec:
             raise UserError(f"{where}: {error}" if where else str(error)) from error
 
     @classmethod
-    def from_options(cls, env_id: str, options: Mapping[str, Any]) -> tuple[GameSpec, dict[str, Any]]:
+    def from_options(cls, env_id: str, options: Json) -> tuple[GameSpec, JsonObject]:
         """Return the specification that runs and agents of version 0.2.0 and earlier hold, and what is left.
 
         Args:

@@ -8,7 +8,6 @@ import inspect
 import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
@@ -222,7 +221,7 @@ def write_report(
 
 def content(
     results: Runs, preset: str, budget: Budget, drawn: Iterable[str] = (), with_tables: bool = False
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return the numbers, tables and texts of a report by their names in its template."""
     comparisons = compare(results)
     verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in CLAIMS}

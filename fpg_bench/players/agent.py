@@ -16,6 +16,7 @@ from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_bounded, read_json
 from fpg_bench.common.products import load
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import FILE, AgentCard
@@ -305,7 +306,7 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
         if isinstance(model, bytes)
         else stripped(Path(model).read_bytes(), Path(model).parent)
     )
-    content: dict[str, Any] = {"scenario": STANDARD.hash, **about}
+    content: JsonObject = {"scenario": STANDARD.hash, **about}
     content["policy_sha256"] = hashlib.sha256(data).hexdigest()
     if "id" in content:
         content["game"] = GameSpec(content.pop("id"), actions=content.pop("actions", None))

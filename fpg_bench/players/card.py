@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -15,6 +14,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS
 from fpg_bench.common.schema import Expected, NonNegativeInt, Strict, parse
+from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.game.scenario import PRESETS, STANDARD, Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
 
@@ -95,16 +95,16 @@ class AgentCard(Strict):
     side: Literal["ally", "opponent"]
     suite: str | None = None
     scenario: _Sha256
-    scenario_fields: dict[str, Any] = pydantic.Field(default_factory=dict)
-    options: dict[str, Any] = pydantic.Field(default_factory=dict)
+    scenario_fields: JsonObject = pydantic.Field(default_factory=dict)
+    options: JsonObject = pydantic.Field(default_factory=dict)
     training_seed: Annotated[int | None, pydantic.Field(ge=0), Expected("a whole number or null")]
     training_steps: _Steps
-    hyperparameters: dict[str, Any] = pydantic.Field(default_factory=dict)
+    hyperparameters: JsonObject = pydantic.Field(default_factory=dict)
     policies: dict[str, str] = pydantic.Field(default_factory=dict)
     offline: OfflineData | None = None
     steps_done: int | None = None
     seconds: Annotated[float, pydantic.Field(strict=False)] | None = None
-    recipe: dict[str, Any] | None = None
+    recipe: JsonObject | None = None
     policy_sha256: _Sha256
     largest_difference: Annotated[float, pydantic.Field(strict=False)] | None = None
 
@@ -132,7 +132,7 @@ class AgentCard(Strict):
         return cls.parse(read_json(file, where), f"{where} {file}")
 
     @classmethod
-    def parse(cls, content: Mapping[str, Any], where: str, side: str | None = None) -> AgentCard:
+    def parse(cls, content: Json, where: str, side: str | None = None) -> AgentCard:
         """Return the card of an ``agent.json``.
 
         Args:
@@ -156,7 +156,7 @@ class AgentCard(Strict):
             write_whole(folder / "policy.onnx", model)
         write_json(folder / FILE, self.to_dict())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the content of ``agent.json`` in the present format."""
         return {"format": AGENT_FORMAT} | self.model_dump(mode="json", exclude_unset=True, exclude={"format"})
 
@@ -223,7 +223,7 @@ class AgentCard(Strict):
         return hashlib.sha256(model).hexdigest() == self.policy_sha256
 
 
-def _from_first_format(content: dict[str, Any]) -> dict[str, Any]:
+def _from_first_format(content: JsonObject) -> JsonObject:
     """Return the content of format 1 in the present one, where the game is one value."""
     keys = ("algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
     if missing := [key for key in keys if key not in content]:

@@ -19,7 +19,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import NullLocator
 from numpy.typing import ArrayLike
 
-from fpg_bench.common.canvas import ALLY, OPPONENT, SIDE_COLOURS
+from fpg_bench.common.canvas import ALLY, OPPONENT, SIDE_COLOURS, Style
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
@@ -229,7 +229,7 @@ class TimePanel(Panel):
         """Add an image of one colour over the panel, with one column per step and variable opacity."""
         pixels = np.zeros((rows, self._window, 4), np.uint8)
         pixels[..., :3] = np.round(255 * np.array(to_rgb(colour)))
-        style: dict[str, Any] = {"interpolation": "nearest", "origin": "lower", "extent": (0, 1, 0, 1)}
+        style: Style = {"interpolation": "nearest", "origin": "lower", "extent": (0, 1, 0, 1)}
         image = AxesImage(self._axes, animated=True, **style)
         image.set_transform(self._axes.transAxes)
         image.set_data(pixels)
@@ -392,11 +392,11 @@ class Picture:
     def _tile(self, name: str, left: float, colour: str) -> Text:
         """Add a small heading, and return the text below it."""
         self._figure.text(left, 0.92, name.upper(), color=GREY, size=7, va="center")
-        style: dict[str, Any] = {"size": 12, "weight": "bold", "va": "center", "color": colour}
+        style: Style = {"size": 12, "weight": "bold", "va": "center", "color": colour}
         return self._figure.text(left, 0.885, "", animated=True, **style)
 
     def _add_legend(self) -> None:
-        check: dict[str, Any] = {"ls": "", "marker": "v", "color": INK, "ms": 6}
+        check: Style = {"ls": "", "marker": "v", "color": INK, "ms": 6}
         handles: Sequence[Artist] = (
             Line2D([], [], color=ALLY, lw=3, label="ally"),
             Line2D([], [], color=INK, lw=5, label="outage"),

@@ -6,13 +6,14 @@ import html
 import importlib.resources
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
@@ -21,19 +22,48 @@ FORMAT = "fpg-replay/1"
 _CODE = ("events", "pen", "arena", "times", "hands", "player")  # each uses those before it
 
 
+class JammingData(TypedDict):
+    """A jamming type, as pages draw it; ``spacing_mhz`` of a comb's teeth, 0: in one piece."""
+
+    name: str
+    half_width_mhz: float
+    spacing_mhz: float
+    power_dbm: float
+
+
+class ScenarioData(TypedDict):
+    """A scenario, as pages draw it."""
+
+    box_m: Sequence[float]
+    base_station_m: Sequence[float]
+    band_mhz: tuple[float, float]
+    threshold_db: float
+    distance_reward_m: float
+    jamming: list[JammingData]
+
+
+class ReplayData(TypedDict):
+    """Rounds, as pages replay them; see :func:`replay_data`."""
+
+    format: str
+    title: str
+    ally: str
+    opponent: str
+    scenario: ScenarioData
+    rounds: list[JsonObject]
+
+
 def replay_data(
     recordings: Sequence[Recording],
     title: str,
     ally: str = "ally",
     opponent: str = "opponent",
-    talks: Sequence[Mapping[str, Any]] = (),
-) -> dict[str, Any]:
+    talks: Sequence[Json] = (),
+) -> ReplayData:
     """Return the page's data, ready for JSON; lengths in m, frequencies in MHz, times in s, levels in dB.
 
     - ``format``: ``fpg-replay/1``; ``title``, ``ally``, ``opponent``: plain text.
-    - ``scenario``: ``box_m`` [3], ``base_station_m`` [3], ``band_mhz`` [low, high], ``threshold_db``,
-      ``distance_reward_m``, and ``jamming``: per type ``name``, ``half_width_mhz``, ``spacing_mhz`` (of a
-      comb's teeth, 0: in one piece), ``power_dbm``.
+    - ``scenario``: a :class:`ScenarioData`.
     - ``rounds``: per round ``seed`` (text: it may exceed what JavaScript counts exactly), ``match``,
       ``round``, ``path``, ``control_points`` [4][3] of the ally's Bezier curve, ``waypoints`` [n][3] or
       null, ``buildings`` [n][5] where there are some (west, south, east, north, height), and ``steps``:
@@ -57,7 +87,7 @@ def replay_data(
     }
 
 
-def scenario_data(scenario: Scenario) -> dict[str, Any]:
+def scenario_data(scenario: Scenario) -> ScenarioData:
     """Return the page's data of a scenario; see :func:`replay_data`."""
     s = scenario
     comb = s.comb_spacing_points * s.point_spacing_mhz
@@ -80,7 +110,7 @@ def scenario_data(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def _round_data(recording: Recording) -> dict[str, Any]:
+def _round_data(recording: Recording) -> JsonObject:
     waypoints, buildings = recording.waypoints, _rounded(recording.buildings, 1)
     return {
         "seed": str(recording.seed),
@@ -120,7 +150,7 @@ def _rounded(values: np.ndarray, digits: int) -> list[Any]:
     return list(np.round(values, digits).tolist())
 
 
-def replay_page(data: dict[str, Any]) -> str:
+def replay_page(data: ReplayData) -> str:
     """Return the HTML page of :func:`replay_data`'s result; its texts cannot become markup or code."""
     parts = {"title": html.escape(data["title"]), "data": script_json(data)}
     parts |= {"css": replay_part("css"), "js": replay_part("js"), "player": replay_markup("h1")}
@@ -162,7 +192,7 @@ def write_replay(
     title: str,
     ally: str = "ally",
     opponent: str = "opponent",
-    talks: Sequence[Mapping[str, Any]] = (),
+    talks: Sequence[Json] = (),
 ) -> None:
     """Write the replay of rounds of one scenario as one HTML file, atomically.
 

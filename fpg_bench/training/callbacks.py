@@ -10,7 +10,6 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -231,7 +230,7 @@ class EvalCheckpointCallback(BaseCallback):
     def _evaluate(self) -> None:
         seconds = round(self._clock.seconds, 2)
         with self._clock.paused():
-            results: dict[str, dict[str, Any]] = {
+            results = {
                 side: self._evaluators[side].score(ActorPlayer(player))
                 for side, player in by_side(self.model, tuple(self._evaluators)).items()
             }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import write_whole
@@ -169,7 +168,7 @@ def _config_of(run: Path, allow: Collection[str]) -> RunConfig:
     check_allowed(
         [about.algorithm, about.game.to_dict(), about.hyperparameters, options], allow, f"run {run}"
     )
-    known: dict[str, Any] = {name: options.pop(name, None) for name in ("start", "transcript")}
+    start, transcript = (options.pop(name, None) for name in ("start", "transcript"))
     return RunConfig(
         about.algorithm,
         about.game,
@@ -177,7 +176,8 @@ def _config_of(run: Path, allow: Collection[str]) -> RunConfig:
         about.training_steps,
         about.hyperparameters,
         suite=None if about.game.is_duel else about.suite,
+        start=start,
+        transcript=transcript,
         llm=parse(LLMOptions, options, f"run {run}: options"),
         allow=allow,
-        **known,
     )

@@ -35,6 +35,7 @@ from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.planning import LLM_CONTROLS
 from fpg_bench.planning.planner import CountsPlans
+from fpg_bench.players.card import OfflineData
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
@@ -295,7 +296,7 @@ class _Run:
             "training_seed": config.seed,
             "training_steps": budget,
             "hyperparameters": entry,
-            **({} if data is None else {"offline": _offline(data)}),
+            **({} if data is None else {"offline": _offline(data).model_dump()}),
             **({"policies": policies} if policies else {}),
             "versions": {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "revision": revision(),
@@ -475,10 +476,10 @@ def _warn_of_overshoot(model: BaseAlgorithm, steps: int) -> None:
             )
 
 
-def _offline(data: Any) -> dict[str, Any]:
+def _offline(data: Any) -> OfflineData:
     """Return the description of a data set for ``run.json`` and ``agent.json``."""
     steps = data.spec.episodes * data.spec.load_scenario().steps_per_round
-    return {"dataset": data.spec.dataset_id, "content_sha256": data.sha256, "transitions": steps}
+    return OfflineData(dataset=data.spec.dataset_id, content_sha256=data.sha256, transitions=steps)
 
 
 def _check_start(run: Path, about: RunDescription) -> None:

@@ -8,11 +8,12 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.schema import Items, Strict
 from fpg_bench.leaderboard.season.entries import SeasonEntry
+from fpg_bench.training.rl_zoo3_format import Entry
 
 # Rewards of candidates. Allies have no ally_cost: trained to save cost they never hop, like the script idle.
 REWARDS = {
@@ -174,9 +175,9 @@ def _draw_targets(
     return targets
 
 
-def hyperparameters(recipe: Recipe) -> dict[str, Any]:
+def hyperparameters(recipe: Recipe) -> Entry:
     """Return a recipe's hyperparameters for :class:`fpg_bench.training.config.RunConfig`."""
-    policy_kwargs: dict[str, Any] = {"net_arch": [64, 64]}
+    policy_kwargs: Entry = {"net_arch": [64, 64]}
     own = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": policy_kwargs}
     if recipe.algorithm == "td3":
         policy_kwargs["optimizer_kwargs"] = {"fused": True}

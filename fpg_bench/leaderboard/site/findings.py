@@ -7,12 +7,12 @@ import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match
 from fpg_bench.game.recording import Recording
@@ -20,7 +20,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.leaderboard.site.page_data import agent_file
 from fpg_bench.leaderboard.site.views import format_number
 from fpg_bench.players import agent
-from fpg_bench.rendering.replay import replay_data
+from fpg_bench.rendering.replay import JammingData, ReplayData, replay_data
 
 SEED = 2
 _FROM, _SECONDS, _HEIGHT, _WIDTH = 120, 60, 60, 300  # of a picture
@@ -130,7 +130,7 @@ def _page_player(name: str) -> str:
     return f"agent:{agent_file(name)}" if "/" in name else f"script:{name}"
 
 
-def play_round(ally: str, opponent: str) -> dict[str, Any]:
+def play_round(ally: str, opponent: str) -> JsonObject:
     """Play a round in pursuit; returns its two measures, and ``replay``, its data as a page replays it."""
     players = [agent.load_agent(f"{name}/seed_0") if "/" in name else name for name in (ally, opponent)]
     match = make_match(make_duel(1, scenario=Scenario(opponent_path="pursuit")), *players)
@@ -144,7 +144,7 @@ def play_round(ally: str, opponent: str) -> dict[str, Any]:
     }
 
 
-def _band(data: dict[str, Any]) -> tuple[str, str, str]:
+def _band(data: ReplayData) -> tuple[str, str, str]:
     """Return the third minute of a round's band as paths: jamming, the ally's frequency, its outages."""
     scenario, steps = data["scenario"], data["rounds"][0]["steps"]
     low, high = map(float, scenario["band_mhz"])
@@ -170,9 +170,7 @@ def _band(data: dict[str, Any]) -> tuple[str, str, str]:
     return jamming, link, outage
 
 
-def _footprints(
-    kind: dict[str, Any], centre: float, low: float, high: float
-) -> Iterator[tuple[float, float]]:
+def _footprints(kind: JammingData, centre: float, low: float, high: float) -> Iterator[tuple[float, float]]:
     """Yield the jammed pieces of the band between two frequencies, in MHz."""
     half, spacing = kind["half_width_mhz"], kind["spacing_mhz"]
     teeth = np.arange(centre - spacing * ((centre - low) // spacing), high, spacing) if spacing else [centre]

@@ -463,8 +463,6 @@ def _describe_body(data: bytes) -> str:
         return f"more than {LONGEST_BODY} bytes"
     if data.lstrip()[:1] == b"<":
         return _WEB_PAGE
-    if data.lstrip().startswith((b"data:", b"event:", b": ")):
-        return "a stream of events, which was not asked for; turn off streaming in the server or its proxy"
     return "cut or broken JSON" if data.strip() else "empty"
 
 

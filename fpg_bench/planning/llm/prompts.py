@@ -8,7 +8,6 @@ import json
 import math
 from pathlib import Path
 from string import Template
-from typing import Any
 
 from pydantic import ValidationInfo, field_validator
 
@@ -193,7 +192,7 @@ def controlled(request: Request, control: str) -> Array:
     return history
 
 
-def _situation(request: Request) -> dict[str, Any]:
+def _situation(request: Request) -> dict[str, int | float | str]:
     limits = request.limits
     part_s = limits.round_s / limits.waypoints
     return {

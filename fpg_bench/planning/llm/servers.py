@@ -124,10 +124,10 @@ class Endpoint:
         if self.key and not (self.key.isascii() and self.key.isprintable() and " " not in self.key):
             raise UserError(f"{KEY}: holds a space, a line break or a letter that no key holds; copy it anew")
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         return {**self.__dict__, "key": None}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         self.__dict__.update(state, key=_variable(KEY))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Endpoint:

@@ -27,7 +27,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_bounded
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Expected, Strict, parse
-from fpg_bench.common.strict_json import read_object
+from fpg_bench.common.strict_json import JsonObject, read_object
 from fpg_bench.planning.llm.answers import PARSER, read_answer
 from fpg_bench.planning.llm.client import read_completion
 from fpg_bench.planning.llm.prompts import PROMPTS
@@ -63,7 +63,7 @@ Line = Annotated[
     Expected("a line of at most 1000 characters"),
 ]
 _Version = Annotated[int, Field(ge=1, le=PARSER), Expected(f"a whole number from 1 to {PARSER}")]
-Body = dict[str, Any]  # a request without headers
+Body = JsonObject  # a request without headers
 Where = tuple[int, int, int, int]  # seed, match, round, attempt
 Place = tuple[int, int, int]  # seed, match, round
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypedDict, TypeVar, cast
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
@@ -18,7 +18,7 @@ from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.entry import code_fingerprint
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.game.scenario import STANDARD, Scenario
-from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.spec import GameSpec, Options
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import SIDES
@@ -39,20 +39,54 @@ STARTS = ("nothing", "strongest")
 RESPONSE_REWARDS = {"ally": "zero_sum", "opponent": "own"}
 
 
-# Arguments of the calls of best_responses in a full search. No kind of response finds the lowest return of
+class _Kind(TypedDict, total=False):
+    """Arguments of a call of :func:`best_responses`."""
+
+    algorithm: str
+    steps: int
+    n_seeds: int
+    actions: str
+    start: str
+    search: int
+
+
+Lowest = TypedDict("Lowest", {"return": float, "against": str})
+
+
+class _Measured(TypedDict):
+    """The player, and how it is measured: what one folder's responses have in common."""
+
+    side: str
+    policy: str
+    scenario: str
+    path: str | list[str]
+    matches: int
+    protocol: str
+
+
+class BestResponses(_Measured):
+    """Content of ``best_responses.json``; see :func:`best_responses`."""
+
+    agent: str
+    scripts: dict[str, Row]
+    responses: list[Row]
+    lowest: Lowest
+
+
+# Calls in a full search. No kind of response finds the lowest return of
 # every player, so the search has four: SAC with few steps, and random scripts; PPO with stacked frames; the
 # same with discrete actions; and that as a pupil of the strongest response of these.
-_DISCRETE: dict[str, Any] = {
+_DISCRETE: _Kind = {
     "algorithm": "ppo-stack8",
     "steps": 3_000_000,
     "n_seeds": 2,
     "actions": "discrete",
 }
-FULL_SEARCH: tuple[dict[str, Any], ...] = (
+FULL_SEARCH: tuple[_Kind, ...] = (
     {"algorithm": "sac", "steps": 200_000, "n_seeds": 2, "search": 100},
     {"algorithm": "ppo-stack8", "steps": 3_000_000, "n_seeds": 2},
     _DISCRETE,
-    _DISCRETE | {"start": "strongest"},
+    {**_DISCRETE, "start": "strongest"},
 )
 
 
@@ -73,7 +107,7 @@ def best_responses(
     search: int = 0,
     progress: bool = True,
     allow: Collection[str] = (),
-) -> dict[str, Any]:
+) -> BestResponses:
     """Train best responses to a fixed player, and evaluate the player against them.
 
     The opponent's path is that of the player's training: ``learned`` where it was among its paths, else
@@ -128,7 +162,7 @@ def best_responses(
     target = _find_target(agent, side, scenario, path)
     reward = RESPONSE_REWARDS[target.side] if reward is None else reward
     file = Path(out) / RESULT
-    about = {
+    about: _Measured = {
         "side": target.side,
         "policy": target.fingerprint,
         "scenario": target.scenario.hash,
@@ -139,13 +173,13 @@ def best_responses(
     check_own_folder(file.parent, RESULT, "best responses")
     other = other_side(target.side)
     names = [*SCRIPTED[other], *draw_variants(other, search, target.scenario)]
-    result: dict[str, Any] = {"agent": agent, **about, "scripts": {}, "responses": []}
-    if file.exists():
-        result = check_same(file, "best responses", about)
+    begun: Row = {"agent": agent, **about, "scripts": {}, "responses": []}
+    result = cast("BestResponses", check_same(file, "best responses", about) if file.exists() else begun)
     if missing := [name for name in names if name not in result["scripts"]]:
         result["scripts"] |= {name: target.evaluate(name) for name in missing}
         # The folder is taken before any training
-        write_json(file, result | {"lowest": _lowest_return(result)})
+        result["lowest"] = _lowest_return(result)
+        write_json(file, result)
     for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
         config: Row = {
             "algorithm": name,
@@ -173,7 +207,7 @@ def best_responses(
     return result
 
 
-def full_search(agent: str, out: str | Path, **options: Any) -> dict[str, Any]:
+def full_search(agent: str, out: str | Path, **options: Any) -> BestResponses:
     """Find the lowest return of a player with four kinds of responses, which takes about half an hour.
 
     Args:
@@ -183,10 +217,7 @@ def full_search(agent: str, out: str | Path, **options: Any) -> dict[str, Any]:
     Returns:
         The content of ``best_responses.json`` after the last of them.
     """
-    result: dict[str, Any] = {}
-    for kind in FULL_SEARCH:
-        result = best_responses(agent, out, **options | {"actions": None} | kind)
-    return result
+    return [best_responses(agent, out, **{**options, "actions": None, **kind}) for kind in FULL_SEARCH][-1]
 
 
 def response_folder(response: Row) -> str:
@@ -218,7 +249,7 @@ def _teacher(run: RunFolder) -> str | None:
     return teacher
 
 
-def _strongest_player(result: Mapping[str, Any], out: Path) -> str:
+def _strongest_player(result: BestResponses, out: Path) -> str:
     """Return the script, or the agent of a response from nothing, with the player's lowest return."""
     returns = {name: row["return"] for name, row in result["scripts"].items()}
     for response in result["responses"]:
@@ -227,7 +258,7 @@ def _strongest_player(result: Mapping[str, Any], out: Path) -> str:
     return str(min(returns, key=lambda name: returns[name]))
 
 
-def _lowest_return(result: Mapping[str, Any]) -> dict[str, Any]:
+def _lowest_return(result: BestResponses) -> Lowest:
     """Return the player's lowest return per step, and against whom that was."""
     returns = {name: row["return"] for name, row in result["scripts"].items()}
     returns |= {response_label(response): response["return"] for response in result["responses"]}
@@ -270,7 +301,7 @@ def _find_target(
     if side not in SIDES:
         raise UserError(f"side: expected ally or opponent, got {side!r}")
     player = as_player(agent, side, STANDARD)
-    options: dict[str, Any] = {"path": path or "pursuit", "scenario": scenario}
+    options: Options = {"path": path or "pursuit", "scenario": scenario}
     if (card := card_of(player)) is not None:
         options["path"] = path or card.flies
         if scenario is None:

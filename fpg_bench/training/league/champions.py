@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field as Constraint
 
@@ -18,12 +18,14 @@ from fpg_bench.common.files import read_json, read_yaml, write_json
 from fpg_bench.common.ids import find_env, policy_env
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.population import expand_suites, member_folder
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.league.evaluation import evaluate_against
+from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.train import train
 
 RESPONDER_SEED = 1_000_000  # first training seed of the responders to champions
@@ -35,7 +37,7 @@ class Stage(Strict):
     """A stage of a champion's training: its budget, and hyper-parameters that replace the champion's."""
 
     steps: PositiveInt
-    hyperparams: dict[str, Any] | None = None
+    hyperparams: Entry | None = None
 
 
 class Responder(Strict):
@@ -43,8 +45,8 @@ class Responder(Strict):
 
     algorithm: str
     steps: PositiveInt
-    hyperparams: dict[str, Any] | None = None
-    options: dict[str, Any] | None = None
+    hyperparams: Entry | None = None
+    options: JsonObject | None = None
 
 
 class ChampionConfig(Strict):
@@ -65,12 +67,12 @@ class ChampionConfig(Strict):
     name: str
     id: str
     algorithm: str
-    hyperparams: dict[str, Any]
+    hyperparams: Entry
     against: Annotated[list[str], Constraint(min_length=1)]
     stages: Annotated[list[Stage], Constraint(min_length=1)]
     responders: Items[Responder] = ()
     priority: PositiveInt = 4
-    options: dict[str, Any] = Constraint(default_factory=dict)
+    options: JsonObject = Constraint(default_factory=dict)
 
     @property
     def game(self) -> GameSpec:

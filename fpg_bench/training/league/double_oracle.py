@@ -16,12 +16,13 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from fpg_bench.common.checks import integer, one_of
 from fpg_bench.common.files import check_own_folder, write_json
 from fpg_bench.common.ids import SCRIPTED, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.play import play
@@ -35,6 +36,7 @@ from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import Hyperparams, as_option, load_hyperparameters
 from fpg_bench.training.league.best_responses import RESPONSE_REWARDS
 from fpg_bench.training.league.evaluation import MATCHES, check_same
+from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.run_folder import RunFolder, command_line
 from fpg_bench.training.train import train
 
@@ -42,6 +44,27 @@ ROWS, ABOUT = "double_oracle.jsonl", "double_oracle.json"
 SEED_STRIDE = 1000  # stage k with seed s has training seed 1000 s + k, and its responses 1000 s + 500 + 2 k
 FINALISTS = 2  # stages that a second response is trained against
 _logger = logging.getLogger(__name__)
+
+
+class _Settings(TypedDict):
+    """What distinguishes a search from another; of pairs, the side's part is first."""
+
+    game: JsonObject
+    response: JsonObject
+    scenario: str
+    algorithms: list[str]
+    steps: list[int]
+    weight: int
+    seed: int
+    hyperparameters: list[Entry]
+
+
+class DoubleOracleResult(_Settings):
+    """Content of ``double_oracle.json``; see :func:`double_oracle`."""
+
+    rows: list[Row]
+    confirmed: dict[str, float]
+    stage: int
 
 
 def double_oracle(
@@ -64,7 +87,7 @@ def double_oracle(
     progress: bool = True,
     allow: Collection[str] = (),
     **game: Any,
-) -> dict[str, Any]:
+) -> DoubleOracleResult:
     """Train a side in stages, each against all fresh responses to the stages before.
 
     A stage goes on from the weights of the one before. Then a fresh response is trained against its policy
@@ -141,7 +164,7 @@ def double_oracle(
         confirmed = {str(row["stage"]): league.answer(row["stage"], number=1) for row in best}
         stage = int(max(confirmed, key=lambda stage: confirmed[stage]))
         league.export_agent(stage)
-        result = about | {"rows": rows, "confirmed": confirmed, "stage": stage}
+        result: DoubleOracleResult = {**about, "rows": rows, "confirmed": confirmed, "stage": stage}
         write_json(league.folder / ABOUT, result)
         return result
 
@@ -166,7 +189,7 @@ class _DoubleOracle:
         """The side that learns."""
         return self.game.config.side
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> _Settings:
         """Return the settings that distinguish it from another search, as they are read from JSON."""
         parameters = [
             load_hyperparameters(algorithm, game, file, allow=self.allow).entry()
@@ -184,7 +207,7 @@ class _DoubleOracle:
             "seed": self.seed,
             "hyperparameters": parameters,
         }
-        content: dict[str, Any] = json.loads(json.dumps(about))
+        content: _Settings = json.loads(json.dumps(about))
         return content
 
     def run(self, stage: int) -> RunFolder:

@@ -6,11 +6,11 @@ import dataclasses
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.errors import other_content
 from fpg_bench.common.files import read_json
 from fpg_bench.common.rows import Row
+from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import SeedSource, play
 from fpg_bench.evaluation.store import Store, pairings
@@ -65,7 +65,7 @@ def result_row(summary: Summary) -> Row:
     }
 
 
-def check_same(file: Path, kind: str, about: Mapping[str, Any]) -> dict[str, Any]:
+def check_same(file: Path, kind: str, about: Json) -> JsonObject:
     """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
     content = read_json(file, kind)
     if different := [key for key in about if content.get(key) != about[key]]:

@@ -20,6 +20,7 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.files import check_own_folder, write_json
 from fpg_bench.common.ids import SCRIPTED, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.spec import GameSpec
@@ -119,7 +120,7 @@ class _SelfPlay:
     allow: Collection[str]
     evaluations: int
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> JsonObject:
         """Return the settings that distinguish it from another self-play, as they are read from JSON."""
         parameters = {
             side: load_hyperparameters(self.algorithm, self.games[side], self.hyperparams, allow=self.allow)
@@ -133,7 +134,7 @@ class _SelfPlay:
             "seed": self.seed,
             "hyperparameters": {side: each.entry() for side, each in parameters.items()},
         }
-        content: dict[str, Any] = json.loads(json.dumps(about))
+        content: JsonObject = json.loads(json.dumps(about))
         return content
 
     def run(self, side: str, generation: int) -> RunFolder:
@@ -192,7 +193,7 @@ class _SelfPlay:
             **shared,
             "n_evals": self.evaluations,
         }
-        update = {
+        update: JsonObject = {
             "command": command_line("selfplay", self.algorithm, out=self.folder, allow=self.allow, **options),
             "game": game,
             "options": {},

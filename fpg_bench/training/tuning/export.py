@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import optuna
@@ -23,6 +22,7 @@ from fpg_bench.common.files import check_target, read_yaml, write_whole
 from fpg_bench.common.imports import check_allowed, reason
 from fpg_bench.common.parallel import Job, Workers, run_jobs
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
+from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.tuning.objective import FAILURES, Objective
 from fpg_bench.training.tuning.space import from_params, merge_values
 from fpg_bench.training.tuning.study import (
@@ -64,7 +64,7 @@ class Confirmed:
     study_name: str
     n_trials: int
     trial: int
-    values: dict[str, Any]
+    values: Entry
     study_score: float
     score: Interval
     seeds: range
@@ -187,7 +187,7 @@ def export_values(
     return confirmed
 
 
-def _is_present(task: Task, values: dict[str, Any]) -> bool:
+def _is_present(task: Task, values: Entry) -> bool:
     """Return True if a trial has the values that the study began with."""
     return merge_values(task.hyperparameters, values) == task.hyperparameters
 
@@ -197,7 +197,7 @@ def _run_name(candidate: str, seed: int, steps: int) -> str:
     return f"{candidate} again, seed {seed}, {steps} steps"
 
 
-def _train_again(task: Task, values: dict[str, Any], seed: int, allow: Collection[str]) -> float:
+def _train_again(task: Task, values: Entry, seed: int, allow: Collection[str]) -> float:
     try:
         return Objective(task, allow=allow).train(values, [seed]).value
     except UserError:
@@ -271,9 +271,7 @@ def format_score(score: Interval) -> str:
     return f"{score.value:.1f}{interval}"
 
 
-def _edit(
-    lines: list[str], env_id: str, entry: dict[str, Any], changed: set[str], comment: list[str]
-) -> list[str]:
+def _edit(lines: list[str], env_id: str, entry: Entry, changed: set[str], comment: list[str]) -> list[str]:
     """Return the file's lines with the entry's changed keys and the comment."""
     start = next((i for i, line in enumerate(lines) if line.startswith(f"{env_id}:")), None)
     if start is None:
@@ -298,7 +296,7 @@ def _edit(
     return [*lines[: start + 1], *comment, *kept, *_format(entry, unwritten), *lines[end:]]
 
 
-def _format(entry: dict[str, Any], keys: set[str]) -> list[str]:
+def _format(entry: Entry, keys: set[str]) -> list[str]:
     """Return keys of an entry, one a line, with mappings and lists in brackets."""
     lines = []
     for key in (key for key in entry if key in keys):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Collection, Sequence
-from typing import Any
 
 import numpy as np
 import optuna
@@ -24,6 +23,7 @@ from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import by_side, make_model, tells_divergence
+from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.tuning.space import format_values, merge_values, suggest
 from fpg_bench.training.tuning.study import N_EVALS, Task
 
@@ -84,7 +84,7 @@ class Objective:
         return score.value
 
     def train(
-        self, values: dict[str, Any], seeds: Sequence[int], report: Report = lambda score, step: None
+        self, values: Entry, seeds: Sequence[int], report: Report = lambda score, step: None
     ) -> Interval:
         """Train with these values and score the policies.
 
@@ -114,7 +114,7 @@ class Objective:
         return mean_interval(np.array([matches.mean() for matches in scores]), TRAINING_SEEDS)
 
     def _train_seed(
-        self, values: dict[str, Any], seed: int, evaluate: Callable[[int, np.ndarray], None]
+        self, values: Entry, seed: int, evaluate: Callable[[int, np.ndarray], None]
     ) -> np.ndarray:
         """Return the scores ``(rivals, matches)`` of the policy of one training seed."""
         model = self._model(values, seed)
@@ -140,7 +140,7 @@ class Objective:
             raise Diverged("the policy's score is not a number")
         return scores
 
-    def _model(self, values: dict[str, Any], seed: int) -> BaseAlgorithm:
+    def _model(self, values: Entry, seed: int) -> BaseAlgorithm:
         task = self._task
         entry = merge_values(task.hyperparameters, values)
         parameters = load_hyperparameters(task.algorithm, task.game, entry)

@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import optuna
@@ -15,7 +14,7 @@ from matplotlib.figure import Figure
 from optuna.distributions import CategoricalDistribution
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.common.canvas import blank_figure, image_of
+from fpg_bench.common.canvas import Style, blank_figure, image_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.training.tuning.space import format_values, from_params
@@ -27,7 +26,7 @@ _STYLE = (
     "td,th{padding:.2em .8em;text-align:left}.table{overflow-x:auto}svg{max-width:100%;height:auto}"
     "@media (prefers-color-scheme:dark){svg{filter:invert(1) hue-rotate(180deg)}}"
 )
-_DOT: dict[str, Any] = {"color": "#0072b2", "alpha": 0.7, "s": 22}
+_DOT: Style = {"color": "#0072b2", "alpha": 0.7, "s": 22}
 _PER_LINE = 3  # hyper-parameters of a line of panels
 
 
