@@ -133,20 +133,31 @@ def verify(
     changes_known: ChangesKnownOption = False,
     workers: WorkersOption = Workers(1),
 ) -> None:
-    """Play entries again and compare them with their results; write missing results.
+    """Play entries, and responses to them, again and compare with their results; write missing results.
 
     Example: fpg-bench leaderboard verify --sample 5%
     """
+    from fpg_bench.leaderboard.exploited import verify_responses
     from fpg_bench.leaderboard.verification import verify as verify_all
 
+    part = None if sample is None else share(sample)
     verdicts = verify_all(
         folder,
         names or (),
-        sample=None if sample is None else share(sample),
+        sample=part,
         sample_seed=sample_seed,
         update=update,
         since=since,
         changes_known=changes_known,
+        workers=workers,
+    )
+    verdicts += verify_responses(
+        folder,
+        names or (),
+        sample=part,
+        sample_seed=sample_seed,
+        update=update,
+        since=since,
         workers=workers,
     )
     bad = sum(not verdict.is_good for verdict in verdicts)
@@ -171,10 +182,11 @@ def crossplay(
 
     Example: fpg-bench leaderboard crossplay
     """
-    from fpg_bench.leaderboard.changed_entries import pairs_at
+    from fpg_bench.leaderboard.changed_entries import rows_at
     from fpg_bench.leaderboard.crossplay import check_pairs, play_missing
+    from fpg_bench.leaderboard.folders import crossplay_file
 
-    trusted = None if since is None else pairs_at(folder, since)
+    trusted = None if since is None else rows_at(folder, since, crossplay_file)
     if check is None:
         failed = play_missing(folder, trusted=trusted, workers=workers)
     else:
@@ -182,6 +194,32 @@ def crossplay(
     for line in failed:
         print_line(line)
     raise typer.Exit(1 if failed else 0)
+
+
+@leaderboard.command()
+@with_fields
+def exploit(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Entries, track/name. Default: all allies and opponents.")
+    ] = None,
+    work: Annotated[Path, typer.Option(help="Folder of the trainings; a stopped call resumes there.")] = Path(
+        "runs/exploited"
+    ),
+    folder: FolderOption = Path("leaderboard"),
+    workers: WorkersOption = Workers(1),
+) -> None:
+    """Train the board's own responses to verified entries, and play them.
+
+    Two responses are trained to each entry, in about three minutes of one core. Each is on the board, with
+    its result, as soon as it is finished.
+
+    Example: fpg-bench leaderboard exploit ally/expert
+    """
+    require_extra("train", "torch")
+    from fpg_bench.leaderboard.exploited import exploit as make_responses
+
+    for line in make_responses(folder, work, names or (), workers=workers):
+        print_line(line)
 
 
 @leaderboard.command()

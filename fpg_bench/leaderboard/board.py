@@ -28,6 +28,7 @@ from fpg_bench.evaluation.table import learning_curve, over_rounds
 from fpg_bench.leaderboard.about import Training, board_name
 from fpg_bench.leaderboard.crossplay import WITHIN, Pair, Pairs, fully_played, pair_key
 from fpg_bench.leaderboard.entries import Entries, VerifiedEntry
+from fpg_bench.leaderboard.exploited import Exploited
 from fpg_bench.leaderboard.ranking import improvements, profiles
 from fpg_bench.leaderboard.result import Result, round_finite
 from fpg_bench.leaderboard.submission import Submission
@@ -81,19 +82,39 @@ class BoardSuite:
 
 
 @dataclass(frozen=True)
+class SeedCase:
+    """Lowest known return per step of a single training seed of an entry.
+
+    Attributes:
+        training_seed: the training seed.
+        rival, where: as in :class:`WorstCase`.
+    """
+
+    training_seed: int
+    rival: str
+    where: str
+    return_per_step: float
+
+
+@dataclass(frozen=True)
 class WorstCase:
     """Lowest known return per step of an entry, over the suites under unchanged rules and cross-play.
+
+    It is a mean over training seeds. A rival that was trained to beat one of them may leave it far less than
+    that.
 
     Attributes:
         rival: a rival of a suite, or an entry of the other side.
         where: the role of the suite, or ``cross-play``.
         score: the return as a score on the public suite's scale.
+        seed: the lowest return of a single training seed; None where there are fewer than two.
     """
 
     rival: str
     where: str
     score: Interval
     return_per_step: Interval
+    seed: SeedCase | None = None
 
 
 @dataclass(frozen=True)
@@ -158,6 +179,7 @@ class Figures:
             a reference.
         score: over the suite that ranks the track, else over the public one.
         scores: by role of the suite.
+        exploited: lowest return against responses that were trained to lower it; None: not searched.
         by_rival: scores by role and rival.
         by_group: scores over each group of rivals of the suite that ranks the track; empty if it has none.
         first_rounds: return of the first round of the first training seed, by role and rival.
@@ -196,6 +218,7 @@ class Figures:
     records: int
     planner: PlannerFigures | None
     fingerprint: Mapping[str, object]
+    exploited: Exploited | None = None
 
     @property
     def is_reference(self) -> bool:
@@ -302,7 +325,10 @@ class BoardTrack:
 
 @dataclass(frozen=True)
 class NashMixture:
-    """Equilibrium of the zero-sum game in the ally's return per step: shares of both sides, and its value."""
+    """Equilibrium of the zero-sum game in the ally's return per step: shares of both sides, and its value.
+
+    It is among the entries, and no guarantee: a player that is not on the board may leave the mixture less.
+    """
 
     ally: Mapping[str, float]
     opponent: Mapping[str, float]
@@ -405,10 +431,17 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
             figures=_make_figures(
                 item,
                 item.summaries.get(role, item.summaries[PUBLIC]),
-                worst_case(item.slug, track.side, item.summaries, every.pairs.results.values()),
+                worst_case(
+                    item.slug,
+                    track.side,
+                    item.summaries,
+                    every.pairs.results.values(),
+                    [policy.seed for policy in item.submission.policies],
+                ),
                 rank=ranks.get(item.slug),
                 seeds_gap=gaps.get(item.slug),
                 is_late=_is_late(item.submission, every.suites.season(track)),
+                exploited=every.exploited.get(f"{item.submission.track}/{item.slug}"),
             ),
             replays=replays.get(item.key, ()),
         )
@@ -531,6 +564,7 @@ def _make_figures(
     rank: tuple[int, int] | None,
     seeds_gap: SeedsGap | None,
     is_late: bool,
+    exploited: Exploited | None,
 ) -> Figures:
     summaries = item.summaries
     public = summaries[PUBLIC]
@@ -565,6 +599,7 @@ def _make_figures(
         records=len(played),
         planner=_make_planner_figures(public, item.result),
         fingerprint=item.result.fingerprint.to_dict(),
+        exploited=exploited,
     )
 
 
@@ -594,7 +629,11 @@ def _make_planner_figures(public: Summary, result: Result) -> PlannerFigures | N
 
 
 def worst_case(
-    slug: str, side: str, summaries: Mapping[str, Summary], pairs: Iterable[Pair] = ()
+    slug: str,
+    side: str,
+    summaries: Mapping[str, Summary],
+    pairs: Iterable[Pair] = (),
+    seeds: Sequence[int] = (),
 ) -> WorstCase:
     """Return the lowest known return per step of an entry.
 
@@ -606,19 +645,32 @@ def worst_case(
         side: ``ally``, ``opponent`` or ``planner``.
         summaries: by role of the suite; changed rules and public seeds do not count.
         pairs: results of cross-play.
+        seeds: the entry's training seeds, in their order.
     """
     other = other_side(side)
-    cases: list[tuple[Interval, str, str]] = [
-        (summary.by_rival[summary.worst], summary.worst, role)
-        for role, summary in summaries.items()
-        if role not in (SHIFTED, PUBLIC_SEEDS)
-    ]
+    cases: list[tuple[Interval, str, str]] = []
+    by_seed: list[tuple[np.ndarray, str, str]] = []
+    for role, summary in summaries.items():
+        if role not in (SHIFTED, PUBLIC_SEEDS):
+            cases.append((summary.by_rival[summary.worst], summary.worst, role))
+            rewards = summary.rewards.mean(axis=2).T
+            by_seed += [(of, met.name, role) for of, met in zip(rewards, summary.suite.rivals, strict=True)]
     for pair in pairs:
         if side in SIDES and getattr(pair, side) == slug:
-            reward = mean_interval(np.array(pair.rewards(side)), TRAINING_SEEDS)
-            cases.append((reward, getattr(pair, other), CROSSPLAY))
-    reward, rival, where = min(cases, key=lambda case: case[0].value)
-    return WorstCase(rival, where, _score(reward, summaries[PUBLIC].suite.scale), _score(reward))
+            reward = np.array(pair.rewards(side))
+            cases.append((mean_interval(reward, TRAINING_SEEDS), getattr(pair, other), CROSSPLAY))
+            by_seed.append((reward, getattr(pair, other), CROSSPLAY))
+    interval, rival, where = min(cases, key=lambda case: case[0].value)
+    score = _score(interval, summaries[PUBLIC].suite.scale)
+    return WorstCase(rival, where, score, _score(interval), _lowest_seed(by_seed, seeds))
+
+
+def _lowest_seed(by_seed: Iterable[tuple[np.ndarray, str, str]], seeds: Sequence[int]) -> SeedCase | None:
+    """Return the lowest return of a single training seed, given those of all against each rival."""
+    if len(seeds) < 2:
+        return None
+    rewards, rival, where = min(by_seed, key=lambda case: float(case[0].min()))
+    return SeedCase(seeds[int(rewards.argmin())], rival, where, round_finite(rewards.min()))
 
 
 def _score(interval: Interval, scale: Scale | None = None) -> Interval:

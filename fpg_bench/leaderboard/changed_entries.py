@@ -9,15 +9,18 @@ from __future__ import annotations
 import hashlib
 import os
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row
 from fpg_bench.common.strict_json import read_object
-from fpg_bench.leaderboard.folders import TRACK_FOLDERS, crossplay_file
+from fpg_bench.leaderboard.folders import TRACK_FOLDERS, crossplay_file, exploited_file
+from fpg_bench.players.player import SIDES
+from fpg_bench.players.sandbox.client import AGENT_FILES
 
+_KINDS = ("submissions", "results", "responses")  # folders of a board
 _NO_FILE = "not a regular file"
 
 
@@ -27,8 +30,9 @@ class Changes:
 
     Attributes:
         entries: ``track/name`` of the entries whose submission or result changed.
-        others: all other files but that of cross-play, relative to the top of the checkout, sorted.
-        has_pairs: true if the file of cross-play changed; :func:`pairs_at` returns its trusted rows.
+        others: all other files, relative to the top of the checkout, sorted; but for the file of cross-play,
+            responses to entries and their results, whose trusted rows :func:`rows_at` returns.
+        has_pairs: true if the file of cross-play changed.
     """
 
     entries: frozenset[str] = frozenset()
@@ -49,22 +53,31 @@ def changed_entries(board: Path, revision: str) -> Changes:
     changed = [path for path in sorted(before.keys() | now) if before.get(path) != _blob(top / path, commit)]
     home = board.resolve().relative_to(top)
     names = {path: _entry(Path(path), home) for path in changed}
-    pairs = str(crossplay_file(home))
+    pairs, responses = str(crossplay_file(home)), str(exploited_file(home))
     return Changes(
         frozenset(name for name in names.values() if name is not None),
-        tuple(path for path in changed if names[path] is None and path != pairs),
+        tuple(
+            path
+            for path in changed
+            if names[path] is None and path not in (pairs, responses) and not _is_response(Path(path), home)
+        ),
         pairs in changed,
     )
 
 
-def pairs_at(board: Path, revision: str) -> list[Row]:
-    """Return the rows of cross-play at a git revision; none if there was no such file.
+def rows_at(board: Path, revision: str, file: Callable[[Path], Path]) -> list[Row]:
+    """Return the rows of a file of a board at a git revision; none if there was no such file.
+
+    Args:
+        board: the leaderboard's folder.
+        revision: the revision.
+        file: returns the file's path by that of the board.
 
     Raises:
         UserError: as :func:`changed_entries` does.
     """
     top, commit = _checkout(board), _commit(board, revision)
-    blob = _kept(top, commit).get(str(crossplay_file(board.resolve().relative_to(top))))
+    blob = _kept(top, commit).get(str(file(board.resolve().relative_to(top))))
     text = "" if blob is None else _git(top, "cat-file", "blob", blob)
     return [read_object(line) for line in text.split("\n") if line]
 
@@ -76,7 +89,7 @@ def _checkout(board: Path) -> Path:
         raise UserError(f"since: {board} is in a submodule; name a board in a checkout of its own")
     given = Path(os.path.abspath(board))
     inside = [path for path in (given, *given.parents) if path.resolve().is_relative_to(top)]
-    above = [board / name / track for name in ("submissions", "results") for track in ("", *TRACK_FOLDERS)]
+    above = [board / name / track for name in _KINDS for track in ("", *TRACK_FOLDERS)]
     for path in (*(path for path in inside if path.resolve() != top), *above):
         if path.is_symlink():
             raise UserError(f"since: {path} is a link; put the folder itself there")
@@ -98,8 +111,8 @@ def _kept(top: Path, commit: str) -> dict[str, str]:
 
 
 def _there(board: Path) -> Iterator[Path]:
-    """Yield all files in a board's submissions and results, whatever git is told to ignore."""
-    for home in (board.resolve() / "submissions", board.resolve() / "results"):
+    """Yield all files of a board's entries and of responses to them, whatever git is told to ignore."""
+    for home in (board.resolve() / name for name in _KINDS):
         for folder, folders, files in os.walk(home):
             links = [name for name in folders if (Path(folder) / name).is_symlink()]
             yield from (Path(folder) / name for name in (*files, *links))
@@ -130,6 +143,12 @@ def _entry(path: Path, home: Path) -> str | None:
         return None
     name = parts[2].removesuffix(".jsonl") if parts[0] == "results" else parts[2]
     return None if name.startswith(".") else f"{parts[1]}/{name}"
+
+
+def _is_response(path: Path, home: Path) -> bool:
+    """Return True if a file of a checkout is part of a response to an ally or opponent."""
+    parts = path.relative_to(home).parts if path.is_relative_to(home) else ()
+    return len(parts) == 5 and parts[0] == "responses" and parts[1] in SIDES and parts[4] in AGENT_FILES
 
 
 def _git(folder: Path, *arguments: str) -> str:

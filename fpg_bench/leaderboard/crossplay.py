@@ -46,7 +46,7 @@ ROUNDS = 100  # of each pair, distributed evenly over the training seeds of both
 _UNEVEN = 0.1  # of the spread between training seeds: they do not all play as many rounds
 _LEAST_SNR_DB = -100.0  # at full power from one metre, the opponent brings it down to about -50 dB
 WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when a pair is played again
-_LOST_WITHIN = 0.01  # of all rounds
+LOST_WITHIN = 0.01  # of all rounds
 
 _Rewards = Annotated[Items[Annotated[float, Gt(-1e6), Lt(1e6)]], Len(1)]
 
@@ -349,7 +349,7 @@ def _compared(
         pairs = list(zip(now.rewards(side), then.rewards(side), strict=True))
         seed = max(range(len(pairs)), key=lambda k: abs(pairs[k][0] - pairs[k][1]))
         yield f"{side}'s return per step of training seed {seed + 1}", *pairs[seed], most * len(pairs)
-        yield f"{side}'s lost rounds", now.lost[number], then.lost[number], _LOST_WITHIN * ROUNDS
+        yield f"{side}'s lost rounds", now.lost[number], then.lost[number], LOST_WITHIN * ROUNDS
 
 
 def _play(
@@ -413,10 +413,7 @@ def play_pair(ally: CrossplayEntry, opponent: CrossplayEntry) -> Pair:
     games = np.arange(ROUNDS)
     of_ally = games % len(ally.parts)
     of_opponent = games // len(ally.parts) % len(opponent.parts)
-    duel = TwoPlayerBatch(opponent.scenario, ROUNDS)
-    with _team(ally, of_ally, duel) as one, _team(opponent, of_opponent, duel) as other:
-        play_round(make_match(duel, one, other), seeds=np.array(evaluation_seeds(ROUNDS, ally.season)))
-        lost = one.invalid.copy(), other.invalid.copy()
+    duel, lost = play_rounds(ally, of_ally, opponent, of_opponent, evaluation_seeds(ROUNDS, ally.season))
     rates = duel.batch.tallies["jammed"] / duel.batch.tallies["steps"]
     rates[lost[0] & ~lost[1]], rates[lost[1] & ~lost[0]] = 1.0, 0.0
     return Pair(
@@ -424,20 +421,49 @@ def play_pair(ally: CrossplayEntry, opponent: CrossplayEntry) -> Pair:
         opponent=opponent.slug,
         key=pair_key(ally, opponent),
         rounds=ROUNDS,
-        ally_rewards=_rewards(duel, ally, lost[0], of_ally),
-        opponent_rewards=_rewards(duel, opponent, lost[1], of_opponent),
+        ally_rewards=_means(rewards_of(duel, ally, lost[0]), of_ally),
+        opponent_rewards=_means(rewards_of(duel, opponent, lost[1]), of_opponent),
         jamming_success_rate=round_finite(rates.mean()),
         lost=(int(lost[0].sum()), int(lost[1].sum())),
     )
 
 
-def _rewards(
-    duel: TwoPlayerBatch, entry: CrossplayEntry, lost: np.ndarray, runners: np.ndarray
-) -> tuple[float, ...]:
-    """Return the return per step of each of a side's parts."""
-    rewards = duel.batch.tallies[f"{entry.side}_return"] / duel.batch.tallies["steps"]
+def play_rounds(
+    ally: CrossplayEntry,
+    of_ally: np.ndarray,
+    opponent: CrossplayEntry,
+    of_opponent: np.ndarray,
+    seeds: Sequence[int],
+) -> tuple[TwoPlayerBatch, tuple[np.ndarray, np.ndarray]]:
+    """Play a round of each game between parts of two entries, by the opponent's rules.
+
+    Args:
+        ally, opponent: the entries.
+        of_ally, of_opponent: ``(n,)`` the part that plays each game.
+        seeds: ``(n,)`` of the games.
+
+    Returns:
+        The games at their end, and ``(n,)`` bool of each side: the rounds that it lost by an invalid answer.
+
+    Raises:
+        PolicyFailed: a policy's process died or exceeded its limits.
+    """
+    duel = TwoPlayerBatch(opponent.scenario, len(seeds))
+    with _team(ally, of_ally, duel) as one, _team(opponent, of_opponent, duel) as other:
+        play_round(make_match(duel, one, other), seeds=np.array(seeds))
+        return duel, (one.invalid.copy(), other.invalid.copy())
+
+
+def rewards_of(duel: TwoPlayerBatch, entry: CrossplayEntry, lost: np.ndarray) -> np.ndarray:
+    """Return ``(n,)`` an entry's return per step in each game; a lost round counts as lost in its track."""
+    rewards: np.ndarray = duel.batch.tallies[f"{entry.side}_return"] / duel.batch.tallies["steps"]
     rewards[lost] = min([entry.scale.reward(LOST_SCORE), *rewards[~lost]])
-    return tuple(round_finite(rewards[runners == k].mean()) for k in range(len(entry.parts)))
+    return rewards
+
+
+def _means(rewards: np.ndarray, runners: np.ndarray) -> tuple[float, ...]:
+    """Return the mean reward of each of a side's parts."""
+    return tuple(round_finite(rewards[runners == k].mean()) for k in range(runners.max() + 1))
 
 
 @contextlib.contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -12,10 +12,11 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.leaderboard.crossplay import Pairs, players_of, read_pairs
+from fpg_bench.leaderboard.exploited import Exploited, Target, lowest_known
 from fpg_bench.leaderboard.folders import TRACK_FOLDERS, result_file, short_path, submission_folders
 from fpg_bench.leaderboard.result import Result, summaries_of
 from fpg_bench.leaderboard.submission import Reader, Submission
-from fpg_bench.leaderboard.tracks import Track, TrackSuites
+from fpg_bench.leaderboard.tracks import PUBLIC, Track, TrackSuites
 from fpg_bench.leaderboard.verification import (
     Case,
     board_reader,
@@ -23,6 +24,7 @@ from fpg_bench.leaderboard.verification import (
     make_case,
     shared_policies,
 )
+from fpg_bench.players.player import SIDES
 
 _logger = logging.getLogger(__name__)
 
@@ -69,16 +71,18 @@ class Entries:
         suites: the suites of the tracks.
         rejected: readable submissions, each with the reason why its result does not count.
         pairs: results of cross-play.
+        exploited: the lowest return against responses, by ``track/slug``; only of entries that have some.
     """
 
     suites: TrackSuites
     verified: Sequence[VerifiedEntry]
     rejected: Sequence[tuple[Submission, str]]
     pairs: Pairs
+    exploited: Mapping[str, Exploited] = field(default_factory=dict)
 
 
 def load_entries(folder: str | Path = "leaderboard") -> Entries:
-    """Read a leaderboard's folder: submissions, results and cross-play.
+    """Read a leaderboard's folder: submissions, results, cross-play and responses.
 
     A submission without a result is left out; one with a result that does not fit it is not verified.
 
@@ -103,7 +107,16 @@ def load_entries(folder: str | Path = "leaderboard") -> Entries:
         for case in cases
         if case.result is not None
     ]
-    return Entries(reader.suites, verified, rejected, read_pairs(folder, players_of(cases)))
+    targets = [
+        Target.of(case.submission, case.suites[PUBLIC]) for case in cases if case.submission.track in SIDES
+    ]
+    return Entries(
+        reader.suites,
+        verified,
+        rejected,
+        read_pairs(folder, players_of(cases)),
+        lowest_known(folder, targets),
+    )
 
 
 def _read_cases(board: Path, reader: Reader) -> tuple[list[Case], list[tuple[Submission, str]]]:

@@ -74,6 +74,17 @@ def crossplay_file(board: Path) -> Path:
     return board / "results" / "crossplay.jsonl"
 
 
+def exploited_file(board: Path) -> Path:
+    """Return the path of the results of responses to entries."""
+    return board / "results" / "exploited.jsonl"
+
+
+def response_folders(board: Path, entry: str) -> list[Path]:
+    """Return the folders of the responses to an entry, ``track/name``, sorted; the first few hundred only."""
+    home = board / "responses" / entry
+    return [home / name for name in list_names(home) if not name.startswith(".")] if home.is_dir() else []
+
+
 def work_folder(board: Path) -> Path:
     """Return a folder for unfinished work, outside the repository, where no submission can put files."""
     checkout = hashlib.sha256(str(board.resolve()).encode()).hexdigest()[:12]

@@ -222,7 +222,7 @@ def read_submission(
     about, wrong = reader.about(folder)
     if about is None:
         return None, wrong
-    lines = [*_slug_problems(folder), *wrong]
+    lines = [*slug_problems(folder), *wrong]
     lines += [f"{ABOUT}: {line}" for line in _location_problems(folder, about)]
     lines += [f"{ABOUT}: {line}" for line in _name_problems(folder, about)]
     policies, wrong = _read_own_policies(folder, about, inspect_onnx)
@@ -240,7 +240,8 @@ def read_submission(
     return entered, []
 
 
-def _slug_problems(folder: Path) -> Iterator[str]:
+def slug_problems(folder: Path) -> Iterator[str]:
+    """Yield a problem if the name of a folder cannot be an address on the board."""
     if not _SLUG.fullmatch(folder.name):
         yield (
             f"the folder's name {quoted(folder.name)}: expected at most 40 of a-z, 0-9 and -, "

@@ -4,13 +4,14 @@ import dataclasses
 import json
 import shutil
 import subprocess
+from functools import partial
 
 import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.leaderboard import crossplay, verification
 from fpg_bench.leaderboard.board import make_board
-from fpg_bench.leaderboard.changed_entries import Changes, changed_entries, pairs_at
+from fpg_bench.leaderboard.changed_entries import Changes, changed_entries, rows_at
 from fpg_bench.leaderboard.crossplay import play_missing
 from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.leaderboard.folders import crossplay_file, result_file
@@ -203,12 +204,12 @@ def test_a_link_or_a_repository_that_came_is_named_wherever_it_lies(trusted):
 def test_forged_pairs_are_dropped_and_played_again_and_others_stay(trusted):
     file = crossplay_file(trusted)
     row = json.loads(before := file.read_text())
-    for trust in (pairs_at(trusted, "HEAD"), []):
+    for trust in (rows_at(trusted, "HEAD", crossplay_file), []):
         assert play_missing(trusted, trusted=trust) == []
         assert file.read_text() == before
     file.write_text(json.dumps(row | {"jamming_success_rate": 0.0}) + "\n")
     assert changed_entries(trusted, "HEAD") == Changes(has_pairs=True)
-    lines = play_missing(trusted, trusted=pairs_at(trusted, "HEAD"))
+    lines = play_missing(trusted, trusted=rows_at(trusted, "HEAD", crossplay_file))
     assert any("jammed" in line and line.endswith("; replaced, commit this one") for line in lines)
     assert json.loads(file.read_text()) == row
 
@@ -217,6 +218,6 @@ def test_forged_pairs_are_dropped_and_played_again_and_others_stay(trusted):
 def test_what_is_no_revision_is_refused_in_a_line(trusted, revision):
     if revision == "HEAD":
         shutil.rmtree(trusted / ".git")  # outside of git
-    for read in (changed_entries, pairs_at):
+    for read in (changed_entries, partial(rows_at, file=crossplay_file)):
         with pytest.raises(UserError, match="since: "):
             read(trusted, revision)

@@ -16,6 +16,7 @@ from fpg_bench.leaderboard.site.views import (
     Axis,
     Measure,
     WorstView,
+    exploited_view,
     format_number,
     format_rank,
     lost_text,
@@ -64,6 +65,7 @@ class FiguresView:
     role: str
     axis: Axis
     worst: WorstView
+    exploited: ExploitedView | None
     seeds_gap: str
     lost: str
     same_policies: str
@@ -132,6 +134,7 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
         role=ROLES[role].label.lower(),
         axis=Axis.of_scores(charted),
         worst=worst_view(board, track, figures),
+        exploited=exploited_view(figures),
         seeds_gap=seeds_gap_text(figures),
         lost=lost_text(figures),
         same_policies=same_policies_text(figures),

@@ -181,23 +181,69 @@ class Axis:
 
 @dataclass(frozen=True)
 class WorstView:
-    """The worst case of an entry: its rival's name, and where they met, in words."""
+    """The worst case of an entry: its rival's name, and where they met, in words.
+
+    Attributes:
+        seed: the lowest return of a single training seed, in words; empty where there are fewer than two.
+        seed_rival: against whom that was.
+    """
 
     score: Interval
     return_per_step: Interval
     rival: str
     where: str
+    seed: str
+    seed_rival: str
 
 
 def worst_view(board: Board, track: BoardTrack, figures: Figures) -> WorstView:
     """Return the presentation of an entry's worst case."""
-    worst, rival, where = figures.worst, figures.worst.rival, figures.worst.where
+    worst, seed = figures.worst, figures.worst.seed
+    text = ""
+    if seed is not None:
+        text = f"seed {seed.training_seed} alone {format_number(seed.return_per_step, 'step')} per step"
+    return WorstView(
+        worst.score,
+        worst.return_per_step,
+        _rival(board, track, worst.rival, worst.where),
+        worst.where if worst.where == CROSSPLAY else ROLES[worst.where].label.lower(),
+        text,
+        "" if seed is None else _rival(board, track, seed.rival, seed.where),
+    )
+
+
+def _rival(board: Board, track: BoardTrack, rival: str, where: str) -> str:
+    """Return the name of a rival of a suite, or of an entry of the other side."""
     if where == CROSSPLAY:
-        rival = board.names(track.other_side)[rival]
-    else:
-        rival = next(suite.label(rival) for suite in track.suites if suite.role == where)
-        where = ROLES[where].label.lower()
-    return WorstView(worst.score, worst.return_per_step, rival, where)
+        return board.names(track.other_side)[rival]
+    return next(suite.label(rival) for suite in track.suites if suite.role == where)
+
+
+@dataclass(frozen=True)
+class ExploitedView:
+    """What an entry keeps against responses to it, in words; see :class:`Exploited`."""
+
+    value: float
+    at_most: str
+    interval: str
+    search: str
+
+
+def exploited_view(figures: Figures) -> ExploitedView | None:
+    """Return the presentation of what an entry keeps against responses; None where none was trained."""
+    lowest = figures.exploited
+    if lowest is None:
+        return None
+    reward = lowest.return_per_step
+    low, high = (format_number(end, "step") for end in (reward.low, reward.high))
+    seed = "" if lowest.training_seed is None else f", seed {lowest.training_seed}"
+    search = f"{lowest.algorithm}, {lowest.steps:,} steps{seed}"
+    return ExploitedView(
+        reward.value,
+        f"at most {format_number(reward.value, 'step')}",
+        f"{low} to {high}",
+        search if lowest.is_recipe else f"{search}, by {lowest.response}",
+    )
 
 
 def warnings(figures: Figures | None) -> list[str]:
@@ -250,6 +296,7 @@ class RowView:
     public: Interval | None
     shifted: Interval | None
     worst: WorstView | None
+    exploited: ExploitedView | None
     warnings: list[str]
 
 
@@ -270,6 +317,7 @@ class TrackView:
     axis: Axis
     has_tiers: bool
     has_shifted: bool
+    has_exploited: bool
     mission: dict[str, Measure]
     rows: list[RowView]
     heat_suites: list[BoardSuite]
@@ -299,6 +347,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
         axis=Axis.of_scores(row.ranking for row in rows if row.ranking is not None),
         has_tiers=any(figures.planner is not None for _, figures in verified),
         has_shifted=any(SHIFTED in figures.scores for _, figures in verified),
+        has_exploited=track.side in SIDES,
         mission={name: MEASURES[name] for name in MISSION if name in measured},
         rows=rows,
         heat_suites=heat_suites,
@@ -321,6 +370,7 @@ def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
         public=scores.get(PUBLIC),
         shifted=scores.get(SHIFTED),
         worst=None if figures is None else worst_view(board, track, figures),
+        exploited=None if figures is None else exploited_view(figures),
         warnings=warnings(figures),
     )
 
