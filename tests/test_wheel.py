@@ -128,6 +128,7 @@ EXTRAS = {
             "double-oracle --side nobody --out nowhere",
             "leaderboard audit-season nothing --work nowhere",
             "leaderboard close-season ../nothing --work nowhere --folder nowhere",
+            "leaderboard exploit --work nowhere --folder nowhere",
         ),
     ),
     "tune": Extra(

@@ -200,6 +200,14 @@ def double_oracle(
     side: Annotated[
         str, typer.Option(help="The side that learns: ally or opponent.", rich_help_panel=GAME)
     ] = "ally",
+    mode: Annotated[
+        str,
+        typer.Option(
+            help="one: the side learns against all responses to it. both: the populations of both sides "
+            "grow, and each answers the other's equilibrium.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = "one",
     stages: Annotated[int, typer.Option(min=1, help="The most stages.", rich_help_panel=TRAINING)] = 3,
     steps: Annotated[int, steps_option("Training budget of a stage.")] = 1_000_000,
     response_steps: Annotated[
@@ -225,7 +233,9 @@ def double_oracle(
     weight: Annotated[
         int,
         typer.Option(
-            min=1, help="How often a response is listed among the rivals.", rich_help_panel=TRAINING
+            min=1,
+            help="How often a response is listed among the rivals, in mode one.",
+            rich_help_panel=TRAINING,
         ),
     ] = 8,
     patience: Annotated[
@@ -239,7 +249,7 @@ def double_oracle(
     game: Annotated[Given, game_options("scenario", "path", "actions", "knowledge", "jamming_types")],
     allow: AllowOption = None,
 ) -> None:
-    """Train a side against all fresh responses to it, stage by stage; run it again to resume.
+    """Train a side against fresh responses to it, stage by stage; run it again to resume.
 
     Example: fpg-bench double-oracle --side ally --actions uniform-hop --stages 3 --out runs/robust
     """
@@ -249,6 +259,7 @@ def double_oracle(
     result = search(
         out,
         side=side,
+        mode=mode,
         stages=stages,
         steps=steps,
         response_steps=response_steps,

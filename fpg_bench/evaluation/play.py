@@ -15,6 +15,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import EvaluatedPlayer
+from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
 from fpg_bench.evaluation.record import TALLIES, Plans, Record
 from fpg_bench.evaluation.rounds import MatchBatch, make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
@@ -49,11 +50,12 @@ def play(
             plans is valid, since its score would be that of the paths flown in their place.
     """
     player = entry.make(rival)
-    sums = _Sums(suite)
-    for duel in rounds(match_of(player, suite, rival), suite, seeds):
+    match = match_of(player, suite, rival)
+    sums, hops = _Sums(suite), HopCounts(match.duel.batch)
+    for duel in rounds(match, suite, seeds, on_step=hops.count):
         sums.add(duel, lost_rounds(player, duel.count))
         on_round(len(sums.returns))
-    record = sums.record(entry, rival)
+    record = sums.record(entry, rival, conditional_entropy(hops.counts))
     if (plans := record.plans) is not None and plans.valid == 0:
         raise UserError(
             f"planner {entry.name} against {rival.name}: none of {sum(plans.statuses.values())} plans is "
@@ -74,12 +76,17 @@ def match_of(player: Any, suite: Suite, rival: Rival, matches: int | None = None
     return make_match(TwoPlayerBatch(scenario, count, planner), ally, opponent)
 
 
-def rounds(match: MatchBatch, suite: Suite, seeds: SeedSource | None = None) -> Iterator[TwoPlayerBatch]:
+def rounds(
+    match: MatchBatch,
+    suite: Suite,
+    seeds: SeedSource | None = None,
+    on_step: Callable[[], None] | None = None,
+) -> Iterator[TwoPlayerBatch]:
     """Play all rounds of new matches; yield the games at the end of each round."""
     count = match.duel.count
     first = np.array(evaluation_seeds(count, suite.season) if seeds is None else seeds(count))
     for number in range(suite.rounds_per_match):
-        play_round(match, seeds=None if number else first)
+        play_round(match, seeds=None if number else first, on_step=on_step)
         yield match.duel
 
 
@@ -113,7 +120,7 @@ class _Sums:
         if self._suite.side == PLANNER:
             self._plans += [plan for plan in duel.plans if plan is not None]
 
-    def record(self, entry: EvaluatedPlayer, rival: Rival) -> Record:
+    def record(self, entry: EvaluatedPlayer, rival: Rival, hop_entropy: float) -> Record:
         """Return the record of the rounds that an entry played against a rival."""
         returns, lost = np.array(self.returns).T, np.array(self._lost).T
         if lost.any():
@@ -121,6 +128,7 @@ class _Sums:
             returns[lost] = min([worst, *returns[~lost]])
         tally = pooled_tally(np.concatenate(self._tallies))
         tally |= {name: sum(each[name] for each in self._clean) for name in self._clean[0]}
+        tally[HOP_BITS] = hop_entropy * tally["hops"]
         ally_points, jam_points = (tuple(side) for side in self._histogram.tolist())
         return Record(
             suite=self._suite.name,

@@ -15,10 +15,12 @@ from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Expected, parse
+from fpg_bench.evaluation.hops import HOP_BITS
 from fpg_bench.game.metrics import CLEAN, GREATEST, measures
 from fpg_bench.game.state import TALLY
 
 TALLIES = tuple(TALLY.names or ())
+_BESIDE = (CLEAN, HOP_BITS)  # sums that records of earlier versions lack
 _FALLBACK = "fallback"
 _BOUND = 10**15  # larger than any real sum
 _MOST_STATUSES = 100
@@ -82,8 +84,9 @@ class Record:
         fingerprint: the first 16 digits of the hash that tells players of one name apart.
         rival: the rival's name.
         returns: of each round, in the order of seed and round.
-        tally: sums of ``state.TALLY`` over all rounds; the longest outage is the greatest. In the model
-            ``link`` since version 0.3.0 also ``clean_mbit_s``.
+        tally: sums of ``state.TALLY`` over all rounds; the longest outage is the greatest. Since version
+            0.3.0 also ``clean_mbit_s`` in the model ``link``, and ``hop_bits``, the number of hops times the
+            entropy of a hop's destination given the point it leaves.
         ally_points, jam_points: steps per frequency point of both sides' centres.
         lost: number of rounds lost by an answer that is not a valid action.
         rounds_sha256: of the tallies of all rounds.
@@ -154,15 +157,21 @@ class Pooled:
 
     @property
     def measures(self) -> dict[str, float | None]:
-        """:func:`fpg_bench.game.metrics.measures`, with both sides' returns as means per round."""
+        """:func:`fpg_bench.game.metrics.measures`, with both sides' returns as means per round.
+
+        ``hop_entropy_bits`` is a mean over hops of the entropy in the records that they were counted in.
+        """
         returns = {name: self.tally[name] / self.rounds for name in ("ally_return", "opponent_return")}
-        return measures(self.tally, self.histogram) | returns
+        is_known = HOP_BITS in self.tally and self.tally["hops"]
+        entropy = self.tally[HOP_BITS] / self.tally["hops"] if is_known else None
+        return measures(self.tally, self.histogram) | returns | {"hop_entropy_bits": entropy}
 
 
 def pool(records: Sequence[Record]) -> Pooled:
     """Pool one or more records: add their sums, and take the maximum of the longest outage."""
     ordered = sorted(records, key=lambda record: (record.suite, record.rival, str(record.training_seed)))
-    names = (*TALLIES, CLEAN) if all(CLEAN in record.tally for record in ordered) else TALLIES
+    beside = [name for name in _BESIDE if all(name in record.tally for record in ordered)]
+    names = (*TALLIES, *beside)
     tallies = {name: [record.tally[name] for record in ordered] for name in names}
     tally = {name: max(values) if name == GREATEST else sum(values) for name, values in tallies.items()}
     histogram = np.sum([[record.ally_points, record.jam_points] for record in ordered], axis=0)
@@ -197,7 +206,8 @@ def read_record(row: Row, where: str) -> Record:
     """
     check_keys(row, _KEYS, where, needed=[key for key in _KEYS if key != "plans"])
     tally, plans = row["tally"], row.get("plans")
-    if not isinstance(tally, dict) or tuple(tally) not in (TALLIES, (*TALLIES, CLEAN)):
+    beside = [name for name in _BESIDE if isinstance(tally, dict) and name in tally]
+    if not isinstance(tally, dict) or tuple(tally) != (*TALLIES, *beside):
         names = tally if isinstance(tally, dict) else ()
         missing = ", ".join(name for name in TALLIES if name not in names) or "none"
         wanted = f"a mapping of {TALLIES[0]} to {TALLIES[-1]}, in order"

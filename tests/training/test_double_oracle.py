@@ -10,6 +10,7 @@ from fpg_bench.cli.fields import with_fields
 from fpg_bench.cli.league import double_oracle
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.league import double_oracle as oracle
 from fpg_bench.training.run_folder import RunFolder
@@ -62,6 +63,7 @@ def test_stages_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp
     options = shlex.split(agent.card.command)[2:]
     assert dict(zip(options[::2], options[1::2], strict=True)) == {
         "--side": "ally",
+        "--mode": "one",
         "--stages": str(result["stage"] + 1),
         "--steps": "400",
         "--response-steps": "400",
@@ -85,6 +87,48 @@ def test_stages_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp
     assert len(seeds) == 6
     with pytest.raises(UserError, match="another weight"):
         oracle.double_oracle(tmp_path, stages=2, **SEARCH | {"weight": 4})
+
+
+def test_in_the_mode_both_each_side_answers_the_equilibrium_of_the_other(tmp_path, monkeypatch):
+    options = SEARCH | {"mode": "both"}
+    first = oracle.double_oracle(tmp_path, stages=1, **options)
+    result = oracle.double_oracle(tmp_path, stages=2, **options)
+    assert result["rows"][0] == first["rows"][0]
+    runs = tmp_path / "runs"
+    games = {run.name: RunFolder(run).read().game for run in runs.glob("*")}
+    stages = [str(runs / f"stage_{number}" / "agent") for number in (0, 1)]
+    response = str(runs / "response_0_0" / "agent")
+    assert games["stage_0"].opponent == ("tone", "tone", "hunter")
+    assert set(games["response_0_0"].ally) == {stages[0]}
+    met, answered = games["stage_1"].opponent, games["response_1_0"].ally
+    assert set(met) <= {"tone", "hunter", response}
+    assert set(answered) <= set(stages)
+    assert len(met) == len(answered) == oracle.PARTS
+    assert [row["rivals"] for row in result["rows"]] == [3, oracle.PARTS]
+    values = payoffs_of(tmp_path)
+    first_game = [values[stages[0], name] for name in ("tone", "hunter", response)]
+    assert values[stages[0], met[0]] == min(first_game)  # one row: the equilibrium is its lowest column
+    low = sum(values[name, str(runs / "response_1_0" / "agent")] for name in answered) / oracle.PARTS
+    assert result["rows"][1]["low"] == pytest.approx(low, abs=1e-4)
+    assert set(games[f"response_{result['stage']}_1"].ally) == {stages[result["stage"]]}
+    assert "--mode both" in load_agent(tmp_path / "agent").card.command
+    with pytest.raises(UserError, match="another mode"):
+        oracle.double_oracle(tmp_path, stages=2, **SEARCH)
+    with pytest.raises(UserError, match="mode: expected"):
+        oracle.double_oracle(tmp_path, mode="all", **SEARCH)
+
+
+def payoffs_of(folder):
+    """The return per step of each policy against each rival that it met."""
+    return {
+        (record.entry, record.rival): sum(record.returns) / record.tally["steps"]
+        for record in Store(folder / RECORDS).records()
+    }
+
+
+def test_shares_become_whole_parts():
+    parts = oracle._in_parts({"tone": 0.333, "comb": 0.334, "sweep": 0.333, "never": 0.0})
+    assert sorted(map(parts.count, ("tone", "comb", "sweep", "never"))) == [0, 33, 33, 34]
 
 
 def test_a_search_stops_once_no_stage_keeps_more():

@@ -14,6 +14,7 @@ from fpg_bench.leaderboard.site.views import (
     NONE,
     ROLES,
     Axis,
+    ExploitedView,
     Measure,
     WorstView,
     exploited_view,

@@ -45,6 +45,9 @@ MEASURES = {
     "frequency_changes": Measure(
         "Frequency changes", "share", "steps in which the ally's frequency really changes"
     ),
+    "hop_entropy_bits": Measure(
+        "Hop entropy", "bits", "entropy of a hop's destination, given the point it leaves"
+    ),
     "spread_ratio": Measure("Spreading", "share", "time in which the ally spreads its signal to hide"),
     "detection_rate": Measure("Heard", "share", "checks in which the opponent hears the ally"),
     "near_ratio": Measure("Near", "share", "time in which the opponent is within 30 m"),

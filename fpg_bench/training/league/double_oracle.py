@@ -1,10 +1,11 @@
-"""Double oracle: a side learns against all responses to it so far, until no fresh response breaks it.
+"""Double oracle: a side learns against responses to it, until no fresh response breaks it.
 
 McMahan, Gordon and Blum, "Planning in the presence of cost functions controlled by an adversary", 2003, with
 trained policies as the oracles (PSRO: Lanctot et al., "A unified game-theoretic approach to multiagent
-reinforcement learning", 2017). The learner answers a weighted mixture of all responses instead of the
-meta-game's equilibrium, and the search stops on what a fresh response leaves, not on the meta-game's value:
-that rises while a new response still breaks every policy.
+reinforcement learning", 2017). In the mode ``both`` the populations of both sides grow, and each side answers
+the other's mixture in the meta-game's equilibrium. In the mode ``one`` the side answers a weighted mixture of
+all responses so far, and a response the side's newest policy. Either search stops on what a fresh response
+leaves, not on the meta-game's value: that rises while a new response still breaks every policy.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ from fpg_bench.training.train import train
 
 ROWS, ABOUT = "double_oracle.jsonl", "double_oracle.json"
 SEED_STRIDE = 1000  # stage k with seed s has training seed 1000 s + k, and its responses 1000 s + 500 + 2 k
+MODES = ("one", "both")
+PARTS = 100  # into which the shares of an equilibrium's players are rounded
 FINALISTS = 2  # stages that a second response is trained against
 _logger = logging.getLogger(__name__)
 
@@ -71,6 +74,7 @@ def double_oracle(
     out: str | Path,
     *,
     side: str = "ally",
+    mode: str = "one",
     stages: int = 3,
     steps: int = 1_000_000,
     response_steps: int | None = None,
@@ -88,16 +92,19 @@ def double_oracle(
     allow: Collection[str] = (),
     **game: Any,
 ) -> DoubleOracleResult:
-    """Train a side in stages, each against all fresh responses to the stages before.
+    """Train a side in stages, each against fresh responses to the stages before.
 
-    A stage goes on from the weights of the one before. Then a fresh response is trained against its policy
-    alone, which joins the rivals of later stages ``weight`` times. A stopped call is resumed: what is
-    finished is not trained again, and a larger number of stages adds to them.
+    A stage goes on from the weights of the one before; then a fresh response is trained. In the mode ``one``
+    it answers the stage's policy alone, and joins the rivals of later stages ``weight`` times. In the mode
+    ``both`` the stage answers the other side's mixture in the equilibrium of all policies so far, and the
+    response that of the side, the new policy included. A stopped call is resumed: what is finished is not
+    trained again, and a larger number of stages adds to them.
 
     Args:
         out: a folder for ``double_oracle.jsonl``, a row per stage; ``runs``, a run each; ``records.jsonl``,
             who met whom; ``agent``, the exported policy; and ``double_oracle.json``, the settings and result.
         side: the side that learns.
+        mode: ``one`` or ``both``, as above.
         stages: the most stages.
         steps: training budget of a stage.
         response_steps: training budget of a response; None: that of a stage.
@@ -105,7 +112,7 @@ def double_oracle(
         response_algorithm, response_actions: those of the responses.
         against: rivals of the first stage, with weights such as ``tone*8``; None: all scripts of the other
             side.
-        weight: how often a response is listed among the rivals.
+        weight: how often a response is listed among the rivals, in the mode ``one``.
         patience: stops after as many stages without a higher ``low``.
         seed: decides the training seeds.
         hyperparams, response_hyperparams: hyper-parameters of the side and of the responses; None takes the
@@ -117,24 +124,27 @@ def double_oracle(
             ``path`` for instance.
 
     Returns:
-        The content of ``double_oracle.json``. ``rows`` has of each stage ``low``, the return per step
-        against its own fresh response; ``high``, the return against the rivals of its training, by their
-        weights, which bounds the game's value from above as far as the training found a best answer;
-        ``meta_value``, the value of the game between all stages and all rivals so far; and ``seconds``.
-        ``confirmed`` has of the two stages with the highest ``low`` the return against a second response,
-        trained afterwards with another seed, and ``stage`` is the one that keeps most, which is exported.
-        All are returns of the side, on tuning seeds.
+        The content of ``double_oracle.json``. ``rows`` has of each stage ``low``, what the policy (in the
+        mode ``both`` the mixture) that the fresh response answers keeps against it, per step; ``high``, the
+        return against the rivals of its training, by their weights, which bounds the game's value from above
+        as far as the training found a best answer; ``meta_value``, the value of the game between all stages
+        and all rivals so far; and ``seconds``. ``confirmed`` has of the two stages with the highest ``low``
+        the return of the stage's policy alone against a second response to it, trained afterwards with
+        another seed, and ``stage`` is the one that keeps most, which is exported. All are returns of the
+        side, on tuning seeds.
 
     Raises:
         UserError: something unknown or out of range, or a folder with another search or other files.
         KeyboardInterrupt: stopped by the user.
     """
     one_of(side, "side", SIDES)
+    one_of(mode, "mode", MODES)
     for name, value in (("stages", stages), ("weight", weight), ("patience", patience)):
         integer(value, name)
     rivals = list(SCRIPTED[other_side(side)]) if against is None else against
     league = _DoubleOracle(
         folder=Path(out),
+        mode=mode,
         game=GameSpec.of(policy_env(side).id, against=rivals, actions=actions, **game),
         response=GameSpec.of(
             policy_env(other_side(side)).id, actions=response_actions, reward=RESPONSE_REWARDS[side], **game
@@ -161,7 +171,7 @@ def double_oracle(
             file.append(rows[-1:])
             _logger.info(_row_text(rows[-1]))
         best = sorted(rows, key=lambda row: row["low"], reverse=True)[:FINALISTS]
-        confirmed = {str(row["stage"]): league.answer(row["stage"], number=1) for row in best}
+        confirmed = {str(row["stage"]): league.confirm(row["stage"]) for row in best}
         stage = int(max(confirmed, key=lambda stage: confirmed[stage]))
         league.export_agent(stage)
         result: DoubleOracleResult = {**about, "rows": rows, "confirmed": confirmed, "stage": stage}
@@ -174,6 +184,7 @@ class _DoubleOracle:
     """A search in a folder; pairs have the side's part first, then that of the responses."""
 
     folder: Path
+    mode: str
     game: GameSpec
     response: GameSpec
     algorithms: tuple[str, str]
@@ -203,6 +214,7 @@ class _DoubleOracle:
             "scenario": self.game.resolve().hash,
             "algorithms": self.algorithms,
             "steps": self.steps,
+            "mode": self.mode,
             "weight": self.weight,
             "seed": self.seed,
             "hyperparameters": parameters,
@@ -221,15 +233,29 @@ class _DoubleOracle:
     def rivals(self, stage: int) -> list[str]:
         """Return the rivals of a stage's training, those with a weight several times."""
         responses = [str(self.response_run(before).agent) for before in range(stage)]
-        return [*self.game.others, *(name for name in responses for _ in range(self.weight))]
+        if self.mode == MODES[0] or not stage:
+            return [*self.game.others, *(name for name in responses for _ in range(self.weight))]
+        return _in_parts(self._meta_game(stage, stage).equilibrium().rivals)
+
+    def answered(self, stage: int) -> list[str]:
+        """Return the policies of the side that a stage's fresh response answers, by their shares."""
+        if self.mode == MODES[0]:
+            return [str(self.run(stage).agent)]
+        return _in_parts(self._meta_game(stage + 1, stage).equilibrium().players)
+
+    def _meta_game(self, stages: int, responses: int) -> Payoffs:
+        """Return the game of so many stages' policies against the first rivals and so many responses."""
+        agents = [str(self.run(number).agent) for number in range(stages)]
+        found = [str(self.response_run(number).agent) for number in range(responses)]
+        return self.payoffs(agents, list(dict.fromkeys([*self.game.others, *found])))
 
     def play_stage(self, stage: int) -> Row:
         """Train a stage and its fresh response; return its row."""
         start = time.monotonic()
-        game = GameSpec.of(self.game, **{other_side(self.side): self.rivals(stage)})
+        rivals = self.rivals(stage)
         config = RunConfig(
             self.algorithms[0],
-            game,
+            GameSpec.of(self.game, **{other_side(self.side): rivals}),
             SEED_STRIDE * self.seed + stage,
             self.steps[0],
             self.hyperparams[0],
@@ -237,31 +263,34 @@ class _DoubleOracle:
             allow=self.allow,
         )
         train(config, self.run(stage).path, evaluations=0, progress=self.progress, resume=True)
-        low = self.answer(stage)
-        rivals = self.rivals(stage)
-        mixture = {name: rivals.count(name) / len(rivals) for name in dict.fromkeys(rivals)}
-        agents = [str(self.run(number).agent) for number in range(stage + 1)]
-        payoffs = self.payoffs(agents, [*mixture, str(self.response_run(stage).agent)])
+        low = self.answer(stage, self.answered(stage))
+        meta_game = self._meta_game(stage + 1, stage + 1)
+        high = meta_game.interval(str(self.run(stage).agent), _shares(rivals)).value
         return {
             "stage": stage,
             "low": low,
-            "high": round(payoffs.interval(agents[-1], mixture).value, 4),
-            "meta_value": round(payoffs.equilibrium().value, 4),
+            "high": round(high, 4),
+            "meta_value": round(meta_game.equilibrium().value, 4),
             "rivals": len(rivals),
             "seconds": round(time.monotonic() - start, 1),
         }
 
-    def answer(self, stage: int, number: int = 0) -> float:
-        """Train a response to a stage alone, and return what the stage's policy keeps against it."""
-        agent, run = str(self.run(stage).agent), self.response_run(stage, number)
-        game = GameSpec.of(self.response, against=agent)
+    def confirm(self, stage: int) -> float:
+        """Return what a stage's policy alone keeps against a second response to it."""
+        return self.answer(stage, [str(self.run(stage).agent)], number=1)
+
+    def answer(self, stage: int, policies: Sequence[str], number: int = 0) -> float:
+        """Train a response to policies of the side, and return what their mixture keeps against it."""
+        run, shares = self.response_run(stage, number), _shares(policies)
+        game = GameSpec.of(self.response, against=list(policies))
         seed = SEED_STRIDE * self.seed + SEED_STRIDE // 2 + 2 * stage + number
         config = RunConfig(
             self.algorithms[1], game, seed, self.steps[1], self.hyperparams[1], allow=self.allow
         )
         train(config, run.path, evaluations=0, progress=self.progress, resume=True)
-        payoffs = self.payoffs([agent], [str(run.agent)])
-        return round(float(payoffs.values[0, 0]), 4)
+        payoffs = self.payoffs(list(shares), [str(run.agent)])
+        kept = sum(share * payoffs.interval(name, str(run.agent)).value for name, share in shares.items())
+        return round(float(kept), 4)
 
     def payoffs(self, agents: Sequence[str], rivals: Sequence[str]) -> Payoffs:
         """Return what agents of the side earn from rivals; only pairings without a record are played."""
@@ -284,6 +313,7 @@ class _DoubleOracle:
         del game["id"]
         settings = {
             "side": self.side,
+            "mode": self.mode,
             "stages": stage + 1,
             "steps": self.steps[0],
             "response_steps": self.steps[1],
@@ -307,6 +337,24 @@ class _DoubleOracle:
         read_card(last).model_copy(update=update).write(
             self.folder / "agent", (last / "policy.onnx").read_bytes()
         )
+
+
+def _shares(names: Sequence[str]) -> dict[str, float]:
+    """Return the share of each name in a list that names some several times."""
+    return {name: names.count(name) / len(names) for name in dict.fromkeys(names)}
+
+
+def _in_parts(shares: Mapping[str, float]) -> list[str]:
+    """Return a list that names each player by its share, in parts of all: those with the largest rest first.
+
+    >>> _in_parts({"tone": 0.4951, "comb": 0.5, "sweep": 0.0049}).count("tone")
+    50
+    """
+    parts = {name: int(PARTS * share) for name, share in shares.items()}
+    by_rest = sorted(shares, key=lambda name: parts[name] - PARTS * shares[name])
+    for name in by_rest[: PARTS - sum(parts.values())]:
+        parts[name] += 1
+    return [name for name, count in parts.items() for _ in range(count)]
 
 
 def _is_flat(rows: Sequence[Row], patience: int) -> bool:
