@@ -91,6 +91,8 @@ class Record:
         lost: number of rounds lost by an answer that is not a valid action.
         rounds_sha256: of the tallies of all rounds.
         plans: statistics of planned paths; None if the entry plans none.
+        season: number of the season whose evaluation seeds were played; None of public seeds, and in records
+            of versions before 0.3.0.
     """
 
     __pydantic_config__ = _CONFIG
@@ -108,6 +110,7 @@ class Record:
     lost: Count
     rounds_sha256: Word
     plans: Plans | None = None
+    season: Count | None = None
 
     @property
     def key(self) -> MatchupKey:
@@ -118,6 +121,8 @@ class Record:
         """Return the record as a row of JSON; the tuples of its rounds' numbers are shared, not copied."""
         row: Row = {spec.name: getattr(self, spec.name) for spec in dataclasses.fields(self)}
         row["tally"] = dict(self.tally)
+        if self.season is None:
+            del row["season"]
         if self.plans is None:
             del row["plans"]
             return row
@@ -134,7 +139,8 @@ class Record:
 def _timeless(record: Record) -> Record:
     plans = record.plans
     tally = {name: record.tally[name] for name in TALLIES}
-    return dataclasses.replace(record, tally=tally, plans=plans and dataclasses.replace(plans, seconds=0.0))
+    plans = plans and dataclasses.replace(plans, seconds=0.0)
+    return dataclasses.replace(record, tally=tally, plans=plans, season=None)
 
 
 @dataclass(frozen=True)
@@ -204,7 +210,7 @@ def read_record(row: Row, where: str) -> Record:
     Raises:
         UserError: a key missing or unknown, or a value that no record has; ``where`` begins the message.
     """
-    check_keys(row, _KEYS, where, needed=[key for key in _KEYS if key != "plans"])
+    check_keys(row, _KEYS, where, needed=[key for key in _KEYS if key not in ("plans", "season")])
     tally, plans = row["tally"], row.get("plans")
     beside = [name for name in _BESIDE if isinstance(tally, dict) and name in tally]
     if not isinstance(tally, dict) or tuple(tally) != (*TALLIES, *beside):

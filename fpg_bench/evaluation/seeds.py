@@ -7,9 +7,11 @@ protocol version and a season key by a public hash, so they can be changed each 
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
@@ -128,13 +130,31 @@ def current_season() -> SeasonKey | None:
     return current_seasons().get("standard")
 
 
-def season_key(number: int) -> SeasonKey:
-    """Return a closed season by its number.
+def season_key(number: int, scenario: str = "standard") -> SeasonKey:
+    """Return a closed season of a scenario by its number.
 
     Raises:
         UserError: no such season; also as :func:`current_season`.
     """
-    return _key(f"season-{number}")
+    name = f"season-{season_label(number, scenario)}"
+    if not (suites_folder() / name).is_dir():
+        raise UserError(f"season {number}: none of {scenario} with this number is closed")
+    return _key(name)
+
+
+def season_number(seed: str) -> int | None:
+    """Return the number of the closed season with this seed; None of public seeds, and where there is none.
+
+    Raises:
+        UserError: as :func:`current_season`.
+    """
+    return None if seed == SEASON else _number(suites_folder(), seed)
+
+
+@functools.lru_cache
+def _number(folder: Path, seed: str) -> int | None:
+    keys = (_key(file.parent.name) for file in sorted(folder.glob("season-*/season.yml")))
+    return next((key.number for key in keys if key.seed == seed), None)
 
 
 def season_seed(name: str) -> str:

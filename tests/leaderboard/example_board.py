@@ -25,10 +25,12 @@ from fpg_bench.leaderboard.board import (
     Improvement,
     NashMixture,
     Profiles,
+    SeedCase,
     SeedsGap,
     UnitScores,
     WorstCase,
 )
+from fpg_bench.leaderboard.exploited import Exploited
 from fpg_bench.leaderboard.site import page_data
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 
@@ -172,6 +174,7 @@ def _figures(
         score=_score(score, 6, SEEDS),
         scores={role: _score(value, 6, SEEDS) for role, value in scores.items()},
         worst=_worst(index, by_rival[PUBLIC]),
+        exploited=_exploited(text) if index == 2 else None,
         by_rival=by_rival,
         by_group={
             group: _score(sum(by_rival[suite.role][name].value for name in names) / len(names), 9)
@@ -211,7 +214,13 @@ def _worst(index: int, scores: dict[str, Interval]) -> WorstCase:
     if index % 3 == 0:
         return WorstCase("player-1", CROSSPLAY, Interval(-30.0), Interval(-13.96))
     rival, score = min(scores.items(), key=lambda item: item[1].value)
-    return WorstCase(rival, PUBLIC, score, _score(2.5, 0.5))
+    return WorstCase(rival, PUBLIC, score, _score(2.5, 0.5), SeedCase(3, "player-1", CROSSPLAY, -1.25))
+
+
+def _exploited(text: str) -> Exploited:
+    """Return what is known of an entry whose first training seed was answered by somebody's agent."""
+    reward = _score(-14.65, 0.35, "matches")
+    return Exploited(reward, 0, "breaker", f"PPO {text}".strip(), 1_500_000, False, 3)
 
 
 def _measures(rng: np.random.Generator) -> dict[str, float | None]:

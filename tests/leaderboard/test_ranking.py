@@ -8,7 +8,7 @@ import pytest
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.leaderboard.board import CROSSPLAY, worst_case
+from fpg_bench.leaderboard.board import CROSSPLAY, SeedCase, worst_case
 from fpg_bench.leaderboard.crossplay import Pair
 from fpg_bench.leaderboard.ranking import improvements, profiles, runs
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTED, UNSEEN
@@ -57,6 +57,19 @@ WEAK, HARD, OTHER = pair("own", "weak", [9, 9]), pair("own", "hard", [0, 2]), pa
 def test_the_lowest_return_is_named(side, roles, pairs, worst):
     lowest = worst_case("own", side, {role: SUMMARIES[role] for role in roles}, pairs)
     assert (lowest.return_per_step.value, lowest.rival, lowest.where) == worst
+
+
+def test_the_lowest_training_seed_is_named_beside_the_mean():
+    def seed_of(pairs, seeds=(4, 7)):
+        return worst_case("own", "ally", SUMMARIES, pairs, seeds).seed
+
+    assert seed_of((), ()) is None
+    assert seed_of((), (4,)) is None
+    assert seed_of(()) == SeedCase(4, "strong", RESPONSES, 1.0)
+    assert seed_of([HARD]) == SeedCase(4, "hard", CROSSPLAY, 0.0)
+    uneven = pair("own", "uneven", [30, -14.7])  # a mean of 7.65, which hides it
+    assert worst_case("own", "ally", SUMMARIES, [uneven], (4, 7)).rival == "strong"
+    assert seed_of([uneven]) == SeedCase(7, "uneven", CROSSPLAY, -14.7)
 
 
 def test_its_interval_is_over_training_seeds():

@@ -131,12 +131,13 @@ def columns(site, kind='[^"]*'):
 def test_tables_have_columns_for_what_was_played(site, tmp_path):
     mission = ["Overlap ratio", "Jamming success rate"]  # right after the score, in the default columns
     scores = ["Score, unseen", *mission, "Public", "Gap", "Herders", "Aimers", "Shifted"]
-    assert columns(site) == ["Rank", "Entry", *scores, "Worst", "Return per step"]
-    shown = [c for c in columns(site, "num") if c not in ("Rank", "Worst")]
+    assert columns(site) == ["Rank", "Entry", *scores, "Worst", "Exploited", "Return per step"]
+    shown = [c for c in columns(site, "num") if c not in ("Rank", "Worst", "Exploited")]
     assert shown == ["Score, unseen", *mission, "Public"]
     assert "Against herders" in (site / "entries/ally/player-1.html").read_text()
     build_site(example_board(3, season=None), tmp_path)
-    assert columns(tmp_path) == ["Rank", "Entry", "Score, public", *mission, "Worst", "Return per step"]
+    last = ["Worst", "Exploited", "Return per step"]
+    assert columns(tmp_path) == ["Rank", "Entry", "Score, public", *mission, *last]
     assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
     unchanged = (tmp_path / "submit.html").stat().st_mtime_ns
@@ -159,6 +160,19 @@ def test_the_worst_case_names_an_entry_of_the_other_side(pages, page):
     assert "Player 1" in pages[page].text
     assert "cross-play" in pages[page].text
     assert "−13.96 per step" in pages[page].text
+
+
+def test_what_fresh_trainings_take_stands_beside_the_worst_case_and_is_an_upper_bound(pages):
+    ranking, entry, other = (pages[name].text for name in ("ranking.html", entry_file(2), entry_file(1)))
+    assert "at most −14.65" in ranking
+    assert "1,500,000 steps, seed 0, by breaker" in ranking
+    assert "not searched" in ranking
+    assert "seed 3 alone −1.25 per step" in ranking
+    assert "Exploited: at most −14.65 per step (−15.00 to −14.30)" in entry
+    assert "of 3 such" in entry
+    assert "seed 3 alone −1.25 per step, against Player 1" in entry
+    assert "No agent was trained to lower it yet" in other
+    assert "among the entries; no guarantee" in pages["crossplay.html"].text
 
 
 @pytest.mark.parametrize(
