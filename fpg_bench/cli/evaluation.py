@@ -80,10 +80,6 @@ def evaluate(
     matches: Annotated[
         int | None, typer.Option(help="Number of matches per rival. Default: that of the suite.")
     ] = None,
-    season: Annotated[
-        int | None,
-        typer.Option(min=1, help="Play the evaluation seeds of this closed season, as the board does."),
-    ] = None,
     name: Annotated[str | None, typer.Option(help="Name of the agents in the table.")] = None,
     wide: WideOption = False,
     workers: WorkersOption = Workers(1),
@@ -101,7 +97,6 @@ def evaluate(
             suite,
             out,
             matches=matches,
-            season=season,
             name=name,
             progress=lambda entry, rival, rounds, *of: show(f"{entry.name} - {rival.name}", *of),
             workers=workers,

@@ -26,7 +26,6 @@ from fpg_bench.evaluation.entry import (
     is_nameless,
 )
 from fpg_bench.evaluation.rounds import Players
-from fpg_bench.evaluation.seeds import season_key
 from fpg_bench.evaluation.store import RECORDS, Progress, Store, pairings
 from fpg_bench.evaluation.suite import Suite, load_suite, read_suite
 from fpg_bench.evaluation.summary import Summary, TrainingCost, summarise
@@ -45,7 +44,6 @@ def evaluate(
     out: str | Path | None = None,
     *,
     matches: int | None = None,
-    season: int | None = None,
     name: str | None = None,
     progress: Progress = lambda entry, rival, rounds, done, total: None,
     workers: Workers | int = 1,
@@ -66,8 +64,6 @@ def evaluate(
         suite: a suite's name or YAML file.
         out: the results folder; ``records.jsonl`` grows by one record per rival. None: nothing is kept.
         matches: per rival and training seed; None: the suite's own.
-        season: number of a closed season whose evaluation seeds are played, as the board does; None: the
-            suite's own seeds.
         name: name of the agents in records and tables; None: their algorithm. Not a script's name.
         progress: called before each matchup and after each of its rounds, if there is one job, with the
             player, the rival, the rounds played of this matchup, those of all matchups, and their total.
@@ -83,7 +79,7 @@ def evaluate(
         UserError: an unknown player or suite, a player of the wrong side, a folder that holds other files or
             another suite's records, or a folder for players without a name to recognize them by.
     """
-    played = with_season(with_matches(load_suite(suite, allow=allow), matches), season)
+    played = with_matches(load_suite(suite, allow=allow), matches)
     if played.side not in ("ally", "opponent"):
         raise UserError(f"suite {suite}: measures planners; write fpg-bench plan compare --suite {suite}")
     entries = entries_of(players, played, name)
@@ -92,7 +88,7 @@ def evaluate(
         check_kept(entries)
     _warn_of_loop(entries, played)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        summaries = play_into(Path(folder), suite, played, entries, progress, workers, season)
+        summaries = play_into(Path(folder), suite, played, entries, progress, workers)
         return Results(summaries)
 
 
@@ -114,7 +110,6 @@ def play_into(
     entries: Sequence[EvaluatedPlayer],
     progress: Progress = lambda entry, rival, rounds, done, total: None,
     workers: Workers | int = 1,
-    season: int | None = None,
 ) -> list[Summary]:
     """Play entries against a suite into a results folder; raises as :func:`evaluate` does.
 
@@ -125,14 +120,13 @@ def play_into(
         entries: the entries to measure.
         progress: see :func:`evaluate`.
         workers: see :func:`evaluate`.
-        season: see :func:`evaluate`.
     """
     check_seeds(entries)
     if out.is_dir() and any(out.iterdir()) and not any((out / name).exists() for name in (RECORDS, ABOUT)):
         raise other_content(f"results {out}", "other files, but no results")
     store, wanted = Store(out / RECORDS), pairings(entries, suite)
     with store.locked():
-        _claim(out, name, suite, entries, season)
+        _claim(out, name, suite, entries)
         store.claim(wanted)
         store.fill(wanted, progress=progress, workers=workers)
     return _summaries(out, suite)
@@ -164,7 +158,7 @@ def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
     """
     folder = Path(folder)
     about = _about(folder)
-    suite = with_season(with_matches(read_suite(about.suite), about.matches), about.season)
+    suite = with_matches(read_suite(about.suite), about.matches)
     if suite.hash != about.suite_hash:
         raise UserError(f"results {folder}: played under another version of {about.suite}; evaluate again")
     return _summaries(folder, suite), suite
@@ -175,34 +169,24 @@ def with_matches(suite: Suite, matches: int | None) -> Suite:
     return suite if matches is None else dataclasses.replace(suite, matches=integer(matches, "matches"))
 
 
-def with_season(suite: Suite, number: int | None) -> Suite:
-    """Return the suite on the evaluation seeds of a season of its scenario; raises UserError for none."""
-    if number is None:
-        return suite
-    return dataclasses.replace(suite, season=season_key(number, suite.scenario.name or "standard").seed)
-
-
 class _ResultsFile(Strict):
     """Content of ``evaluation.json``: the suite, and how, at what cost and where the agents were made."""
 
     suite: str
     suite_hash: str
     matches: PositiveInt
-    season: int | None = None
     made: dict[str, str] = pydantic.Field(default_factory=dict)
     training: dict[str, dict[str, dict[str, int | float]]] = pydantic.Field(default_factory=dict)
     elsewhere: list[str] = pydantic.Field(default_factory=list)
 
 
-def _claim(
-    out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer], season: int | None
-) -> None:
+def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer]) -> None:
     """Write into a folder the suite of its records, and how its agents were made and at what cost.
 
     Raises:
         UserError: it holds records of another suite, or differently made agents of one of these names.
     """
-    about = _ResultsFile(suite=name, suite_hash=suite.hash, matches=suite.matches, season=season)
+    about = _ResultsFile(suite=name, suite_hash=suite.hash, matches=suite.matches)
     if (out / ABOUT).exists():
         known = _about(out)
         if (out / RECORDS).stat().st_size:
@@ -226,7 +210,7 @@ def _claim(
             about.training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training
         if entry.elsewhere and entry.name not in about.elsewhere:
             about.elsewhere.append(entry.name)
-    empty = {key for key in ("season", "training", "elsewhere") if not getattr(about, key)}
+    empty = {key for key in ("training", "elsewhere") if not getattr(about, key)}
     write_json(out / ABOUT, about.model_dump(exclude=empty))
 
 

@@ -91,8 +91,8 @@ class Record:
         lost: number of rounds lost by an answer that is not a valid action.
         rounds_sha256: of the tallies of all rounds.
         plans: statistics of planned paths; None if the entry plans none.
-        season: number of the season whose evaluation seeds were played; None of public seeds, and in records
-            of versions before 0.3.0.
+        season: name of the season whose evaluation seeds were played, such as ``season-2``: the suite
+            ``NAME@season-2`` plays them again. None of public seeds, and in records of earlier versions.
     """
 
     __pydantic_config__ = _CONFIG
@@ -110,7 +110,7 @@ class Record:
     lost: Count
     rounds_sha256: Word
     plans: Plans | None = None
-    season: Count | None = None
+    season: Word | None = None
 
     @property
     def key(self) -> MatchupKey:

@@ -130,31 +130,28 @@ def current_season() -> SeasonKey | None:
     return current_seasons().get("standard")
 
 
-def season_key(number: int, scenario: str = "standard") -> SeasonKey:
-    """Return a closed season of a scenario by its number.
+def season_key(number: int) -> SeasonKey:
+    """Return a closed season by its number.
 
     Raises:
         UserError: no such season; also as :func:`current_season`.
     """
-    name = f"season-{season_label(number, scenario)}"
-    if not (suites_folder() / name).is_dir():
-        raise UserError(f"season {number}: none of {scenario} with this number is closed")
-    return _key(name)
+    return _key(f"season-{number}")
 
 
-def season_number(seed: str) -> int | None:
-    """Return the number of the closed season with this seed; None of public seeds, and where there is none.
+def season_name(seed: str) -> str | None:
+    """Return the name of the closed season with this seed, ``season-2``; None where there is none.
 
     Raises:
         UserError: as :func:`current_season`.
     """
-    return None if seed == SEASON else _number(suites_folder(), seed)
+    return None if seed == SEASON else _name(suites_folder(), seed)
 
 
 @functools.lru_cache
-def _number(folder: Path, seed: str) -> int | None:
-    keys = (_key(file.parent.name) for file in sorted(folder.glob("season-*/season.yml")))
-    return next((key.number for key in keys if key.seed == seed), None)
+def _name(folder: Path, seed: str) -> str | None:
+    names = sorted(file.parent.name for file in folder.glob("season-*/season.yml"))
+    return next((name for name in names if _key(name).seed == seed), None)
 
 
 def season_seed(name: str) -> str:

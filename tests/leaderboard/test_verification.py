@@ -495,17 +495,16 @@ def test_records_of_two_suites_are_kept_apart(records, suites):
     assert disagreements(records, [*records, *edited], both) == []
 
 
-def test_the_boards_records_are_played_again_by_their_seasons_number(board, small_suites, in_process):
+def test_the_boards_records_are_played_again_by_their_seasons_name(board, small_suites, in_process):
     close_season(small_suites, 3)
     folder = enter(board, "ally", "wise", script="expert")
     assert run_one(folder).is_good
     case = load_case(board, folder)
     of_season = [record for record in case.result.records if record.season is not None]
-    assert {record.season for record in of_season} == {3}
+    assert {record.season for record in of_season} == {"season-3"}
     assert len(of_season) < len(case.result.records)  # the public seeds are of no season
-    (again,) = evaluate(["expert"], "ally-v2", season=3)
+    (again,) = evaluate(["expert"], "ally-v2@season-3")
     before = {record.rival: record for record in of_season if record.suite == "ally-v2"}
     for record in again.records:
-        assert dataclasses.replace(record, entry="wise").same_as(before[record.rival])
-    with pytest.raises(UserError, match="season 4: none of standard with this number is closed"):
-        evaluate(["expert"], "ally-v2", season=4)
+        assert dataclasses.replace(record, entry="wise", suite="ally-v2").same_as(before[record.rival])
+        assert record.season == "season-3"
