@@ -60,6 +60,7 @@ LINES = (
     "leaderboard init /dev/null",
     "leaderboard verify --folder nowhere",
     "leaderboard crossplay --folder nowhere",
+    "leaderboard exploit --folder nowhere",
     "leaderboard build --folder nowhere",
     "leaderboard serve nowhere",
     "leaderboard close-season 9 --work work --folder nowhere",

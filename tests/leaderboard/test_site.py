@@ -401,7 +401,8 @@ def test_commands_that_train_a_zoo_entry_name_an_agent_of_the_zoo():
 
 def test_every_measure_of_a_round_has_a_label():
     measured = measures(dict.fromkeys(TALLY.names, 0), np.zeros((2, 3)))
-    assert views.MEASURES.keys() == {"return", *measured} - {"recoveries_cut"}
+    of_records = {"return", "hop_entropy_bits"}
+    assert views.MEASURES.keys() == {*of_records, *measured} - {"recoveries_cut"}
 
 
 def test_a_folder_of_other_files_is_left_alone(tmp_path):
