@@ -1,4 +1,4 @@
-"""How predictable an ally's hops are: the entropy of a hop's destination, given the point it leaves."""
+"""Predictability of an ally's hops: the entropy of a hop's destination, given the point it leaves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How predictable hops are: the entropy of their destinations, in records and measures."""
+"""Predictability of hops: the entropy of their destinations, in records and measures."""
 
 import dataclasses
 

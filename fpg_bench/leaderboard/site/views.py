@@ -224,7 +224,7 @@ def _rival(board: Board, track: BoardTrack, rival: str, where: str) -> str:
 
 @dataclass(frozen=True)
 class ExploitedView:
-    """What an entry keeps against responses to it, in words; see :class:`Exploited`."""
+    """The least that an entry keeps against responses to it, in words; see :class:`Exploited`."""
 
     value: float
     at_most: str
