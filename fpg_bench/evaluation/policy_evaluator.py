@@ -10,6 +10,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.play import match_of
+from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
 from fpg_bench.evaluation.record import Pooled
 from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, play_round
 from fpg_bench.evaluation.seeds import tuning_seeds
@@ -108,10 +109,17 @@ class PolicyEvaluator:
             dataclasses.replace(batch, **{self.suite.side: _Part(shared, k)})  # type: ignore[arg-type]
             for k, batch in enumerate(batches)
         ]
+        counts = [HopCounts(batch.duel.batch) for batch in batches]
+
+        def count_hops() -> None:
+            for each in counts:
+                each.count()
+
         returns, tallies, clean = [], [], []
         points = np.zeros((2, self.suite.scenario.frequency_points), np.int64)
         for number in range(self.suite.rounds_per_match):
-            play_round(*batches, seeds=None if number else np.array(tuning_seeds(self.suite.matches)))
+            seeds = None if number else np.array(tuning_seeds(self.suite.matches))
+            play_round(*batches, seeds=seeds, on_step=count_hops)
             games = [batch.duel.batch for batch in batches]
             returns.append([each.tallies[self.suite.return_name].copy() for each in games])
             tallies += [each.tallies.copy() for each in games]
@@ -121,6 +129,10 @@ class PolicyEvaluator:
         rewards = np.array([self.suite.rewards(each.ravel()) for each in by_round])
         played = np.concatenate(tallies)
         tally = pool(played) | {name: sum(each[name] for each in clean) for name in clean[0]}
+        hops = np.array_split(played["hops"], len(played) // self.suite.matches)  # by round and rival
+        hops_of_rival = np.sum(hops, axis=1).reshape(-1, len(counts)).sum(axis=0)
+        entropies = [conditional_entropy(each.counts) for each in counts]
+        tally[HOP_BITS] = float(hops_of_rival @ entropies)
         return rewards, Pooled(tally, points, len(played), 0, None).measures
 
 

@@ -50,7 +50,7 @@ _logger = logging.getLogger(__name__)
 
 
 class _Settings(TypedDict):
-    """What distinguishes a search from another; of pairs, the side's part is first."""
+    """Settings that tell a search from another; of pairs, the side's part is first."""
 
     game: JsonObject
     response: JsonObject
