@@ -168,7 +168,7 @@ def draw_link_budget(scenario: Scenario, path: Path, link_m: float = 500.0) -> N
     f = np.linspace(scenario.band_low_mhz, scenario.band_high_mhz, 2001)
     for k, kind in enumerate(scenario.jamming_types):
         index = JAMMING_TYPES.index(kind)
-        first, end = link.teeth(index, middle, rules, radio)
+        first, end = link.teeth(index, middle, rules)
         centres = middle + np.arange(first, end) * rules["tooth_spacing"][index]
         half = scenario.footprint_half_widths_mhz[index]
         inside = (np.abs(f[:, None] - centres) <= max(half, f[1] - f[0])).any(axis=1)

@@ -288,12 +288,12 @@ def _ally_combinations(mode: str, scenario: Scenario) -> list[tuple[int, ...]]:
     ``discrete-uniform`` adds the hop to a drawn point, with and without spreading, behind them; and
     ``uniform-hop`` has staying and that hop, each with and without spreading.
 
-    All at full speed and, where flying costs, also at the least, or at the mean one if a rotary wing is paid
-    for, which needs least power there. Hops to each point while spreading as well make a list of 34, from
+    All at full speed and, where flying costs, also at the mean one, near which a rotary wing needs least
+    power. Hops to each point while spreading as well make a list of 34, from
     which PPO learned no more.
     """
     known, uniform = scenario.frequency_points + 1, scenario.frequency_points + 2
-    speeds = (0, 1) if scenario.flight_cost_per_w else (0, 2) if scenario.flight_cost else (0,)
+    speeds = (0, 1) if scenario.flight_cost_per_w else (0,)
     named = [*((hop, 0) for hop in range(known + 1)), (0, 1), (known, 1)]
     drawn = [(uniform, 0), (uniform, 1)]
     groups = {

@@ -39,7 +39,7 @@ def covers(
         return footprint_distance_mhz(frequency_mhz - jamming_mhz, spacing) <= half
     offset = frequency_mhz - jamming_mhz
     if spacing > 0.0:
-        first, end = teeth(jamming_type, jamming_mhz, rules, radio)
+        first, end = teeth(jamming_type, jamming_mhz, rules)
         offset -= spacing * min(max(math.floor(offset / spacing + 0.5), first), end - 1)
     return abs(offset) <= half + radio.reach[int(spreading)]
 

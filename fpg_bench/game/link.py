@@ -28,6 +28,7 @@ from fpg_bench.game.state import Record
 
 Notch = tuple[float, float, float]
 NO_NOTCH = (0.0, 0.0, 0.0)
+ROOM_MHZ = 1e-6  # for teeth on the band's edge, against rounding
 
 
 def ratio(level_db: float) -> float:
@@ -35,16 +36,15 @@ def ratio(level_db: float) -> float:
     return exp(level_db / DB)
 
 
-def snr_wall(uncertainty_db: float, wall: str) -> float:
+def snr_wall(uncertainty_db: float) -> float:
     """Return the lowest SNR (as a ratio) that an energy detector finds however long it listens.
 
     Its threshold lies above the highest noise, ``uncertainty_db`` above the nominal one. A signal has to lift
-    ``nominal`` noise over it: rho - 1 for a ratio of rho. In a ``robust`` test it has to lift the lowest
-    noise, ``uncertainty_db`` below the nominal one: (rho^2 - 1) / rho (Tandra and Sahai). Listening for 10 ms
-    of 5 MHz, and false alarms of 1 in 1000, add 0.1 dB.
+    the lowest noise, as far below the nominal one, over it: (rho^2 - 1) / rho for a ratio of rho (Tandra and
+    Sahai). Listening for 10 ms of 5 MHz, and false alarms of 1 in 1000, add 0.1 dB.
     """
     rho = ratio(uncertainty_db)
-    return rho - 1.0 if wall == "nominal" else (rho * rho - 1.0) / rho
+    return (rho * rho - 1.0) / rho
 
 
 @compiled
@@ -88,14 +88,13 @@ def passed_twice_mhz(offset_mhz: float, width: float, rolloff: float) -> float:
 
 
 @compiled
-def teeth(jamming_type: int, jamming_mhz: float, rules: Record, radio: Record) -> tuple[int, int]:
+def teeth(jamming_type: int, jamming_mhz: float, rules: Record) -> tuple[int, int]:
     """Return the first tooth of a comb in the band and the one after its last, counted from f_j."""
     spacing = rules.tooth_spacing[jamming_type]
     if spacing == 0.0:
         return 0, 1
-    room = radio.tooth_tolerance
-    first = math.ceil((rules.band_low - room - jamming_mhz) / spacing)
-    return first, max(math.floor((rules.band_high + room - jamming_mhz) / spacing), first) + 1
+    first = math.ceil((rules.band_low - ROOM_MHZ - jamming_mhz) / spacing)
+    return first, max(math.floor((rules.band_high + ROOM_MHZ - jamming_mhz) / spacing), first) + 1
 
 
 @compiled
@@ -112,7 +111,7 @@ def jamming_passed(
     """
     width, rolloff = radio.channel_width[int(spreading)], radio.rolloff
     tooth, spacing = radio.tooth_width[jamming_type], rules.tooth_spacing[jamming_type]
-    first, end = teeth(jamming_type, jamming_mhz, rules, radio)
+    first, end = teeth(jamming_type, jamming_mhz, rules)
     offset = jamming_mhz - frequency_mhz
     passed, most, densest = 0.0, -1.0, offset
     near, far = first, end

@@ -9,7 +9,6 @@ SNR_MODELS = ("sinr", "paper", "link")
 MOST_PATHS = 16  # that a round may draw from
 DETECTIONS = ("emission", "link", "off", "radiometer")
 HOPPING = ("gated", "always")
-WALLS = ("nominal", "robust")
 
 # The numbers that a side sees and chooses, in their order; docs/reference/rules.md has their scales.
 _PLACES = tuple(f"{of} {axis}" for of in ("own position", "relative position") for axis in "xyz")

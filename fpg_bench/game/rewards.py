@@ -40,7 +40,6 @@ def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) 
         game.ally_value, drop, airtime = snr - rules.threshold, clean - snr, 1.0
     else:
         airtime = game.airtime
-        costs += radio.flight_cost * speed_m_s * speed_m_s * speed_m_s
         if radio.flight_cost_per_w > 0.0:
             costs += radio.flight_cost_per_w * (rotary_wing_w(speed_m_s) - radio.least_power)
         rate = rate_mbit_s(game.snr_db, game.spreading, rules, radio)

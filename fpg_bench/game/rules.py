@@ -82,7 +82,7 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
     row["jamming_mw"] = [ratio(power) for power in radiated]
     row["own_jamming_mw"] = [ratio(power - s.jammer_isolation_db) for power in radiated]
     row["per_fading_distance"] = 1 / s.fading_distance_m if s.fading_distance_m else 0.0
-    row["jamming_fading_sd"], row["tooth_tolerance"] = s.jamming_fading_sd_db, s.tooth_tolerance_mhz
+    row["jamming_fading_sd"] = s.jamming_fading_sd_db
     row["channel_width"] = s.bandwidth_mhz, s.spread_bandwidth_mhz
     row["reach"] = row["channel_width"] / 2
     row["rate_bandwidth"] = s.bandwidth_mhz, s.spread_rate_mhz
@@ -98,15 +98,13 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
     row["notch_width"] = s.notch_width_mhz
     row["rate_efficiency"], row["rate_loss"] = s.rate_efficiency, s.rate_loss_db
     row["rate_top"], row["hop_airtime"] = s.rate_top_bit_s_hz, s.hop_airtime_s
-    fastest = s.ally_speed_m_s[1]
-    row["flight_cost"] = s.flight_cost / math.prod([fastest] * 3) if s.flight_cost and fastest else 0.0
     row["draws_buildings"] = s.building_boxes_m is None
     row["building_side"], row["building_height"] = s.building_side_m, s.building_height_m
     row["tallest"] = s.building_height_m[1]
     if s.building_boxes_m is not None:
         row["tallest"] = max(top for *_, top in s.building_boxes_m)
     row["clearance"] = s.mast_clearance_m
-    row["charge_moves"], row["acquisition"] = s.charge_moves, s.acquisition_s
+    row["acquisition"] = s.acquisition_s
     row["flight_cost_per_w"], row["least_power"] = s.flight_cost_per_w, rotary_wing_w(thriftiest_m_s())
     row["per_rate_reference"] = 1 / s.rate_reference_mbit_s
     top = s.bandwidth_mhz * s.rate_top_bit_s_hz
@@ -117,7 +115,7 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
         row["reward_scale"] * log1p(rate * row["per_rate_reference"]) for rate in row["top_rate"]
     ]
     row["ally_emission_mw"] = ratio(s.ally_emission_dbm)
-    row["radiometer_threshold"] = snr_wall(s.noise_uncertainty_db, s.radiometer_wall)
+    row["radiometer_threshold"] = snr_wall(s.noise_uncertainty_db)
     row["look_through"] = s.look_through_s
     row["per_beam"], row["side_lobe"] = 1 / math.radians(s.base_beam_deg), ratio(-s.base_side_lobe_db)
     return radio

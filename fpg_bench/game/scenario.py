@@ -31,7 +31,6 @@ from fpg_bench.game.names import (
     PATHS,
     PATROLS,
     SNR_MODELS,
-    WALLS,
 )
 
 RULES_VERSION = 1
@@ -152,7 +151,6 @@ def _checked_knowledge(name: str, value: object) -> str:
 _OTHER_CHECKS = {
     "spread_capacity": _checked_bool,
     "reselect_on_despread": _checked_bool,
-    "charge_moves": _checked_bool,
     "jamming_types": _checked_types,
     "opponent_path": _checked_paths,
     "ally_path_m": _checked_curve,
@@ -236,11 +234,11 @@ def _check_link(scenario: Scenario) -> None:
         raise ScenarioError(
             f"notch_width_mhz {s.notch_width_mhz}: not below spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
         )
-    for one, other in (("fading_distance_m", "fading_correlation"), ("flight_cost_per_w", "flight_cost")):
-        if getattr(s, one) and getattr(s, other):
-            raise ScenarioError(
-                f"{one} {getattr(s, one)}, {other} {getattr(s, other)}: one excludes the other; set it to 0"
-            )
+    if s.fading_distance_m and s.fading_correlation:
+        raise ScenarioError(
+            f"fading_distance_m {s.fading_distance_m}, fading_correlation {s.fading_correlation}: "
+            "one excludes the other; set it to 0"
+        )
     if s.flight_cost_per_w and s.ally_speed_m_s[1] > MOST_ROTARY_WING_M_S:
         raise ScenarioError(
             f"ally_speed_m_s {s.ally_speed_m_s}: at most {MOST_ROTARY_WING_M_S:g} m/s "
@@ -395,7 +393,6 @@ class Scenario:
     jamming_backoff_db: tuple[float, ...] = _numbers(
         (0.0, 0.0, 0.0, 0.0), 0, 100, "power below the amplifier's, for envelopes that vary", LINK
     )
-    tooth_tolerance_mhz: float = _number(0.0, 0, 1, "room for teeth beyond the band, against rounding", LINK)
     buildings: int = _number(0, 0, 1000, "buildings drawn per match, uniform in the box", LINK)
     building_side_m: tuple[float, ...] = _numbers((120.0, 200.0), 1, 1e4, "shortest and longest side", LINK)
     building_height_m: tuple[float, ...] = _numbers((40.0, 60.0), 1, 1e4, "lowest and highest building", LINK)
@@ -407,16 +404,12 @@ class Scenario:
     )
     channel: str | None = _other(None, "CSV file of the gain from base station to ally on a grid", LINK)
     hop_airtime_s: float = _number(0.0, 0, 1, "part of a step in which a hop leaves no link", LINK)
-    charge_moves: bool = _other(
-        False, "a change of point without the hop gate loses hop_airtime_s, too", LINK
-    )
     acquisition_s: float = _number(0.0, 0, 1, "part of a step that a change of the waveform takes", LINK)
-    flight_cost: float = _number(0.0, 0, 1e6, "cost per step of flying at the ally's highest speed", LINK)
     flight_cost_per_w: float = _number(
         0.0,
         0,
         1e6,
-        "cost per step of a watt above the least that a rotary wing needs; not with flight_cost",
+        "cost per step of a watt above the least that a rotary wing needs",
         LINK,
     )
     rate_reference_mbit_s: float = _number(
@@ -445,12 +438,6 @@ class Scenario:
     ally_emission_dbm: float = _number(-12.0, -200, 100, "what the opponent's receiver can hear of the ally")
 
     noise_uncertainty_db: float = _number(3.0, 0.01, 30, "noise that the radiometer cannot tell", RADIOMETER)
-    radiometer_wall: str = _choice(
-        "nominal",
-        WALLS,
-        "noise in which the radiometer finds a signal: nominal, or robust: the lowest there may be",
-        RADIOMETER,
-    )
     look_through_s: float = _number(
         0.0, 0, 1, "part of a step with a check in which the jammer is silent and listens", RADIOMETER
     )
@@ -508,6 +495,9 @@ class Scenario:
     script_threat_db: float = _number(30.0, -1000, 1000, "SNR below which expert and expert-spread hop")
     script_broadband_m: float = _number(35.0, 0, 1e5, "distance below which adaptive jams broadband")
     script_comb_m: float = _number(90.0, 0, 1e5, "distance below which adaptive jams with a comb")
+    script_sprint_m: float = _number(
+        1e6, 0, 1e6, "distance to the opponent below which scripted allies fly at full speed, else at the mean"
+    )
 
     def __post_init__(self) -> None:
         for spec in fields(self):

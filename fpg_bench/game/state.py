@@ -188,7 +188,6 @@ RADIO = np.dtype(
         ("jamming_mw", "f8", (TYPES,)),
         ("per_fading_distance", "f8"),  # 0: fading is correlated by the step
         ("jamming_fading_sd", "f8"),
-        ("tooth_tolerance", "f8"),
         ("noise_mw", "f8", (2,)),  # in a symbol, after despreading
         ("channel_width", "f8", (2,)),
         ("draws_buildings", "b1"),
@@ -203,9 +202,7 @@ RADIO = np.dtype(
         ("tooth_width", "f8", (TYPES,)),
         ("notch_width", "f8"),
         ("hop_airtime", "f8"),
-        ("charge_moves", "b1"),
         ("acquisition", "f8"),
-        ("flight_cost", "f8"),  # times the third power of the speed in m/s
         ("flight_cost_per_w", "f8"),
         ("least_power", "f8"),  # W
         ("per_rate_reference", "f8"),

@@ -115,7 +115,7 @@ def _choose_frequency(
         game.point = min(max(game.point, radio.spread_points[0]), radio.spread_points[1])
         game.frequency_mhz = point_mhz(game.point, rules)
     if radio is not None:
-        moved = game.hopped or (radio.charge_moves and game.point != point_before)
+        moved = game.hopped or game.point != point_before
         lost = radio.hop_airtime if moved else 0.0
         if spread != game.spreading:
             lost += radio.acquisition

@@ -22,6 +22,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import OWN_FREQUENCY, SENSED_COVERS, SENSED_TYPE, SNR, SPREADING_TIME
 from fpg_bench.game.state import ACTION_SIZE, TYPES, Record
 from fpg_bench.players.player import Memory
+from fpg_bench.players.scripted import ally_speed, scenario_scales
 from fpg_bench.players.seeded import SeededPolicy
 
 EPSILON_GREEDY, UCB, THOMPSON, Q_LEARNING = range(len(LEARNERS))
@@ -44,6 +45,7 @@ def play_bandit(
     means: np.ndarray,
     counts: np.ndarray,
     rules: np.ndarray,
+    scales: np.ndarray,
 ) -> None:
     """Fill the actions of a bandit, whose arms are the frequency points.
 
@@ -61,7 +63,8 @@ def play_bandit(
         arm = point
         if value < 0.0:
             arm = _arm(kind, means[i], counts[i], keys[i], steps[i])
-        _act(actions[i], arm != point, False, False, 2.0 * arm / (points - 1) - 1.0)
+        speed = ally_speed(seen, scales[0])
+        _act(actions[i], arm != point, False, speed, False, 2.0 * arm / (points - 1) - 1.0)
         steps[i] += 1
 
 
@@ -74,6 +77,7 @@ def play_q_learning(
     values: np.ndarray,
     last: np.ndarray,
     rules: np.ndarray,
+    scales: np.ndarray,
 ) -> None:
     """Fill the actions of tabular Q-learning, and update its values ``(n, states, choices)``.
 
@@ -98,7 +102,8 @@ def play_q_learning(
         if rng.uniform(keys[i], steps[i], rng.PLAYER_DRAW) < EPSILON:
             choice = rng.integer(keys[i], steps[i], rng.PLAYER_DRAW + 1, CHOICES)
         preference = 2.0 * rng.uniform(keys[i], steps[i], rng.PLAYER_DRAW + 2) - 1.0
-        _act(actions[i], choice >= HOP, choice == SPREAD, choice == HOP_BY_KNOWLEDGE, preference)
+        speed = ally_speed(seen, scales[0])
+        _act(actions[i], choice >= HOP, choice == SPREAD, speed, choice == HOP_BY_KNOWLEDGE, preference)
         last[i, LAST_STATE], last[i, LAST_CHOICE] = state, choice
         steps[i] += 1
 
@@ -155,12 +160,14 @@ def _costs(seen: np.ndarray, hopped: bool, rules: Record) -> float:
 
 
 @compiled
-def _act(action: np.ndarray, hop: bool, spread: bool, knowledge: bool, preference: float) -> None:
-    """Fill the nine floats, at full speed."""
+def _act(
+    action: np.ndarray, hop: bool, spread: bool, speed: float, knowledge: bool, preference: float
+) -> None:
+    """Fill the nine floats."""
     action[:] = 0.0
     action[HOP_GATE] = 1.0 if hop else -1.0
     action[SPREAD_GATE] = 1.0 if spread else -1.0
-    action[SPEED] = 1.0
+    action[SPEED] = speed
     action[PREFERENCE] = preference
     action[KNOWLEDGE_GATE] = 1.0 if knowledge else -1.0
 
@@ -183,7 +190,7 @@ class Learner(SeededPolicy):
         self.name = name
         self._kind = LEARNERS.index(name)
         self._points = scenario.frequency_points
-        self._rules = rules_record(scenario)
+        self._rules, self._scales = rules_record(scenario), scenario_scales(scenario)
 
     def _answer(
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
@@ -197,9 +204,9 @@ class Learner(SeededPolicy):
         steps, first, second = memory
         keys = self.keys(count)
         if self._kind == Q_LEARNING:
-            play_q_learning(seen, actions, steps, keys, first, second, self._rules)
+            play_q_learning(seen, actions, steps, keys, first, second, self._rules, self._scales)
         else:
-            play_bandit(self._kind, seen, actions, steps, keys, first, second, self._rules)
+            play_bandit(self._kind, seen, actions, steps, keys, first, second, self._rules, self._scales)
         return actions, memory
 
     def _empty(self, count: int) -> tuple[np.ndarray, ...]:

@@ -56,6 +56,7 @@ SCALES = np.dtype(
         ("threat_db", "f8"),
         ("broadband_m", "f8"),
         ("comb_m", "f8"),
+        ("sprint_m", "f8"),
         ("tuning_span_mhz", "f8"),
         ("point_spacing_mhz", "f8"),
     ],
@@ -67,7 +68,7 @@ def scenario_scales(scenario: Scenario) -> np.ndarray:
     """Return what scripts read of a scenario, as a one-element record array of dtype ``SCALES``."""
     s = scenario
     values = (s.snr_scale_db, s.snr_threshold_db, s.spreading_scale_s, s.frequency_points, s.box_m)
-    thresholds = (s.script_threat_db, s.script_broadband_m, s.script_comb_m)
+    thresholds = (s.script_threat_db, s.script_broadband_m, s.script_comb_m, s.script_sprint_m)
     return np.array([(*values, *thresholds, s.tuning_span_mhz, s.point_spacing_mhz)], SCALES)
 
 
@@ -106,7 +107,7 @@ def play_ally(
             preference = draw(keys, i, steps[i], 3)
         action[HOP_GATE] = 1.0 if hop else -1.0
         action[SPREAD_GATE] = 1.0 if spread else -1.0
-        action[SPEED] = 1.0
+        action[SPEED] = ally_speed(seen, scales)
         action[PREFERENCE] = preference
         action[KNOWLEDGE_GATE] = 1.0 if expert else -1.0
         for j in range(STRATEGY_SCORES, ACTION_SIZE):
@@ -190,6 +191,12 @@ def separation_m(seen: np.ndarray, scales: Record) -> float:
 
 
 @compiled
+def ally_speed(seen: np.ndarray, scales: Record) -> float:
+    """Return the speed of a scripted ally as its action has it: full near the opponent, else the mean."""
+    return 1.0 if separation_m(seen, scales) < scales.sprint_m else 0.0
+
+
+@compiled
 def _away_m(seen: np.ndarray, scales: Record, axis: int) -> float:
     """Return the relative position in m; the observation holds its signed root over the box."""
     root = seen[RELATIVE_POSITION + axis]
@@ -245,6 +252,12 @@ def player_seeds(round_keys: np.ndarray, side: str) -> np.ndarray:
 ORACLES = ("oracle",)
 
 
+def _away(state: np.ndarray, side: int, box_m: np.ndarray) -> np.ndarray:
+    """Return ``(n, 3)``, the relative position in m that a side observes, its numbers beginning at ``side``."""
+    root = state[:, side + RELATIVE_POSITION : side + RELATIVE_POSITION + 3]
+    return np.sign(root) * root**2 * box_m
+
+
 class OracleAlly(Batched):
     """Oracle ally: spreads only in seconds with a check, and leaves a known frequency."""
 
@@ -253,6 +266,7 @@ class OracleAlly(Batched):
     def __init__(self, scenario: Scenario) -> None:
         self._check_s = scenario.check_scale_s
         self._half_point = 1.0 / (scenario.frequency_points - 1)
+        self._box, self._sprint_m = np.asarray(scenario.box_m), scenario.script_sprint_m
 
     def _answer(
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
@@ -263,7 +277,7 @@ class OracleAlly(Batched):
         actions = np.zeros((len(seen), ACTION_SIZE), np.float32)
         actions[:, HOP_GATE] = np.where(np.abs(frequency - known) < self._half_point, 1, -1)
         actions[:, SPREAD_GATE] = np.where(due, 1, -1)
-        actions[:, SPEED] = 1
+        actions[:, SPEED] = np.linalg.norm(_away(seen, ALLY, self._box), axis=1) < self._sprint_m
         actions[:, PREFERENCE] = np.where(known > 0, -1, 1)  # the end of the band that is farther away
         actions[:, KNOWLEDGE_GATE] = -1
         return actions, None
@@ -288,9 +302,7 @@ class OracleOpponent(Batched):
         actions[:, TYPE_SCORES + TONE] = 1
         actions[:, TUNING] = seen[:, ALLY + OWN_FREQUENCY]
         actions[:, IN_BAND_GATE] = 1
-        start = OPPONENT + RELATIVE_POSITION
-        root = seen[:, start : start + 3]
-        away = np.sign(root) * root**2 * self._box
+        away = _away(seen, OPPONENT, self._box)
         actions[:, VELOCITY:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), PURSUIT_M)
         return actions, None
 

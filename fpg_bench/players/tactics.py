@@ -38,6 +38,7 @@ from fpg_bench.players.scripted import (
     fitting_type,
     fly_at_ally,
     jam,
+    ally_speed,
     scenario_scales,
     separation_m,
 )
@@ -162,7 +163,7 @@ def play_ally(
     scales_array: np.ndarray,
     constant: np.ndarray,
 ) -> None:
-    """Fill the actions of an ally, which flies at full speed.
+    """Fill the actions of an ally.
 
     Sulk and by-type hop by the knowledge base, the others to a random point. ``memory`` (n,) is of dtype
     ``ALLY_MEMORY``.
@@ -195,7 +196,7 @@ def play_ally(
         action[:] = 0.0
         action[HOP_GATE] = 1.0 if hop else -1.0
         action[SPREAD_GATE] = 1.0 if spread else -1.0
-        action[SPEED] = 1.0
+        action[SPEED] = ally_speed(seen, scales)
         action[KNOWLEDGE_GATE] = -1.0 if is_random else action[HOP_GATE]
         if is_random:
             action[PREFERENCE] = draw(keys, i, step, 3)

@@ -268,15 +268,13 @@ class ReferenceGame:
     def _teeth(self, kind: int, centre_mhz: float) -> list[tuple[float, float]]:
         """From where to where a jammer radiates, on equal power per MHz.
 
-        Teeth are numbered from the centre, by division: without a tolerance, rounding decides on a tooth on
-        the very edge.
+        Teeth are numbered from the centre; those on the band's edge count as in it.
         """
         s, half = self.s, self.s.footprint_half_widths_mhz[kind]
         centres = [centre_mhz]
         if JAMMING_TYPES[kind] == "comb":
             spacing = s.comb_spacing_points * (s.band_high_mhz - s.band_low_mhz) / (s.frequency_points - 1)
-            room = s.tooth_tolerance_mhz
-            edges = s.band_low_mhz - room, s.band_high_mhz + room
+            edges = s.band_low_mhz - 1e-6, s.band_high_mhz + 1e-6
             low, high = ((edge - centre_mhz) / spacing for edge in edges)
             numbers = range(math.ceil(low), math.floor(high) + 1)
             centres = [centre_mhz + k * spacing for k in numbers] or [centre_mhz]
@@ -380,8 +378,7 @@ class ReferenceGame:
             + self._gain_db(s.base_station_m, self.opponent_position),
         )
         highest = 10 ** (s.noise_uncertainty_db / 10)
-        lowest = 1 / highest if s.radiometer_wall == "robust" else 1.0
-        wall = 10 * math.log10(highest - lowest)
+        wall = 10 * math.log10(highest - 1 / highest)
         return max(levels) + fading_db - 10 * math.log10(noise_mw) >= wall
 
     # -- radio of the other models ----------------------------------------------------------------------
@@ -443,7 +440,7 @@ class ReferenceGame:
                 if s.spread_bandwidth_mhz / 2 <= spacing * min(k, s.frequency_points - 1 - k)
             ]
             self.point = min(fits or [(s.frequency_points - 1) // 2], key=lambda k: abs(k - self.point))
-        moved = self.hopped or (s.charge_moves and self.point != self.point_before)
+        moved = self.hopped or self.point != self.point_before
         toggled = spread != self.spreading
         self.off_air_s = (s.hop_airtime_s if moved else 0.0) + (s.acquisition_s if toggled else 0.0)
         self.spreading = spread
@@ -536,7 +533,6 @@ class ReferenceGame:
             worth = (1 - silent) * worth + silent * clean
             rate = (1 - silent) * rate + silent * self._rate(self.clean_snr_db)
         cost = eq4(self.spreading_s) if self.spreading and any(s.spread_cost_per_s) else 0.0
-        cost += s.flight_cost * (self.speed_m_s / s.ally_speed_m_s[1]) ** 3
         cost += s.flight_cost_per_w * (rotary_wing_w(self.speed_m_s) - 126.00272188008806)
         self.ally_reward = on_air * worth - cost - (s.hop_cost if self.hopped else 0.0)
         near = s.distance_reward if self.distance_m < s.distance_reward_m else 0.0
