@@ -43,13 +43,13 @@ class Link:
 
     rolloff: float = 0.22
     symbols_mhz: float = 5.0
-    chips_mhz: float = 75.0
-    spread_symbols_mhz: float = 2.5
-    notch_mhz: float = 6.0
-    floor_db: float = -np.inf  # what the receive filter lets through beside the -55 dB of its length
-    band_mhz: float = 100.0
+    chips_mhz: float = 50.0
+    spread_symbols_mhz: float = 2.0
+    notch_mhz: float = 4.0
+    floor_db: float = -40.0  # what the receive filter lets through in its stop band, and in a notch
+    band_mhz: float = 78.5
     half_widths_mhz: tuple[float, ...] = (0.05, 10.0, 25.0, 2.5)
-    teeth_mhz: float = 400.0 / 14.0
+    teeth_mhz: float = 4 * 78.5 / 14
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(1))
 
     @property
@@ -88,13 +88,13 @@ class Link:
         spectrum = np.sqrt(density * SAMPLES_MHZ * n / 2) * self._normal(n)
         spectrum += 10 ** (jamming_db / 20) * self._jamming(kind, jamming_mhz, f)
         spectrum = signal + np.roll(spectrum, -round(channel_mhz * n / SAMPLES_MHZ))
-        received_by = np.maximum(shape, 10 ** (self.floor_db / 20))
-        filters = [received_by]
+        floor = 10 ** (self.floor_db / 20)
+        filters = [np.maximum(shape, floor)]
         if is_spreading and self.notch_mhz:
             middle = self._notch(
                 self.jamming_teeth(kind, jamming_mhz) - channel_mhz, self.half_widths_mhz[kind]
             )
-            filters.append(received_by * (np.abs(f - middle) > self.notch_mhz / 2))
+            filters.append(np.maximum(shape * (np.abs(f - middle) > self.notch_mhz / 2), floor))
         received = []
         for each in filters:
             samples = np.fft.ifft(spectrum * each)[::per_pulse] * np.conj(code)

@@ -35,7 +35,7 @@ RULES, RADIO = rules_record(LINK)[0], radio_record(LINK)[0]
         (BROADBAND, 40.0, -3.0, True, 20.0, 15.0),
         (COMB, 10.0, 0.0, True, 20.0, 10.0),
         (TONE, 5.0, 0.0, True, 20.0, 30.0),  # notched
-        (TONE, 39.0, 0.0, True, 20.0, 30.0),  # notched on the skirt
+        (TONE, 26.0, 0.0, True, 20.0, 30.0),  # notched on the skirt
     ],
 )
 def test_the_sinr_is_that_of_a_waveform(kind, jamming, channel, spreading, snr, js):
@@ -47,14 +47,12 @@ def test_the_sinr_is_that_of_a_waveform(kind, jamming, channel, spreading, snr, 
 
 @pytest.mark.parametrize("point", range(LINK.frequency_points))
 def test_a_comb_has_the_teeth_that_lie_in_the_band(point):
-    """Also at a frequency point. Without a tolerance, rounding decides on teeth on the band's edge."""
+    """Those on the band's edge, too."""
     centre = LINK.band_low_mhz + point * LINK.point_spacing_mhz
     spacing, half = LINK.comb_spacing_points * LINK.point_spacing_mhz, LINK.footprint_half_widths_mhz[COMB]
-    tolerant = dataclasses.replace(LINK, tooth_tolerance_mhz=1e-6)
-    for scenario in (LINK, tolerant):
-        first, end = link.teeth(COMB, centre, RULES, radio_record(scenario)[0])
-        expected = [low for low, _ in ReferenceGame(scenario, 0)._teeth(COMB, centre)]
-        assert [centre + k * spacing - half for k in range(first, end)] == pytest.approx(expected)
+    first, end = link.teeth(COMB, centre, RULES)
+    expected = [low for low, _ in ReferenceGame(LINK, 0)._teeth(COMB, centre)]
+    assert [centre + k * spacing - half for k in range(first, end)] == pytest.approx(expected)
     assert end - first == len(range(point % 4, LINK.frequency_points, 4))
 
 
@@ -70,10 +68,9 @@ def test_a_radiometer_finds_what_lies_above_its_wall():
     """With a threshold at the highest noise, signals 0.15 dB above and below the wall (5e4 samples)."""
     rng = np.random.default_rng(0)
     threshold = 10 ** (LINK.noise_uncertainty_db / 10)
-    for kind, noise in (("nominal", 1.0), ("robust", 1 / threshold)):
-        wall = 10 * math.log10(link.snr_wall(LINK.noise_uncertainty_db, kind))
-        assert waveforms.energy_rate(rng, wall + 0.15, threshold, 50_000, 12, noise) > 0.8
-        assert waveforms.energy_rate(rng, wall - 0.15, threshold, 50_000, 12, noise) < 0.2
+    wall = 10 * math.log10(link.snr_wall(LINK.noise_uncertainty_db))
+    for above, low, high in ((0.15, 0.8, 1), (-0.15, 0, 0.2)):  # in the lowest noise that there may be
+        assert low <= waveforms.energy_rate(rng, wall + above, threshold, 50_000, 12, 1 / threshold) <= high
 
 
 @pytest.mark.parametrize("sinr", [-3.0, 3.0, 9.0, 15.0])
@@ -87,7 +84,7 @@ def test_the_rate_is_near_that_of_the_best_modulation(sinr):
 
 def test_the_rate_has_a_top_and_a_bottom():
     assert link.rate_mbit_s(30.0, False, RULES, RADIO) == pytest.approx(5 * 5.55)
-    assert link.rate_mbit_s(30.0, True, RULES, RADIO) == pytest.approx(2.5 * 5.55)
+    assert link.rate_mbit_s(30.0, True, RULES, RADIO) == pytest.approx(2 * 5.55)
     assert link.rate_mbit_s(-6.51, False, RULES, RADIO) == 0
     assert link.rate_mbit_s(-6.49, False, RULES, RADIO) > 1
 
@@ -111,7 +108,7 @@ def test_the_filter_passes_its_width():
 
 
 def test_fading_remembers_the_step_before():
-    batch = begin(LINK, games=3000)
+    batch = begin(dataclasses.replace(LINK, fading_distance_m=0, fading_correlation=0.76), games=3000)
     values = [batch.games["fading"].copy()]
     for _ in range(12):
         batch.step(ally().repeat(3000, 0), opponent().repeat(3000, 0))
@@ -124,7 +121,7 @@ def test_fading_remembers_the_step_before():
 
 
 def test_a_hop_takes_a_part_of_the_reward_and_of_the_rate():
-    here, away = (begin(dataclasses.replace(LINK, flight_cost=0), seed=3) for _ in range(2))
+    here, away = (begin(dataclasses.replace(LINK, flight_cost_per_w=0), seed=3) for _ in range(2))
     point = int(here.games["point"][0])
     jam = opponent(TONE, tuning=1.0 if point < 7 else -1.0, in_band=True)
     here.step(ally(), jam)
@@ -133,22 +130,12 @@ def test_a_hop_takes_a_part_of_the_reward_and_of_the_rate():
         assert away.games[name][0] == pytest.approx(0.7 * here.games[name][0])
 
 
-@pytest.mark.parametrize(("speed", "cost"), [(1.0, 2.0), (0.0, 2 * 0.75**3), (-1.0, 2 * 0.5**3)])
-def test_flying_costs_the_third_power_of_the_speed(speed, cost):
-    free, dear = (begin(dataclasses.replace(LINK, flight_cost=c), seed=3) for c in (0, 2))
-    for batch in (free, dear):
-        batch.step(ally(speed=speed), opponent())
-    assert free.games["ally_reward"] - dear.games["ally_reward"] == pytest.approx(cost)
-    assert free.games["opponent_reward"] == dear.games["opponent_reward"]
-
-
 @pytest.mark.parametrize(
     ("speed", "watts"),  # of Fig. 2 of Zeng, Xu and Zhang, by its formula
     [(-1.0, 168.4842), (-0.6, 143.6083), (-0.2, 126.0291), (1.0, 248.9523)],
 )
 def test_flying_costs_the_power_of_a_rotary_wing_above_its_least(speed, watts):
-    base = dataclasses.replace(LINK, flight_cost=0, ally_speed_m_s=(0, 25))
-    free, dear = (begin(dataclasses.replace(base, flight_cost_per_w=c), seed=3) for c in (0, 0.1))
+    free, dear = (begin(dataclasses.replace(LINK, flight_cost_per_w=c), seed=3) for c in (0, 0.1))
     for batch in (free, dear):
         batch.step(ally(speed=speed), opponent())
     cost = free.games["ally_reward"] - dear.games["ally_reward"]
@@ -157,18 +144,16 @@ def test_flying_costs_the_power_of_a_rotary_wing_above_its_least(speed, watts):
 
 
 def test_a_move_and_a_change_of_the_waveform_take_airtime():
-    """Spreading moves the ally from point 0 to 6; what the reward loses, the rate loses too."""
-    base = dataclasses.replace(LINK, flight_cost=0, fading_sd_db=0)
-    free, charged = (
-        begin(dataclasses.replace(base, **changes), seed=3)
-        for changes in ({}, {"charge_moves": True, "acquisition_s": 0.2})
-    )
+    """Spreading moves the ally from point 0 to 5; what the reward loses, the rate loses too."""
+    base = dataclasses.replace(LINK, flight_cost_per_w=0, fading_sd_db=0, acquisition_s=0.2)
+    free = begin(dataclasses.replace(base, hop_airtime_s=0, acquisition_s=0), seed=3)
+    charged = begin(dataclasses.replace(base, hop_airtime_s=0.3), seed=3)
     for action, share in (
-        (ally(hop=True, preference=-1), 1.0),
+        (ally(hop=True, preference=-1), 0.7),
         (ally(spread=True), 0.5),  # moves, and changes the waveform
         (ally(spread=True), 1.0),
         (ally(), 0.8),
-        (ally(hop=True, spread=True, preference=0), 0.5 / 0.7),
+        (ally(hop=True, spread=True, preference=0), 0.5),
     ):
         for batch in (free, charged):
             batch.step(action, opponent())
@@ -177,7 +162,7 @@ def test_a_move_and_a_change_of_the_waveform_take_airtime():
 
 
 def test_a_jammer_that_looks_through_is_silent_for_a_part_of_a_check():
-    base = dataclasses.replace(LINK, flight_cost=0, first_check_s=(2, 2), check_interval_s=(3, 3))
+    base = dataclasses.replace(LINK, flight_cost_per_w=0, first_check_s=(2, 2), check_interval_s=(3, 3))
     jammed, gap = (begin(dataclasses.replace(base, look_through_s=s), seed=3) for s in (0, 0.25))
     for step in range(4):
         for batch in (jammed, gap):
@@ -185,13 +170,13 @@ def test_a_jammer_that_looks_through_is_silent_for_a_part_of_a_check():
             batch.step(ally(), opponent(NARROWBAND))
         shares = gap.games["opponent_reward"] / jammed.games["opponent_reward"]
         assert shares == pytest.approx(0.75 if step == 1 else 1.0)
-    assert not hears(TONE, jammer_isolation_db=60)
+    assert not hears(TONE, jammer_isolation_db=60, look_through_s=0)
     assert hears(TONE, jammer_isolation_db=60, look_through_s=0.1)
 
 
 def test_fading_decorrelates_over_the_distance_flown():
     scenario = dataclasses.replace(
-        LINK, fading_correlation=0, fading_distance_m=20, jamming_fading_sd_db=1, opponent_speed_m_s=12
+        LINK, fading_distance_m=20, jamming_fading_sd_db=1, opponent_speed_m_s=12, ally_speed_m_s=(5, 10)
     )
     batch = begin(scenario, games=3000)
     place_far = batch.games["opponent_position"]
@@ -219,7 +204,7 @@ def test_back_off_lowers_the_power_of_a_type():
         assert noise[1] - noise[0] == pytest.approx(loss, abs=0.01)
 
 
-@pytest.mark.parametrize(("width_mhz", "first", "last"), [(75, 6, 8), (71, 5, 9), (10, 1, 13), (99, 7, 7)])
+@pytest.mark.parametrize(("width_mhz", "first", "last"), [(60, 6, 8), (56, 5, 9), (10, 1, 13), (78, 7, 7)])
 def test_a_signal_moves_to_where_it_fits_into_the_band_when_it_spreads_and_stays_there(
     width_mhz, first, last
 ):
@@ -229,7 +214,7 @@ def test_a_signal_moves_to_where_it_fits_into_the_band_when_it_spreads_and_stays
         assert batch.games["point"][0] == point
         batch.step(ally(), opponent())
         assert batch.games["point"][0] == point
-        assert batch.games["frequency_mhz"][0] == pytest.approx(2400 + point * 100 / 14)
+        assert batch.games["frequency_mhz"][0] == pytest.approx(2402.5 + point * 78.5 / 14)
 
 
 def hears(kind, **changes) -> bool:
@@ -248,9 +233,9 @@ def hears(kind, **changes) -> bool:
 
 
 def test_a_jammer_hears_worse_through_its_own_jamming():
-    assert hears(TONE, jammer_isolation_db=130)
-    assert not hears(TONE, jammer_isolation_db=95)
-    assert hears(BROADBAND, jammer_isolation_db=105)
+    assert hears(TONE, jammer_isolation_db=130, look_through_s=0)
+    assert not hears(TONE, jammer_isolation_db=95, look_through_s=0)
+    assert hears(BROADBAND, jammer_isolation_db=110, look_through_s=0)
 
 
 def test_the_base_station_is_heard_in_its_beam():

@@ -17,7 +17,7 @@ CIRCLE = dataclasses.replace(STANDARD, opponent_path="circle")
 LEARNED = dataclasses.replace(STANDARD, opponent_path="learned")
 PLANNED = dataclasses.replace(STANDARD, opponent_path="waypoints")
 LINK, CITY = preset("link"), preset("link-city")
-NEW_LINK = dataclasses.replace(LINK, fading_correlation=0, flight_cost=0)  # two fields that others replace
+ISOLATED = dataclasses.replace(LINK, look_through_s=0)  # its receiver hears its own jamming
 
 # field: another value, and where it matters if that is not the standard scenario
 OTHERWISE = {
@@ -76,16 +76,15 @@ OTHERWISE = {
     "snr_drop_weight": (1.1,),
     "fading_correlation": (0.5,),
     "filter_rolloff": (0.3, LINK),
-    "filter_stopband_db": (-40, LINK),
+    "filter_stopband_db": (-35, LINK),
     "spread_rate_mhz": (3, LINK),
     "notch_width_mhz": (5, LINK),
     "rate_efficiency": (0.8, LINK),
     "rate_loss_db": (1, LINK),
     "rate_top_bit_s_hz": (5, LINK),
-    "fading_distance_m": (37, NEW_LINK),
+    "fading_distance_m": (50, LINK),
     "jamming_fading_sd_db": (2, LINK),
     "jamming_backoff_db": ((0, 0, 3, 3), LINK),
-    "tooth_tolerance_mhz": (1, LINK),
     "buildings": (10, CITY),
     "building_side_m": ((50, 60), CITY),
     "building_height_m": ((20, 30), CITY),
@@ -93,21 +92,18 @@ OTHERWISE = {
     "building_boxes_m": (((0, 0, 700, 700, 60),), dataclasses.replace(CITY, buildings=0)),
     "channel": (str(Path(__file__).parents[2] / "examples" / "free-space.csv"), LINK),
     "hop_airtime_s": (0.4, LINK),
-    "charge_moves": (True, LINK),
-    "acquisition_s": (0.2, LINK),
-    "flight_cost_per_w": (0.01, NEW_LINK),
-    "radiometer_wall": ("robust", LINK),
+    "acquisition_s": (0.3, LINK),
+    "flight_cost_per_w": (0.01, LINK),
     "look_through_s": (0.2, LINK),
-    "flight_cost": (2, LINK),
     "rate_reference_mbit_s": (0.5, LINK),
     "reward_scale": (11, LINK),
     "noise_uncertainty_db": (12, LINK),
-    "jammer_isolation_db": (70, LINK),
+    "jammer_isolation_db": (100, ISOLATED),
     "base_beam_deg": (30, LINK),
     "base_side_lobe_db": (3, LINK),
 }
 # Read by scripted players alone: tests/players/test_scripted.py.
-OF_SCRIPTS = {"script_threat_db": (20,), "script_broadband_m": (30,), "script_comb_m": (80,)}
+OF_SCRIPTS = {"script_threat_db": (20,), "script_broadband_m": (30,), "script_comb_m": (80,), "script_sprint_m": (100,)}
 GAMES, STEPS = 8, 60
 
 

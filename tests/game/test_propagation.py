@@ -18,8 +18,9 @@ from .playing import BROADBAND, ally, begin, opponent, place
 
 CITY = preset("link-city")
 ONE = dataclasses.replace(
-    CITY, buildings=0, building_boxes_m=((300, 300, 500, 600, 50),), opponent_path="learned", fading_sd_db=0
-)
+    CITY, buildings=0, building_boxes_m=((300, 300, 500, 600, 50),), opponent_path="learned", fading_sd_db=0,
+    opponent_speed_m_s=6,
+)  # fmt: skip
 
 
 def test_buildings_belong_to_the_match_and_keep_off_the_mast():
