@@ -116,7 +116,7 @@ def test_a_forbidden_choice_is_nearest_to_nothing():
 def test_the_ally_has_two_speeds_where_flying_costs():
     names = Choices("ally", "discrete", preset("link")).lists[0].names
     assert len(names) == 38
-    assert [name.split(", ")[-1] for name in names] == ["full speed"] * 19 + ["least speed"] * 19
+    assert [name.split(", ")[-1] for name in names] == ["full speed"] * 19 + ["mean speed"] * 19
 
 
 def test_what_the_scenario_forbids_is_masked_and_refused_by_name():

@@ -25,6 +25,12 @@ TYPES = ("tone", "narrowband", "broadband", "comb")
 LINK = preset("link")
 
 
+def band_of(scenario):
+    """The width of the band in MHz, and the number of its bins."""
+    band = scenario.band_high_mhz - scenario.band_low_mhz
+    return band, round(band / scenario.bandwidth_mhz)
+
+
 def seen(scenario, kind=None, jamming_mhz=0.0, own_mhz=None, spreading=0.0, snr=0.0, covers=-1.0):
     """The ally's 15 numbers; frequencies are given from the band's lower end."""
     half = (scenario.band_high_mhz - scenario.band_low_mhz) / 2
@@ -42,25 +48,27 @@ def row(scenario, kind=None, *args, **options):
 
 def covered_shares(scenario, kind, jamming_mhz):
     """The share of each bin that a footprint covers, by sampling; nothing outside the band counts."""
-    places = (np.arange(20_000) + 0.5) / 200
+    band, bins = band_of(scenario)
+    places = (np.arange(5000 * bins) + 0.5) * band / (5000 * bins)
     half = scenario.footprint_half_widths_mhz[TYPES.index(kind)]
     teeth = jamming_mhz + np.array([0])
     if kind == "comb":
         teeth = jamming_mhz + np.arange(-5, 6) * scenario.comb_spacing_points * scenario.point_spacing_mhz
         if scenario.snr_model == "link":
-            teeth = teeth[(teeth >= 0) & (teeth <= 100)]
+            teeth = teeth[(teeth >= -1e-6) & (teeth <= band + 1e-6)]
     is_covered = (np.abs(places[:, None] - teeth) <= half).any(1)
-    return is_covered.reshape(20, 1000).mean(1)
+    return is_covered.reshape(bins, 5000).mean(1)
 
 
 @pytest.mark.parametrize("scenario", [STANDARD, LINK], ids=["standard", "link"])
 @pytest.mark.parametrize("kind", TYPES)
 def test_the_jamming_lies_where_the_footprint_is(scenario, kind):
     width = 2 * scenario.footprint_half_widths_mhz[TYPES.index(kind)]
-    teeth = 3.5 if kind == "comb" else 1  # 100 MHz over 28.6 MHz
-    level = 1 + np.log10(min(width, 5) / (width * teeth)) / 3  # 0 at -30 dB
-    for jamming_mhz in (0.0, 3.3, 27.7, 50.0, 71.4, 99.0, 100.0):
-        shares = covered_shares(scenario, kind, jamming_mhz) / min(width / 5, 1)
+    teeth = 3.5 if kind == "comb" else 1  # 14 points over 4
+    band, bins = band_of(scenario)
+    level = 1 + np.log10(min(width, band / bins) / (width * teeth)) / 3  # 0 at -30 dB
+    for jamming_mhz in (0.0, 3.3, 27.7, 50.0, 71.4, band - 1, band):
+        shares = covered_shares(scenario, kind, jamming_mhz) / min(width * bins / band, 1)
         shown = row(scenario, kind, jamming_mhz)
         assert shown[:-1] == pytest.approx(level * shares[:-1], abs=0.03)
         assert shown[-1] == -0.75  # the ally's own
@@ -82,8 +90,10 @@ def test_the_own_channel_is_negative_deeper_with_snr_and_shallower_where_it_is_c
 def test_a_spread_signal_shows_where_it_is():
     everywhere = row(STANDARD, own_mhz=50.0, spreading=0.1)
     assert everywhere == pytest.approx([*[-0.25] * 10, -0.75, *[-0.25] * 9], abs=1e-6)
-    partly = row(LINK, own_mhz=42.0, spreading=0.1)  # 75 MHz from 4.5 to 79.5
-    assert partly == pytest.approx([-0.025, *[-0.25] * 7, -0.75, *[-0.25] * 6, -0.225, *[0] * 4], abs=1e-6)
+    partly = row(LINK, own_mhz=42.0, spreading=0.1)  # 50 MHz from 17 to 67, bins of 78.5 / 16 MHz
+    first, last = 0.25 * (4 - 17 * 16 / 78.5), 0.25 * (67 * 16 / 78.5 - 13)
+    expected = [0, 0, 0, -first, *[-0.25] * 4, -0.75, *[-0.25] * 4, -last, 0, 0]
+    assert partly == pytest.approx(expected, abs=1e-6)
 
 
 def test_the_bins_follow_the_scenario():
@@ -104,7 +114,7 @@ def test_a_window_holds_the_rows_of_the_last_steps(scenario):
     rng, begun = np.random.default_rng(0), [waterfall_rows(numbers.reset(), table)]
     rows, window = begun, waterfall.reset()
     for _ in range(30):
-        padded = [np.zeros((3, 20), np.float32)] * 5 + rows
+        padded = [np.zeros((3, band_of(scenario)[1]), np.float32)] * 5 + rows
         assert np.array_equal(window, np.stack(padded[-5:], axis=1))
         assert window in waterfall.observation_space or all(w in waterfall.observation_space for w in window)
         actions = rng.integers(0, 19, 3)
@@ -120,7 +130,7 @@ def test_a_window_holds_the_rows_of_the_last_steps(scenario):
         rows = [*rows, waterfall_rows(seen_now, table)]
 
 
-@pytest.mark.parametrize("bandwidth_mhz", [5.0, 12.0, 100.0])
+@pytest.mark.parametrize("bandwidth_mhz", [5.0, 12.0, 78.5])
 @pytest.mark.parametrize("name", ["standard", "paper", "link"])
 def test_the_compiled_rows_have_the_bits_of_array_operations(name, bandwidth_mhz):
     """Any numbers, those of channels' centres, and types that are mixed, as no sensor reports them."""

@@ -19,10 +19,10 @@ LINK = preset("link")
 
 
 def test_a_budget_is_what_an_engineer_works_out_by_hand():
-    """36 dBm, 500 m at 2450 MHz, a jammer of 33 dBm in 20 MHz at 100 m."""
+    """36 dBm, 500 m at 2441.75 MHz, a jammer of 33 dBm in 20 MHz at 100 m."""
     rows = {(row.jamming, row.waveform, row.distance_m): row for row in link_budget(LINK)}
     clean, jammed = rows["-", "unspread", 500.0], rows["narrowband", "unspread", 100.0]
-    loss = 32.44 + 20 * math.log10(0.5) + 20 * math.log10(2450)
+    loss = 32.44 + 20 * math.log10(0.5) + 20 * math.log10(2441.75)
     assert clean.path_loss_db == pytest.approx(loss)
     assert clean.received_dbm == pytest.approx(36 - loss)
     assert clean.snr_db == pytest.approx(36 - loss + 148 - 67, abs=0.02)
@@ -31,14 +31,15 @@ def test_a_budget_is_what_an_engineer_works_out_by_hand():
     assert jammed.passes_db == pytest.approx(10 * math.log10(5 / 20), abs=0.01)
     noise = 10 ** (-clean.snr_db / 10) + 10 ** ((jammed.js_db + jammed.passes_db) / 10)
     assert jammed.snr_db == pytest.approx(-10 * math.log10(noise))
-    assert rows["tone", "spread", 100.0].gain_db == pytest.approx(10 * math.log10(30))
+    assert rows["tone", "spread", 100.0].gain_db == pytest.approx(10 * math.log10(25))
     assert len(rows) == 5 * 3 * 2
 
 
 def test_a_budget_is_that_of_a_step_of_the_game():
     curve = ((750, 250, 25), *[(750, 1200, 25)] * 3)
     scenario = dataclasses.replace(
-        LINK, ally_speed_m_s=(0, 0), ally_path_m=curve, fading_sd_db=0, opponent_path="learned"
+        LINK, ally_speed_m_s=(0, 0), ally_path_m=curve, fading_sd_db=0, jamming_fading_sd_db=0,
+        opponent_path="learned",
     )
     (row,) = (r for r in link_budget(scenario, 500.0, [100.0]) if r[:2] == ("narrowband", "spread"))
     batch = begin(scenario)
