@@ -25,7 +25,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import SCRIPTS
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.play import play
@@ -121,7 +121,7 @@ def measure(
     rivals = [Rival(label, (name,), scenario) for label, name in opponents.items()]
     suites = [Suite("payoffs", "ally", scenario, matches, (rival,)) for rival in rivals]
     players = {
-        label: name if name in SCRIPTED["ally"] else as_player(name, "ally", scenario)
+        label: name if name in SCRIPTS["ally"] else as_player(name, "ally", scenario)
         for label, name in allies.items()
     }
     entries = [player_entry(player, label) for label, player in players.items()]
@@ -243,7 +243,7 @@ def main() -> int:
     first = {side: [name for name in own[side] if name.endswith("seed_0")] for side in SIDES}
     best = {side: best_agents(side, groups[side]) for side in SIDES}
     names = " and ".join(f"`{agents[0].rpartition('/')[0]}`" for agents in best.values())
-    shipped = [{name: name for name in (*SCRIPTED[side], *first[side])} for side in SIDES]
+    shipped = [{name: name for name in (*SCRIPTS[side], *first[side])} for side in SIDES]
     added = [dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
     games = {"Shipped players": shipped}
