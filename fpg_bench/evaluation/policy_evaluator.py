@@ -9,8 +9,8 @@ from typing import TypedDict
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
+from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.record import Pooled
 from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, play_round
 from fpg_bench.evaluation.seeds import tuning_seeds

@@ -34,11 +34,11 @@ from fpg_bench.players.scripted import (
     NARROWBAND,
     TONE,
     WATCHFUL,
+    ally_speed,
     draw,
     fitting_type,
     fly_at_ally,
     jam,
-    ally_speed,
     scenario_scales,
     separation_m,
 )
