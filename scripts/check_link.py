@@ -156,7 +156,7 @@ def bit_errors(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
 
 
 def radiometer(scenario: Scenario, trials: int) -> Iterator[Row]:
-    """Yield the SNR at which a radiometer with uncertain noise finds half of the signals in the lowest noise."""
+    """Yield the SNR at which a radiometer finds half of the signals, in the lowest of its uncertain noise."""
     rng = np.random.default_rng(3)
     samples = 50_000
     for uncertainty in (1.0, 2.0, scenario.noise_uncertainty_db):

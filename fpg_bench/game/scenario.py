@@ -496,7 +496,7 @@ class Scenario:
     script_broadband_m: float = _number(35.0, 0, 1e5, "distance below which adaptive jams broadband")
     script_comb_m: float = _number(90.0, 0, 1e5, "distance below which adaptive jams with a comb")
     script_sprint_m: float = _number(
-        1e6, 0, 1e6, "distance to the opponent below which scripted allies fly at full speed, else at the mean"
+        1e6, 0, 1e6, "distance to the opponent below which scripted allies fly fast, else at the mean speed"
     )
 
     def __post_init__(self) -> None:

@@ -253,7 +253,7 @@ ORACLES = ("oracle",)
 
 
 def _away(state: np.ndarray, side: int, box_m: np.ndarray) -> np.ndarray:
-    """Return ``(n, 3)``, the relative position in m that a side observes, its numbers beginning at ``side``."""
+    """Return ``(n, 3)``, the relative position in m that a side observes; its numbers begin at ``side``."""
     root = state[:, side + RELATIVE_POSITION : side + RELATIVE_POSITION + 3]
     return np.sign(root) * root**2 * box_m
 

@@ -38,7 +38,11 @@ def test_a_budget_is_what_an_engineer_works_out_by_hand():
 def test_a_budget_is_that_of_a_step_of_the_game():
     curve = ((750, 250, 25), *[(750, 1200, 25)] * 3)
     scenario = dataclasses.replace(
-        LINK, ally_speed_m_s=(0, 0), ally_path_m=curve, fading_sd_db=0, jamming_fading_sd_db=0,
+        LINK,
+        ally_speed_m_s=(0, 0),
+        ally_path_m=curve,
+        fading_sd_db=0,
+        jamming_fading_sd_db=0,
         opponent_path="learned",
     )
     (row,) = (r for r in link_budget(scenario, 500.0, [100.0]) if r[:2] == ("narrowband", "spread"))

@@ -103,7 +103,12 @@ OTHERWISE = {
     "base_side_lobe_db": (3, LINK),
 }
 # Read by scripted players alone: tests/players/test_scripted.py.
-OF_SCRIPTS = {"script_threat_db": (20,), "script_broadband_m": (30,), "script_comb_m": (80,), "script_sprint_m": (100,)}
+OF_SCRIPTS = {
+    "script_threat_db": (20,),
+    "script_broadband_m": (30,),
+    "script_comb_m": (80,),
+    "script_sprint_m": (100,),
+}
 GAMES, STEPS = 8, 60
 
 
