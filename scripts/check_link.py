@@ -61,7 +61,7 @@ def closed_sinr(scenario: Scenario, case: Transmission) -> float:
         kind, middle + case.jamming_mhz, middle + case.channel_mhz, spreads, rules, radio
     )
     is_notched = spreads and scenario.notch_width_mhz > 0
-    notch = link.notched(kind, density, centre, radio) if is_notched else link.NO_NOTCH
+    notch = link.notched(radio["tooth_width"][kind], density, centre, radio) if is_notched else link.NO_NOTCH
     value = link.sinr(signal, signal * 10 ** (case.jamming_db / 10), share, notch, spreads, radio)
     return 10 * math.log10(value)
 

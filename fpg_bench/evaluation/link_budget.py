@@ -101,7 +101,7 @@ def _rows(scenario: Scenario, link_m: float, distances_m: Sequence[float]) -> It
                     share, density, centre = link.jamming_passed(kind, f, f, spreads, rules, radio)
                     notch = link.NO_NOTCH
                     if spreads and radio["notch_width"] > 0:
-                        notch = link.notched(kind, density, centre, radio)
+                        notch = link.notched(radio["tooth_width"][kind], density, centre, radio)
                     level, js = _db(jamming), _db(jamming / signal)
                     passes = _db(share + radio["stopband"])
                     snr = _db(link.sinr(signal, jamming, share, notch, spreads, radio))

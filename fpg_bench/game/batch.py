@@ -135,24 +135,12 @@ class GameBatch:
         self.check_reset(mask, horizons)
         if not self._begun and not (mask.all() and seeds is not None):
             raise UserError("the first reset of a game batch begins every game and needs seeds")
-        games = self.games
-        if seeds is not None:
-            games["seed"][mask] = check_seeds(seeds, self.count)[mask]
-            games["match"][mask] = 0
-            games["round"][mask] = 0
-        else:
-            games["round"][mask] += 1
-            over = mask & (new_match | (games["round"] >= self.scenario.rounds_per_match))
-            games["match"][over] += 1
-            games["round"][over] = 0
-        games["horizon"][mask] = (
-            self.scenario.steps_per_round if horizons is None else np.asarray(horizons)[mask]
-        )
+        number_rounds(self.games, mask, seeds, horizons, new_match, self.scenario)
         self.tallies[mask] = np.zeros((), TALLY)
         self.histograms[mask] = 0
         self._begun = True
         kernel.begin(
-            games,
+            self.games,
             mask,
             self.ally_observations,
             self.opponent_observations,
@@ -166,12 +154,7 @@ class GameBatch:
 
     def check_reset(self, mask: np.ndarray, horizons: np.ndarray | None) -> None:
         """Raise UserError for a mask of the wrong shape, or a horizon outside the round."""
-        if mask.shape != (self.count,):
-            hint = "; seeds are named: reset(seeds=0)" if mask.ndim == 0 else ""
-            raise UserError(f"reset: expected a mask of shape ({self.count},), got {mask.shape}{hint}")
-        longest = self.scenario.steps_per_round
-        if horizons is not None and not (np.min(horizons) >= 1 and np.max(horizons) <= longest):
-            raise UserError(f"reset: expected horizons of 1 to {longest} steps, got {horizons!r}")
+        check_reset(self.count, self.scenario, mask, horizons)
 
     def step(self, ally_actions: np.ndarray, opponent_actions: np.ndarray) -> None:
         """Play one step of every game whose round is not over; other games do not change.
@@ -185,8 +168,8 @@ class GameBatch:
         """
         if not self._begun:
             raise UserError("a game batch is reset before its first step")
-        self._load(self._ally_actions, ally_actions, "ally")
-        self._load(self._opponent_actions, opponent_actions, "opponent")
+        load_actions(self._ally_actions, ally_actions, "ally")
+        load_actions(self._opponent_actions, opponent_actions, "opponent")
         if self.threads < 2 or self.count < 2 * _GAMES_WORTH_A_THREAD:
             kernel.play(0, self.count, *self._arguments)
         else:
@@ -217,17 +200,6 @@ class GameBatch:
         kernel.play(cuts[-2], cuts[-1], *self._arguments)
         for part in parts:
             part.result()
-
-    def _load(self, target: np.ndarray, actions: np.ndarray, side: str) -> None:
-        if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != target.shape:
-            expected = f"expected a float array of shape {target.shape}"
-            raise ActionError(f"{side} actions: {expected}, got {described(actions)}")
-        target[...] = actions
-        if not kernel.clip_actions(target.ravel()):
-            target[...] = actions
-            bad, index = np.argwhere(~np.isfinite(target))[0]
-            where = f" of game {bad}" if self.count > 1 else ""
-            raise ActionError(f"{side} action{where}: index {index} is {target[bad, index]}")
 
     def set_waypoints(self, game: int, waypoints: np.ndarray) -> None:
         """Set the waypoints of one game, which its opponent flies under the path ``waypoints``.
@@ -286,6 +258,61 @@ class GameBatch:
     def __setstate__(self, state: dict[str, object]) -> None:
         self.__dict__.update(state)
         self._bind()
+
+
+def number_rounds(
+    games: np.ndarray,
+    mask: np.ndarray,
+    seeds: Seeds | None,
+    horizons: np.ndarray | None,
+    new_match: bool,
+    scenario: Scenario,
+) -> None:
+    """Set ``seed``, ``match``, ``round`` and ``horizon`` of the rounds that masked games begin.
+
+    Args:
+        games: ``(N,)`` records of dtype ``state.GAME``, changed in place.
+        mask, seeds, horizons, new_match: as in :meth:`GameBatch.reset`.
+        scenario: what is played.
+    """
+    if seeds is not None:
+        games["seed"][mask] = check_seeds(seeds, len(games))[mask]
+        games["match"][mask] = 0
+        games["round"][mask] = 0
+    else:
+        games["round"][mask] += 1
+        over = mask & (new_match | (games["round"] >= scenario.rounds_per_match))
+        games["match"][over] += 1
+        games["round"][over] = 0
+    games["horizon"][mask] = scenario.steps_per_round if horizons is None else np.asarray(horizons)[mask]
+
+
+def check_reset(count: int, scenario: Scenario, mask: np.ndarray, horizons: np.ndarray | None) -> None:
+    """Raise UserError for a mask of another shape than ``(count,)``, or a horizon outside the round."""
+    if mask.shape != (count,):
+        hint = "; seeds are named: reset(seeds=0)" if mask.ndim == 0 else ""
+        raise UserError(f"reset: expected a mask of shape ({count},), got {mask.shape}{hint}")
+    longest = scenario.steps_per_round
+    if horizons is not None and not (np.min(horizons) >= 1 and np.max(horizons) <= longest):
+        raise UserError(f"reset: expected horizons of 1 to {longest} steps, got {horizons!r}")
+
+
+def load_actions(target: np.ndarray, actions: np.ndarray, side: str) -> None:
+    """Copy actions of ``(games, ..., 9)`` floats, clipped to [-1, 1].
+
+    Raises:
+        ActionError: another shape or dtype, or NaN or infinity.
+    """
+    if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != target.shape:
+        expected = f"expected a float array of shape {target.shape}"
+        raise ActionError(f"{side} actions: {expected}, got {described(actions)}")
+    target[...] = actions
+    if not kernel.clip_actions(target.ravel()):
+        target[...] = actions
+        game, *seat, index = np.argwhere(~np.isfinite(target))[0].tolist()
+        where = f" {seat[0]}" if seat else ""
+        where += f" of game {game}" if len(target) > 1 else ""
+        raise ActionError(f"{side} action{where}: index {index} is {target[(game, *seat, index)]}")
 
 
 def described(actions: object) -> str:

@@ -132,16 +132,22 @@ def jamming_passed(
 
 
 @compiled
-def notched(jamming_type: int, density: float, centre_mhz: float, radio: Record) -> Notch:
+def notch_edges(tooth_mhz: float, centre_mhz: float, radio: Record) -> tuple[float, float]:
+    """Return the edges of a notch in a tooth, as near to the middle of the signal's band as it can lie."""
+    half = 0.5 * radio.notch_width
+    room = max(0.5 * tooth_mhz - half, 0.0)
+    place = min(max(0.0, centre_mhz - room), centre_mhz + room)
+    return place - half, place + half
+
+
+@compiled
+def notched(tooth_mhz: float, density: float, centre_mhz: float, radio: Record) -> Notch:
     """Return the share of a spread signal that a notch removes, that of the echoes it makes, and of jamming.
 
-    It lies in the tooth of which most passes, as near to the middle of the signal's band as it can.
+    It lies in the tooth of which most passes, ``tooth_mhz`` wide.
     """
-    width, rolloff, half = radio.channel_width[1], radio.rolloff, 0.5 * radio.notch_width
-    tooth = 0.5 * radio.tooth_width[jamming_type]
-    room = max(tooth - half, 0.0)
-    place = min(max(0.0, centre_mhz - room), centre_mhz + room)
-    low, high = place - half, place + half
+    width, rolloff, tooth = radio.channel_width[1], radio.rolloff, 0.5 * tooth_mhz
+    low, high = notch_edges(tooth_mhz, centre_mhz, radio)
     cut = (passed_mhz(high, width, rolloff) - passed_mhz(low, width, rolloff)) / width
     twice = passed_twice_mhz(high, width, rolloff) - passed_twice_mhz(low, width, rolloff)
     low, high = max(low, centre_mhz - tooth), min(high, centre_mhz + tooth)
@@ -197,7 +203,7 @@ def transmit(game: Record, distance_to_base_m: float, rules: Record, radio: Reco
     share, density, centre = jamming_passed(kind, game.jamming_mhz, f, spreading, rules, radio)
     notch = NO_NOTCH
     if spreading and radio.notch_width > 0.0:
-        notch = notched(kind, density, centre, radio)
+        notch = notched(radio.tooth_width[kind], density, centre, radio)
     game.snr_db = DB * log(sinr(signal, jamming, share, notch, spreading, radio))
 
 

@@ -23,6 +23,15 @@ def spread_cost(seconds: float, rules: Record) -> float:
 
 
 @compiled
+def costs(game: Record, speed_m_s: float, rules: Record, radio: Record | None) -> float:
+    """Return what spreading and, in the model ``link``, flying cost the ally in the last step."""
+    cost: float = spread_cost(game.spreading_s, rules)
+    if radio is not None and radio.flight_cost_per_w > 0.0:
+        cost += radio.flight_cost_per_w * (rotary_wing_w(speed_m_s) - radio.least_power)
+    return cost
+
+
+@compiled
 def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) -> None:
     """Compute the rate and the rewards of the last step (Eq. 5 and 6).
 
@@ -33,15 +42,12 @@ def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) 
     """
     hop = rules.hop_cost if game.hopped else 0.0
     near = rules.distance_reward if game.distance_m < rules.distance_reward_m else 0.0
-    costs = spread_cost(game.spreading_s, rules)
     if radio is None:
         snr, clean = min(game.snr_db, rules.snr_cap), min(game.clean_snr_db, rules.snr_cap)
         game.rate_mbit_s = capacity_mbit_s(game.snr_db, game.spreading, rules)
         game.ally_value, drop, airtime = snr - rules.threshold, clean - snr, 1.0
     else:
         airtime = game.airtime
-        if radio.flight_cost_per_w > 0.0:
-            costs += radio.flight_cost_per_w * (rotary_wing_w(speed_m_s) - radio.least_power)
         rate = rate_mbit_s(game.snr_db, game.spreading, rules, radio)
         clean_rate = rate_mbit_s(game.clean_snr_db, game.spreading, rules, radio)
         value, clean_value = utility(rate, radio), utility(clean_rate, radio)
@@ -52,5 +58,5 @@ def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) 
         game.clean_mbit += airtime * clean_rate
         game.ally_value = value
         drop = clean_value - value
-    game.ally_reward = airtime * game.ally_value - costs - hop
+    game.ally_reward = airtime * game.ally_value - costs(game, speed_m_s, rules, radio) - hop
     game.opponent_reward = near + rules.snr_drop_weight * (airtime * drop)

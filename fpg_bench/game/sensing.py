@@ -71,31 +71,45 @@ def detects_ally(game: Record, buildings: np.ndarray | None, rules: Record, radi
 def update_spectrum_monitor(game: Record, centre_error: float, rules: Record) -> None:
     """Update the ally's spectrum monitor: its centre has an error, and its type is sometimes wrong."""
     game.sensed_mhz = game.jamming_mhz + rules.sensing_sd * centre_error
-    game.sensed_type = game.jamming_type
-    chance = rng.uniform(game.round_key, game.step, rng.SENSED_TYPE)
-    if chance < rules.sensing_error:
-        other = min(int(chance / rules.sensing_error * (TYPES - 1)), TYPES - 2)
-        game.sensed_type = other + (other >= game.jamming_type)
+    game.sensed_type = sensed_type(game.jamming_type, game.round_key, game.step, rules)
 
 
 @compiled
-def _clip(x: float) -> float:
+def sensed_type(jamming_type: int, key: np.uint64, step: int, rules: Record) -> int:
+    """Return the type that a spectrum monitor takes the jamming for; the key is that of its draws."""
+    chance = rng.uniform(key, step, rng.SENSED_TYPE)
+    if chance >= rules.sensing_error:
+        return jamming_type
+    other = min(int(chance / rules.sensing_error * (TYPES - 1)), TYPES - 2)
+    return other + (other >= jamming_type)
+
+
+@compiled
+def clip(x: float) -> float:
+    """Clip a number to [-1, 1]."""
     return min(max(x, -1.0), 1.0)
 
 
 @compiled
 def _positions(out: np.ndarray, own: np.ndarray, other: np.ndarray, rules: Record) -> None:
-    """Write the own position and the signed root of the relative one, which resolves 30 m in 1500 m."""
+    """Write the own position and the relative one."""
     for axis in range(3):
-        inverse_size = rules.per_box[axis]
-        out[OWN_POSITION + axis] = _clip(2.0 * own[axis] * inverse_size - 1.0)
-        away = other[axis] - own[axis]
-        out[RELATIVE_POSITION + axis] = _clip(math.copysign(math.sqrt(abs(away) * inverse_size), away))
+        out[OWN_POSITION + axis] = clip(2.0 * own[axis] * rules.per_box[axis] - 1.0)
+    write_relative(out, RELATIVE_POSITION, own, other, rules)
 
 
 @compiled
-def _normalised_frequency(frequency_mhz: float, rules: Record) -> float:
-    return _clip((frequency_mhz - rules.band_middle) * rules.per_band_half)
+def write_relative(out: np.ndarray, first: int, own: np.ndarray, other: np.ndarray, rules: Record) -> None:
+    """Write the signed root of a relative position from ``first`` on; it resolves 30 m in 1500 m."""
+    for axis in range(3):
+        away = other[axis] - own[axis]
+        out[first + axis] = clip(math.copysign(math.sqrt(abs(away) * rules.per_box[axis]), away))
+
+
+@compiled
+def normalised_frequency(frequency_mhz: float, rules: Record) -> float:
+    """Return a frequency as a place in the band, -1 and 1 at its ends."""
+    return clip((frequency_mhz - rules.band_middle) * rules.per_band_half)
 
 
 @compiled
@@ -104,11 +118,11 @@ def write_ally_observation(out: np.ndarray, game: Record, rules: Record, radio: 
     frequency, spreading time, SNR, sensed centre, sensed type (4), whether the sensed footprint
     covers the own frequency (halved where a building hides the opponent)."""
     _positions(out, game.ally_position, game.opponent_position, rules)
-    out[OWN_FREQUENCY] = _normalised_frequency(game.frequency_mhz, rules)
-    out[SPREADING_TIME] = _clip(game.spreading_s * rules.per_spreading_scale)
-    out[SNR] = _clip(game.snr_db * rules.per_snr_scale)
+    out[OWN_FREQUENCY] = normalised_frequency(game.frequency_mhz, rules)
+    out[SPREADING_TIME] = clip(game.spreading_s * rules.per_spreading_scale)
+    out[SNR] = clip(game.snr_db * rules.per_snr_scale)
     sensed = game.sensed_type >= 0
-    out[SENSED_CENTRE] = _normalised_frequency(game.sensed_mhz, rules) if sensed else 0.0
+    out[SENSED_CENTRE] = normalised_frequency(game.sensed_mhz, rules) if sensed else 0.0
     for kind in range(TYPES):
         out[SENSED_TYPE + kind] = 1.0 if kind == game.sensed_type else 0.0
     f, spreading = game.frequency_mhz, game.spreading
@@ -124,10 +138,10 @@ def write_opponent_observation(out: np.ndarray, game: Record, rules: Record, rad
     frequency, its age, time to the next check, own jamming centre, own type (4), the last check's
     result (1 heard, -1 not heard, 0 none yet; halved where a building hides the ally)."""
     _positions(out, game.opponent_position, game.ally_position, rules)
-    out[KNOWN_FREQUENCY] = _normalised_frequency(game.known_mhz, rules)
-    out[KNOWN_AGE] = _clip(game.age_s * rules.per_age_scale)
-    out[NEXT_CHECK] = _clip((game.next_check - game.step) * rules.per_check_scale)
-    out[JAM_CENTRE] = _normalised_frequency(game.jamming_mhz, rules) if game.jamming_type >= 0 else 0.0
+    out[KNOWN_FREQUENCY] = normalised_frequency(game.known_mhz, rules)
+    out[KNOWN_AGE] = clip(game.age_s * rules.per_age_scale)
+    out[NEXT_CHECK] = clip((game.next_check - game.step) * rules.per_check_scale)
+    out[JAM_CENTRE] = normalised_frequency(game.jamming_mhz, rules) if game.jamming_type >= 0 else 0.0
     for kind in range(TYPES):
         out[JAM_TYPE + kind] = 1.0 if kind == game.jamming_type else 0.0
     out[LAST_CHECK] = game.last_check

@@ -79,9 +79,11 @@ def play(
             continue
         buildings = None if buildings_array is None else buildings_array[i]
         point_before = game.point
-        _choose_jamming(game, opponent_action, rules)
-        _choose_frequency(game, ally_action, ally_observations[i], rules, radio)
-        speed_m_s = _move(game, ally_action, opponent_action, waypoints[i], buildings, rules, radio)
+        choose_jamming(game, opponent_action, rules)
+        choose_frequency(game, ally_action, ally_observations[i], rules, radio)
+        # First the opponent: pursuit aims at where the ally was.
+        move_opponent(game, opponent_action, waypoints[i], buildings, rules, radio)
+        speed_m_s = move_ally(game, ally_action, rules)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
         _transmit(game, fading, speed_m_s, buildings, channel, rules, radio)
         reward(game, speed_m_s, rules, radio)
@@ -96,15 +98,17 @@ def play(
 
 
 @compiled
-def _choose_jamming(game: Record, action: np.ndarray, rules: Record) -> None:
+def choose_jamming(game: Record, action: np.ndarray, rules: Record) -> None:
+    """Choose type and centre of the jamming by the opponent's action."""
     game.jamming_type = choose_type(action, rules)
     game.jamming_mhz = tune_mhz(action[TUNING], action[IN_BAND_GATE] > 0.0, game.known_mhz, rules)
 
 
 @compiled
-def _choose_frequency(
+def choose_frequency(
     game: Record, action: np.ndarray, observation: np.ndarray, rules: Record, radio: Record | None
 ) -> None:
+    """Choose frequency and waveform by the ally's action, and count the airtime that changes take."""
     spread, point_before = action[SPREAD_GATE] > 0.0, game.point
     game.hopped = rules.always_hops or action[HOP_GATE] > 0.0
     despread = rules.reselect and game.spreading and not spread
@@ -125,25 +129,29 @@ def _choose_frequency(
 
 
 @compiled
-def _move(
+def move_opponent(
     game: Record,
-    ally_action: np.ndarray,
-    opponent_action: np.ndarray,
+    action: np.ndarray,
     waypoints: np.ndarray,
     buildings: np.ndarray | None,
     rules: Record,
     radio: Record | None,
-) -> float:
-    """Move both sides; returns the ally's speed in m/s."""
-    slow, fast = rules.ally_speed[0], rules.ally_speed[1]
-    speed_m_s: float = slow + (ally_action[SPEED] + 1.0) / 2.0 * (fast - slow)
+) -> None:
+    """Move the opponent by one second."""
     place = game.opponent_position
     x, y, z = place[0], place[1], place[2]
-    fly_opponent(game, opponent_action, waypoints, rules)  # first: pursuit aims at where the ally was
+    fly_opponent(game, action, waypoints, rules)
     if buildings is not None:
         keep_out(place, x, y, z, rules.opponent_speed, buildings, radio)
     if radio is not None:
         game.flown_m = math.sqrt((place[0] - x) ** 2 + (place[1] - y) ** 2 + (place[2] - z) ** 2)
+
+
+@compiled
+def move_ally(game: Record, action: np.ndarray, rules: Record) -> float:
+    """Move the ally by one second; returns its speed in m/s."""
+    slow, fast = rules.ally_speed[0], rules.ally_speed[1]
+    speed_m_s: float = slow + (action[SPEED] + 1.0) / 2.0 * (fast - slow)
     fly_curve(game, speed_m_s, rules)
     keep_inside(game.ally_position, rules)
     return speed_m_s
@@ -176,11 +184,7 @@ def _transmit(
     f = game.frequency_mhz
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     game.distance_m = distance_m(game.ally_position, game.opponent_position)
-    kept, new = rules.fading_kept, rules.fading_new
-    if radio is not None and radio.per_fading_distance > 0.0:
-        kept = exp(-speed_m_s * radio.per_fading_distance)
-        new = math.sqrt(1.0 - kept * kept)
-    game.fading = kept * game.fading + new * fading
+    kept = fade(game, fading, speed_m_s, rules, radio)
     game.covered = covers(game.jamming_type, game.jamming_mhz, f, game.spreading, rules, radio)
     if radio is None:
         signal = rules.base_power - path_loss_db(distance_to_base_m, f, rules)
@@ -190,7 +194,9 @@ def _transmit(
         game.clean_snr_db = snr_db(signal, jamming, False, game.spreading, fading_db, rules)
     else:
         if radio.jamming_fading_sd > 0.0:
-            _fade_jamming(game, kept, radio)
+            game.jamming_fading = faded_jamming(
+                game.jamming_fading, kept, game.flown_m, game.round_key, game.step, radio
+            )
         if buildings is not None:
             propagate(game, distance_to_base_m, buildings, rules, radio)
         if channel is not None:
@@ -201,12 +207,25 @@ def _transmit(
 
 
 @compiled
-def _fade_jamming(game: Record, kept: float, radio: Record) -> None:
-    """Compute the fading from jammer to ally; both ends move, and each decorrelates it."""
+def fade(game: Record, drawn: float, speed_m_s: float, rules: Record, radio: Record | None) -> float:
+    """Compute the fading from base station to ally; returns the share of the last step's that is kept."""
+    kept, new = rules.fading_kept, rules.fading_new
+    if radio is not None and radio.per_fading_distance > 0.0:
+        kept = exp(-speed_m_s * radio.per_fading_distance)
+        new = math.sqrt(1.0 - kept * kept)
+    game.fading = kept * game.fading + new * drawn
+    return kept
+
+
+@compiled
+def faded_jamming(
+    fading: float, kept: float, flown_m: float, key: np.uint64, step: int, radio: Record
+) -> float:
+    """Return the fading from jammer to ally; both ends move, and each decorrelates it."""
     if radio.per_fading_distance > 0.0:
-        kept *= exp(-game.flown_m * radio.per_fading_distance)
-    drawn, _ = rng.gaussians(game.round_key, game.step, rng.JAMMING_FADING)
-    game.jamming_fading = kept * game.jamming_fading + math.sqrt(1.0 - kept * kept) * drawn
+        kept *= exp(-flown_m * radio.per_fading_distance)
+    drawn, _ = rng.gaussians(key, step, rng.JAMMING_FADING)
+    return kept * fading + math.sqrt(1.0 - kept * kept) * drawn
 
 
 @compiled
@@ -241,15 +260,15 @@ def begin(
             continue
         game = games[i]
         buildings = None if buildings_array is None else buildings_array[i]
-        _begin_match(game, rng.match_key(game.seed, game.match), buildings, rules, radio)
-        _begin_round(game, buildings, channel, rules, radio)
+        begin_match(game, rng.match_key(game.seed, game.match), buildings, rules, radio)
+        begin_round(game, buildings, channel, rules, radio)
         segments[i] = 0.0
         write_ally_observation(ally_observations[i], game, rules, radio)
         write_opponent_observation(opponent_observations[i], game, rules, radio)
 
 
 @compiled
-def _begin_match(
+def begin_match(
     game: Record, key: np.uint64, buildings: np.ndarray | None, rules: Record, radio: Record | None
 ) -> None:
     """Draw what all rounds of a match share: the ally's path, buildings, and the opponent's start."""
@@ -271,9 +290,10 @@ def _begin_match(
 
 
 @compiled
-def _begin_round(
+def begin_round(
     game: Record, buildings: np.ndarray | None, channel: Grid | None, rules: Record, radio: Record | None
 ) -> None:
+    """Put both sides at their start, and draw what a round begins with."""
     key = game.round_key
     game.step = 0
     game.truncated = False
