@@ -133,6 +133,15 @@ PRODUCTS = {
             }
         },
     ),
+    "teams": Product(
+        (
+            "game/team_rules.py",
+            "game/team_link.py",
+            "game/team_step.py",
+            "game/team_batch.py",
+        ),
+        {},
+    ),
     "tuning": Product(
         ("training/tuning", "cli/tune.py"),
         {"verb": {"tune": "fpg_bench.cli.tune:app"}},

@@ -1,0 +1,161 @@
+"""Rules of teams beside the scenario: how many allies and jammers there are, and how they fly and share."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.checks import check_keys, flag, one_of
+from fpg_bench.common.errors import UserError, shown
+from fpg_bench.game.scenario import Scenario
+
+MOST_ALLIES, MOST_JAMMERS = 5, 3
+MOST = {"allies": MOST_ALLIES, "jammers": MOST_JAMMERS}
+FORMATIONS = ("convoy", "separate")
+MATES = ("none", "place", "full")
+PATHS_OF_TEAMS = ("pursuit", "learned")
+
+# What ally i knows of jammer j, the last second's, and the fading of the path between them.
+SENSED = np.dtype([("type", "i8"), ("mhz", "f8"), ("fading", "f8")], align=True)
+# What jammer j found of ally i: dB over the noise, frequency, and seconds since; -1 for never.
+FOUND = np.dtype([("level_db", "f8"), ("mhz", "f8"), ("age_s", "i8")], align=True)
+# The rules as the kernel reads them.
+TEAM = np.dtype(
+    [
+        ("allies", "i8", (2,)),  # fewest and most
+        ("jammers", "i8", (2,)),
+        ("convoy", "b1"),
+        ("spacing", "f8"),
+        ("overlap_of_codes", "f8"),  # share of a mate's power that orthogonal codes let through
+        ("share_findings", "b1"),
+    ],
+    align=True,
+)
+
+
+@dataclass(frozen=True)
+class TeamRules:
+    """How many allies and jammers play, and what teams add to a scenario; the defaults are 3 v 2 in convoy.
+
+    >>> TeamRules(allies=5, jammers=(1, 3)).most
+    (5, 3)
+
+    Attributes:
+        allies: number of allies, 1 to 5; of two numbers, each round draws one between them.
+        jammers: number of jammers, 1 to 3, or two numbers.
+        formation: ``convoy``: all allies fly the first one's curve; ``separate``: each has its own.
+        spacing_m: distance along the curve at which each ally of a convoy starts ahead of the one before it.
+        code_orthogonality: share of a mate's power that a despreader removes if both spread at one point,
+            0 to 1: codes of one mast are orthogonal until the channel's echoes spoil them. 3GPP TR 25.942
+            assumes 0.4 and 0.6 for echoes on the ground; 0.94 is our assumption for a line of sight.
+        share_findings: whether a jammer tells its mates what its radiometer finds.
+
+    Raises:
+        UserError: a value of another kind, or out of range.
+    """
+
+    allies: int | tuple[int, int] = 3
+    jammers: int | tuple[int, int] = 2
+    formation: str = "convoy"
+    spacing_m: float = 40.0
+    code_orthogonality: float = 0.94
+    share_findings: bool = False
+
+    def __post_init__(self) -> None:
+        for name, most in MOST.items():
+            object.__setattr__(self, name, _checked_count(name, getattr(self, name), most))
+        one_of(self.formation, "formation", FORMATIONS)
+        for name, high in (("spacing_m", 1e4), ("code_orthogonality", 1.0)):
+            object.__setattr__(self, name, _checked_number(name, getattr(self, name), high))
+        flag(self.share_findings, "share_findings")
+
+    @classmethod
+    def from_dict(cls, content: object, where: str = "team") -> TeamRules:
+        """Return the rules of a mapping as :meth:`to_dict` returns it; raises UserError, naming the key."""
+        check_keys(content, [each.name for each in dataclasses.fields(cls)], where)
+        values: Mapping[str, Any] = content  # type: ignore[assignment]
+        return cls(**values)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values that differ from the defaults, as JSON holds them."""
+        given = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        changed = {
+            each.name: given[each.name]
+            for each in dataclasses.fields(self)
+            if given[each.name] != each.default
+        }
+        return dict(json.loads(json.dumps(changed)))
+
+    @property
+    def counts(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """The fewest and the most allies, and jammers."""
+        allies, jammers = (
+            value if isinstance(value, tuple) else (value, value) for value in (self.allies, self.jammers)
+        )
+        return allies, jammers
+
+    @property
+    def most(self) -> tuple[int, int]:
+        """The most allies and jammers: the seats of a game."""
+        (_, allies), (_, jammers) = self.counts
+        return allies, jammers
+
+    def hash(self, scenario: Scenario) -> str:
+        """SHA-256 of the rules and the scenario, 64 hexadecimal digits; equal hashes mean equal games."""
+        content = {"scenario": scenario.hash, "team": dataclasses.asdict(self)}
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def record(self) -> np.ndarray:
+        """Return the rules as a one-element record array of dtype ``TEAM``."""
+        team = np.zeros(1, TEAM)
+        row = team[0]
+        row["allies"], row["jammers"] = self.counts
+        row["convoy"], row["spacing"] = self.formation == "convoy", self.spacing_m
+        row["overlap_of_codes"], row["share_findings"] = 1 - self.code_orthogonality, self.share_findings
+        return team
+
+
+def check_playable(scenario: Scenario) -> None:
+    """Raise UserError for a scenario that teams cannot play; the message names the field and the reason."""
+    s = scenario
+    reasons = {
+        f"snr_model {s.snr_model!r}: powers of several senders add in mW, and it has none; use 'link'": (
+            s.snr_model != "link"
+        ),
+        f"detection {s.detection!r}: jammers of a team find allies by 'radiometer' alone": (
+            s.detection != "radiometer"
+        ),
+        "buildings: paths between mates know none; leave out buildings and building_boxes_m": bool(
+            s.buildings or s.building_boxes_m
+        ),
+        "channel: a measured channel has no directions, by which mates differ; leave it out": (
+            s.channel is not None
+        ),
+        f"opponent_path {s.opponent_path!r}: jammers of a team fly {' or '.join(PATHS_OF_TEAMS)}": bool(
+            set(s.paths) - set(PATHS_OF_TEAMS)
+        ),
+    }
+    if refused := next((reason for reason, is_refused in reasons.items() if is_refused), None):
+        raise UserError(f"teams: {refused}")
+
+
+def _checked_count(name: str, value: object, most: int) -> int | tuple[int, int]:
+    ends = tuple(value) if isinstance(value, list | tuple) else (value, value)
+    is_whole = len(ends) == 2 and all(isinstance(n, int) and not isinstance(n, bool) for n in ends)
+    if not is_whole or not 1 <= ends[0] <= ends[1] <= most:
+        raise UserError(
+            f"{name}: expected a whole number from 1 to {most}, or two that do not fall, got {shown(value)}"
+        )
+    return ends[0] if ends[0] == ends[1] else ends
+
+
+def _checked_number(name: str, value: object, high: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= high:
+        raise UserError(f"{name}: expected a number from 0 to {high:g}, got {shown(value)}")
+    return float(value)
