@@ -139,8 +139,19 @@ PRODUCTS = {
             "game/team_link.py",
             "game/team_step.py",
             "game/team_batch.py",
+            "players/team_runner.py",
+            "envs/team.py",
+            "envs/team_pettingzoo.py",
+            "envs/team_sb3.py",
         ),
-        {},
+        {
+            "function": {
+                "make_team": "fpg_bench.envs.team:make_team",
+                "make_sb3_team": "fpg_bench.envs.team_sb3:make_sb3_team",
+            },
+            "parallel environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:parallel_env"},
+            "aec environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:aec_env"},
+        },
     ),
     "tuning": Product(
         ("training/tuning", "cli/tune.py"),

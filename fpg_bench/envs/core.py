@@ -120,6 +120,10 @@ class Core:
         """Return the measures of one game's present round so far."""
         return self.duel.measures(game)
 
+    def length(self, game: int) -> int:
+        """Return the steps that one game's present round has had."""
+        return int(self.duel.batch.tallies["steps"][game])
+
 
 class SingleAgentGame(Core):
     """N games of which the caller plays one side.

@@ -125,7 +125,7 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         return {"ally": batch.ally_observations[0].copy(), "opponent": batch.opponent_observations[0].copy()}
 
     def _infos(self) -> _Infos:
-        return {side: _mask_info(self.duel.choices[side]) for side in SIDES}
+        return {side: mask_info(self.duel.choices[side]) for side in SIDES}
 
     def state(self) -> np.ndarray:
         """Return the full state, ``(54,)`` float32."""
@@ -140,7 +140,8 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         self._screen.close()
 
 
-def _mask_info(choices: Choices | None) -> Info:
+def mask_info(choices: Choices | None) -> Info:
+    """Return the mask of an action mode as `sample` of its space takes it; nothing where there is none."""
     if choices is None:
         return {}
     masks = tuple(each.allowed.astype(np.int8) for each in choices.lists)

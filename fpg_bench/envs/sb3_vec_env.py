@@ -112,7 +112,7 @@ class FPGVecEnv(VecEnv):
         measures = self.core.measures(game)
         episode = {
             "r": measures[f"{self.core.side}_return"],
-            "l": int(self.core.duel.batch.tallies["steps"][game]),
+            "l": self.core.length(game),
             "t": round(time.time() - self._start_time, 6),
         }
         return {

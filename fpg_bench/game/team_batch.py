@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -127,7 +126,8 @@ class TeamBatch:
             raise UserError("the first reset of a game batch begins every game and needs seeds")
         number_rounds(self.games, mask, seeds, horizons, new_match, self.scenario)
         self.allies[mask, 1:] = np.zeros((), GAME)
-        self.opponents[mask] = np.zeros((), GAME)
+        for records in (self.opponents, self.sensed, self.found):
+            records[mask] = np.zeros((), records.dtype)
         self.tallies[mask] = np.zeros((), TALLY)
         self.histograms[mask], self._credits[mask] = 0, 0
         self._begun = True
@@ -162,7 +162,7 @@ class TeamBatch:
             self._records,
         )
 
-    def present(self, side: str) -> np.ndarray:
+    def playing(self, side: str) -> np.ndarray:
         """Return ``(G, N)`` or ``(G, M)`` bool: the seats that play in these rounds."""
         seats = np.arange(self.team.most[SIDES.index(side)])
         return np.asarray(seats < self.counts[:, SIDES.index(side), None])
@@ -182,7 +182,7 @@ class TeamBatch:
         if reward == "difference":
             return self._credits.copy()
         mean = self.allies[f"{side}_reward"].sum(axis=1) / self.counts[:, 0]
-        return np.where(self.present(side), mean[:, None], 0.0)
+        return np.where(self.playing(side), mean[:, None], 0.0)
 
     def state(self) -> np.ndarray:
         """Return the full state, ``(G, 607)`` float32 in [-1, 1].
@@ -195,7 +195,7 @@ class TeamBatch:
         for seen, most in zip(self._observations, (MOST_ALLIES, MOST_JAMMERS), strict=True):
             state[:, first : first + seen[0].size] = seen.reshape(self.count, -1)
             first += most * TEAM_OBSERVATION_SIZE
-        allies, is_there = self.allies, self.present("ally")[..., None]
+        allies, is_there = self.allies, self.playing("ally")[..., None]
         points = 2 * allies["control_points"] / np.asarray(self.scenario.box_m) - 1
         along = allies["chord_offset_m"] / np.maximum(allies["chord_length_m"], 1e-9)
         flight = (
@@ -208,9 +208,13 @@ class TeamBatch:
         state[:, -1] = self.games["step"] / self.scenario.steps_per_round
         return state
 
-    def clean_sum(self, games: Sequence[int] | slice = slice(None)) -> dict[str, float]:
-        """Return the sum of some games' rates without jamming in this round, to go beside their tally."""
-        return {CLEAN: float(self.allies["clean_mbit"][games].sum())}
+    def clean_sum(self, seats: Any = slice(None)) -> dict[str, float]:
+        """Return the sum of some allies' rates without jamming in this round, to go beside their tally.
+
+        Args:
+            seats: an index into ``(G, N)``.
+        """
+        return {CLEAN: float(self.allies["clean_mbit"][seats].sum())}
 
     def pursue(self, mask: np.ndarray) -> None:
         """Make jammers pursue their allies in this round instead of flying themselves (path ``learned``).

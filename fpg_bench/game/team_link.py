@@ -4,9 +4,10 @@ Every sender counts as the jammer of a duel does, by the share of its power that
 Phases of different senders are unrelated, so powers add. A mate is a sender, too: the mast sends to it with a
 beam of its own, over the path and the fading of the ally that hears it, so only the beam separates them.
 
-Assumptions, beside those of :mod:`fpg_bench.game.link`: every beam has the whole power, which FCC
-15.247(c)(2)(iii) allows to beams that do not overlap; a mate's spectrum is a rectangle of its symbol or chip
-rate; paths between jammers do not fade.
+Assumptions, beside those of :mod:`fpg_bench.game.link`: every beam has the whole power (rules such as FCC
+90.1321(b)(3) let overlapping beams share a limit; for that, lower ``base_power_dbm``); a mate's spectrum is a
+rectangle of its symbol or chip rate; paths between jammers do not fade.
+``tests/game/test_team_waveforms.py`` checks the sums and the codes against waveforms.
 """
 
 from __future__ import annotations

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.checks import check_keys, flag, one_of
+from fpg_bench.common.checks import flag, one_of
 from fpg_bench.common.errors import UserError, shown
 from fpg_bench.game.scenario import Scenario
 
@@ -52,8 +49,8 @@ class TeamRules:
         formation: ``convoy``: all allies fly the first one's curve; ``separate``: each has its own.
         spacing_m: distance along the curve at which each ally of a convoy starts ahead of the one before it.
         code_orthogonality: share of a mate's power that a despreader removes if both spread at one point,
-            0 to 1: codes of one mast are orthogonal until the channel's echoes spoil them. 3GPP TR 25.942
-            assumes 0.4 and 0.6 for echoes on the ground; 0.94 is our assumption for a line of sight.
+            0 to 1. Codes of one mast are orthogonal but for what arrives late, by echoes; the default, as
+            of one echo 12 dB below a path in line of sight, is an assumption.
         share_findings: whether a jammer tells its mates what its radiometer finds.
 
     Raises:
@@ -75,22 +72,10 @@ class TeamRules:
             object.__setattr__(self, name, _checked_number(name, getattr(self, name), high))
         flag(self.share_findings, "share_findings")
 
-    @classmethod
-    def from_dict(cls, content: object, where: str = "team") -> TeamRules:
-        """Return the rules of a mapping as :meth:`to_dict` returns it; raises UserError, naming the key."""
-        check_keys(content, [each.name for each in dataclasses.fields(cls)], where)
-        values: Mapping[str, Any] = content  # type: ignore[assignment]
-        return cls(**values)
-
     def to_dict(self) -> dict[str, Any]:
-        """Return the values that differ from the defaults, as JSON holds them."""
-        given = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
-        changed = {
-            each.name: given[each.name]
-            for each in dataclasses.fields(self)
-            if given[each.name] != each.default
-        }
-        return dict(json.loads(json.dumps(changed)))
+        """Return the values that differ from the defaults."""
+        given = {each.name: (getattr(self, each.name), each.default) for each in dataclasses.fields(self)}
+        return {name: value for name, (value, default) in given.items() if value != default}
 
     @property
     def counts(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -105,11 +90,6 @@ class TeamRules:
         """The most allies and jammers: the seats of a game."""
         (_, allies), (_, jammers) = self.counts
         return allies, jammers
-
-    def hash(self, scenario: Scenario) -> str:
-        """SHA-256 of the rules and the scenario, 64 hexadecimal digits; equal hashes mean equal games."""
-        content = {"scenario": scenario.hash, "team": dataclasses.asdict(self)}
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def record(self) -> np.ndarray:
         """Return the rules as a one-element record array of dtype ``TEAM``."""

@@ -69,9 +69,7 @@ class PolicyRunner:
         """
         keys = np.ascontiguousarray(self._batch.games["round_key"])
         if len(self.players) > 1:
-            drawn = np.empty_like(self.choice)
-            rng.derived_integers(drawn, keys, self._purpose, len(self.players))
-            self.choice[mask] = drawn[mask]
+            self.choice[mask] = self._drawn(keys)[mask]
             self._calls = self._rows_by_player()
             self._stack_calls = self._rows_by_stack()
         for index, abilities in enumerate(self._abilities):
@@ -83,6 +81,16 @@ class PolicyRunner:
         for abilities in self._abilities:
             if abilities.reset is not None:
                 abilities.reset(mask, seeds)
+
+    def _drawn(self, keys: np.ndarray) -> np.ndarray:
+        """Return ``(N,)`` int64, the index of the player that each game draws for its round."""
+        drawn = np.empty(len(keys), np.int64)
+        rng.derived_integers(drawn, keys, self._purpose, len(self.players))
+        return drawn
+
+    def _seen(self, index: int) -> np.ndarray:
+        """Return what a player sees of all games."""
+        return full_state(self._batch) if self._abilities[index].sees_state else self.observations
 
     def act(self) -> np.ndarray:
         """Return the side's actions ``(N, 9)`` for the current observations.
@@ -134,8 +142,7 @@ class PolicyRunner:
     def _predict(self, index: int, rows: np.ndarray | None) -> np.ndarray:
         """Call a player for the games ``rows`` if it has ``predict_rows``, otherwise for all games."""
         player, abilities = self.players[index], self._abilities[index]
-        seen = full_state(self._batch) if abilities.sees_state else self.observations
-        arguments = (seen, self._memories[index], self._starts, True)
+        arguments = (self._seen(index), self._memories[index], self._starts, True)
         count = self._batch.count
         try:
             if rows is not None and abilities.predict_rows is not None:

@@ -6,6 +6,7 @@ else: flight is looked up in a table of arc lengths, D(t) is Eq. 4 as printed, l
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 
@@ -16,12 +17,19 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
 
 
-class Chance:
-    """The draws of one round, by their meaning."""
+def mixed(key: np.uint64, number: int) -> np.uint64:
+    """The key of seat or pair ``number``, made from the first one's."""
+    return np.uint64(rng.mix(np.uint64((int(key) + number * 0x9E3779B97F4A7C15) % 2**64)))
 
-    def __init__(self, seed: int, match: int, number: int) -> None:
+
+class Chance:
+    """The draws of one round, by their meaning; a team's seats have keys of their own."""
+
+    def __init__(self, seed: int, match: int, number: int, seat: int = 0) -> None:
         # Python gets keys back as plain integers; handed on they must be 64-bit words again.
         self.match = np.uint64(rng.match_key(np.uint64(seed), match))
+        if seat:
+            self.match = mixed(self.match, seat)
         self.round = np.uint64(rng.round_key(self.match, number))
 
     def of_match(self, purpose: int) -> float:
@@ -107,6 +115,7 @@ def rotary_wing_w(v: float) -> float:
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
+@functools.lru_cache(10_000)
 def filtered(low: float, high: float, width: float, rolloff: float, power: int = 1) -> float:
     """A power of the raised cosine of a receive filter around 0, added up numerically."""
 
@@ -138,9 +147,9 @@ class ReferenceGame:
     """One round, stepped by :meth:`step`; attributes are named as the kernel's records are."""
 
     def __init__(
-        self, scenario: Scenario, seed: int, match: int = 0, number: int = 0, waypoints=None
+        self, scenario: Scenario, seed: int, match: int = 0, number: int = 0, waypoints=None, seat: int = 0
     ) -> None:
-        self.s, self.chance = scenario, Chance(seed, match, number)
+        self.s, self.chance = scenario, Chance(seed, match, number, seat)
         self.waypoints = waypoints
         self.step_number = 0
         s, chance = scenario, self.chance

@@ -1,0 +1,103 @@
+"""Runs the players of one side's seats in a batch of teams."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.game.team_batch import TeamBatch
+from fpg_bench.game.team_step import TEAM_OBSERVATION_SIZE
+from fpg_bench.players.player import Abilities, Player
+from fpg_bench.players.policy_runner import PolicyRunner
+
+
+class _Rows:
+    """The seats of one side as games of their own, row by row: what a runner reads of a batch."""
+
+    def __init__(self, side: str, batch: TeamBatch) -> None:
+        self.side, self.batch, self.scenario = side, batch, batch.scenario
+        self.shape = (batch.count, batch.team.most[side == "opponent"])
+        self.count = self.shape[0] * self.shape[1]
+
+    @property
+    def games(self) -> np.ndarray:
+        """``(G K,)`` records of dtype ``state.GAME``."""
+        return (self.batch.allies if self.side == "ally" else self.batch.opponents).reshape(-1)
+
+    @property
+    def team_observations(self) -> np.ndarray:
+        """``(G K, 67)`` float32."""
+        batch = self.batch
+        seen = batch.ally_observations if self.side == "ally" else batch.opponent_observations
+        return seen.reshape(self.count, TEAM_OBSERVATION_SIZE)
+
+    @property
+    def ally_observations(self) -> np.ndarray:
+        """``(G K, 15)`` float32: the numbers of the duel, of whichever side this is."""
+        return self.team_observations[:, :OBSERVATION_SIZE]
+
+    opponent_observations = ally_observations
+
+    def pursue(self, mask: np.ndarray) -> None:
+        """Make jammers of these rows pursue their allies."""
+        self.batch.pursue(mask.reshape(self.shape))
+
+
+class TeamRunner(PolicyRunner):
+    """Plays all seats of one side: with one player, with one per seat, or with one that a game draws.
+
+    Row ``g K + k`` of what players get is seat k of game g. Each seat has draws and a memory of its own, so a
+    player that acts at random does not act alike in two seats. A player of the duel sees the first 15 numbers
+    of its seat; one with ``sees = "team"`` sees all 67. A player with a method ``join(batch)`` is handed the
+    :class:`fpg_bench.game.team_batch.TeamBatch` first, as upper bounds need it.
+
+    Args:
+        side: ``ally`` or ``opponent``.
+        players: at least one; of several, each game draws one per round for all its seats.
+        batch: the games.
+        is_by_seat: seat k is played by player k instead, all rounds.
+
+    Raises:
+        UserError: an oracle of the duel, or not as many players as seats.
+    """
+
+    def __init__(
+        self, side: str, players: Sequence[Player], batch: TeamBatch, is_by_seat: bool = False
+    ) -> None:
+        self._rows = _Rows(side, batch)
+        games, seats = self._rows.shape
+        if is_by_seat and len(players) != seats:
+            raise UserError(f"{side}: expected {seats} players, one per seat, got {len(players)}")
+        for player in players:
+            if Abilities.of(player).sees_state:
+                raise UserError(f"{side}: {type(player).__name__} sees the state of a duel, which teams lack")
+            if join := getattr(player, "join", None):
+                join(batch)
+        super().__init__(side, players, self._rows)  # type: ignore[arg-type]
+        self._seat_of_row = np.tile(np.arange(seats), games) if is_by_seat else None
+
+    def begin(self, mask: np.ndarray) -> None:
+        """Draw and reset players for the rounds that the batch has just begun.
+
+        Args:
+            mask: ``(G,)`` bool, the games whose rounds have begun.
+        """
+        super().begin(np.repeat(mask, self._rows.shape[1]))
+
+    def act(self) -> np.ndarray:
+        """Return the actions of all seats, ``(G, K, 9)``; see :meth:`PolicyRunner.act`."""
+        return super().act().reshape(*self._rows.shape, -1)
+
+    def _drawn(self, keys: np.ndarray) -> np.ndarray:
+        """Return the index of each row's player: its seat's, or one drawn by its game."""
+        if self._seat_of_row is not None:
+            return self._seat_of_row
+        first = np.ascontiguousarray(self._rows.batch.games["round_key"])
+        return np.repeat(super()._drawn(first), self._rows.shape[1])
+
+    def _seen(self, index: int) -> np.ndarray:
+        is_of_teams = getattr(self.players[index], "sees", "") == "team"
+        return self._rows.team_observations if is_of_teams else self._rows.ally_observations
