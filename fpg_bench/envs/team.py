@@ -268,7 +268,7 @@ class TeamGame:
             if self._runner.side in actions:
                 raise ActionError(f"{self._runner.side} actions: rivals play this side; leave them out")
             actions = actions | {self._runner.side: self._runner.act()}
-        self.batch.step(*(actions.get(side) for side in SIDES))
+        self.batch.step(*(actions.get(side, np.zeros(0)) for side in SIDES))
 
     def decode(self, side: str, actions: np.ndarray) -> np.ndarray:
         """Return a side's actions as ``(G, K, 9)`` floats, from its choices if it has a list of them."""

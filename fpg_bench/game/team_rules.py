@@ -38,7 +38,7 @@ TEAM = np.dtype(
 
 @dataclass(frozen=True)
 class TeamRules:
-    """How many allies and jammers play, and what teams add to a scenario; the defaults are 3 v 2 in convoy.
+    """Rules that teams add to a scenario, and their sizes; the defaults are 3 v 2 in convoy.
 
     >>> TeamRules(allies=5, jammers=(1, 3)).most
     (5, 3)

@@ -112,13 +112,10 @@ def play(
         _check(checking, silent, seats, book)
         for i in range(n):
             ally = allies[i]
-            ally.truncated = step + 1 >= ally.horizon
+            ally.step, ally.truncated = step + 1, step + 1 >= ally.horizon
             count_step(ally, tallies[g, i], histograms[g, i], work.point_before[i], rules)
-        for k in range(max(n, m)):
-            if k < n:
-                allies[k].step = step + 1
-            if k < m:
-                opponents[k].step, opponents[k].truncated = step + 1, allies[0].truncated
+        for j in range(m):
+            opponents[j].step, opponents[j].truncated = step + 1, allies[0].truncated
         observe(observations[0][g], observations[1][g], mates, seats, book)
 
 
@@ -222,11 +219,10 @@ def _check(checking: int, silent: int, seats: Seats, book: Book) -> None:
     rules, radio, team, _ = book
     allies, opponents, _, found, rivals = seats
     n, m = allies.shape[0], opponents.shape[0]
-    best, shared, finder = -1, 0.0, -1
+    best, shared = -1, 0.0
     for i in range(n):
         allies[i].checked = checking > 0
-        if checking:
-            allies[i].last_check = -1
+        allies[i].last_check = -1 if checking else allies[i].last_check
     for j in range(m):
         opponents[j].age_s += 1
         opponents[j].checked = (checking >> j) & 1 == 1
@@ -253,13 +249,13 @@ def _check(checking: int, silent: int, seats: Seats, book: Book) -> None:
                 rivals[j], jammer.known_mhz = i, allies[i].frequency_mhz
                 jammer.age_s, jammer.last_check = 0, 1
             if excess > shared:
-                best, shared, finder = i, excess, j
+                best, shared = i, excess
         low, high = rules.check_interval[0], rules.check_interval[1]
         draw = rng.integer(jammer.round_key, jammer.step, rng.CHECK_INTERVAL, high - low + 1)
         jammer.next_check += low + draw
     if team.share_findings and best >= 0:
         for j in range(m):
-            if j != finder and not (opponents[j].checked and opponents[j].last_check == 1):
+            if not (opponents[j].checked and opponents[j].last_check == 1):
                 rivals[j], opponents[j].known_mhz = best, allies[best].frequency_mhz
                 opponents[j].age_s = 0
 

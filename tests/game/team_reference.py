@@ -18,7 +18,7 @@ from .reference import Chance, ReferenceGame, clip, filtered, mixed, rotary_wing
 
 
 class Sender(NamedTuple):
-    """What an ally hears beside its own signal: received power, bands in MHz, and the one to notch."""
+    """A signal that an ally hears beside its own: received power, bands in MHz, and the one to notch."""
 
     power_mw: float
     bands: list[tuple[float, float]]

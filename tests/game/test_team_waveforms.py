@@ -29,7 +29,7 @@ class Mast(waveforms.Link):
         per_pulse = round(waveforms.SAMPLES_MHZ / pulse_mhz)
         sent = self._qpsk(n // per_pulse // gain)
         code = np.ones(len(sent))
-        if spreads:  # one scrambling code of the mast, times a row of a Fourier matrix
+        if spreads:  # one scrambling code per carrier, times a row of a Fourier matrix
             code = chips * np.tile(np.exp(2j * np.pi * number * np.arange(gain) / gain), len(sent))
         train = np.zeros(n, complex)
         train[::per_pulse] = np.repeat(sent, gain) * code
@@ -49,14 +49,15 @@ class Mast(waveforms.Link):
         here, spreads = own
         n = symbols * self.gain * round(waveforms.SAMPLES_MHZ / self.chips_mhz)
         f = np.fft.fftfreq(n, 1 / waveforms.SAMPLES_MHZ)
-        chips = self._qpsk(symbols * self.gain)
-        sent, code, signal = self.wave(n, spreads, 0, chips)
+        carriers = {here, *(carrier for carrier, _, _ in mates)}
+        chips = {carrier: self._qpsk(symbols * self.gain) for carrier in sorted(carriers)}
+        sent, code, signal = self.wave(n, spreads, 0, chips[here])
         around = np.sqrt(noise * waveforms.SAMPLES_MHZ * n / 2) * self._normal(n)
         for kind, centre, power in jammers:
             around += np.sqrt(power) * self._jamming(kind, centre, f)
         for number, (carrier, other, power) in enumerate(mates):
             shifted = np.roll(
-                self.wave(n, other, number + 1, chips)[2], round(carrier * n / waveforms.SAMPLES_MHZ)
+                self.wave(n, other, number + 1, chips[carrier])[2], round(carrier * n / waveforms.SAMPLES_MHZ)
             )
             around += np.sqrt(power) * shifted
         received = signal + np.roll(around, -round(here * n / waveforms.SAMPLES_MHZ))
