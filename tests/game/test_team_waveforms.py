@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -15,7 +14,7 @@ from fpg_bench.game.team_rules import TeamRules
 
 from .test_team import both
 
-LINK = dataclasses.replace(preset("link"), jamming_types=("tone", "narrowband", "broadband", "comb"))
+LINK = preset("link")
 MIDDLE = (LINK.band_low_mhz + LINK.band_high_mhz) / 2
 CLOSE = 5  # m between mates, so that they are heard
 
@@ -62,7 +61,7 @@ class Mast(waveforms.Link):
             around += np.sqrt(power) * shifted
         received = signal + np.roll(around, -round(here * n / waveforms.SAMPLES_MHZ))
         pulse_mhz = self.chips_mhz if spreads else self.symbols_mhz
-        shape = np.maximum(self._filter(n, pulse_mhz), 10 ** (self.floor_db / 20))
+        shape = self._filter(n, pulse_mhz)
         filters = [shape]
         if spreads:
             bands = [
@@ -74,7 +73,7 @@ class Mast(waveforms.Link):
             ]
             filters += [shape * (np.abs(f - self._notch(*band)) > self.notch_mhz / 2) for band in bands]
         best = 0.0
-        for each in filters:
+        for each in np.maximum(filters, 10 ** (self.floor_db / 20)):
             step, gain = round(waveforms.SAMPLES_MHZ / pulse_mhz), len(code) // len(sent)
             got = (np.fft.ifft(received * each)[::step] * np.conj(code)).reshape(len(sent), gain).mean(axis=1)
             got *= np.vdot(sent, sent) / np.vdot(sent, got)
