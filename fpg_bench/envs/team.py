@@ -15,6 +15,7 @@ from gymnasium import spaces
 from fpg_bench.common.checks import check_keys, flag, mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import action_modes, other_side, plain_id
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.envs.core import action_space
 from fpg_bench.game.batch import ActionError, Seeds, described
 from fpg_bench.game.choices import action_choices
@@ -130,13 +131,13 @@ class TeamSpec:
         """Return the scenario that is played."""
         return as_scenario(self.scenario, opponent_path=self.path)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the specification as JSON holds it: ``id`` and the options that are not the defaults.
 
         Raises:
             UserError: a rival is an object, which has no name.
         """
-        values: dict[str, Any] = {"id": TEAM, **self.team.to_dict()}
+        values: JsonObject = {"id": TEAM, **self.team.to_dict()}
         for each in dataclasses.fields(self):
             value = getattr(self, each.name)
             if each.name == "team" or value == each.default:

@@ -13,7 +13,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.envs.core import first_seeds, one_action
+from fpg_bench.envs.core import Info, ResetOptions, first_seeds, one_action
 from fpg_bench.envs.pettingzoo_env import mask_info
 from fpg_bench.envs.team import TeamSpec, make_team
 from fpg_bench.game.batch import ActionError
@@ -21,7 +21,7 @@ from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.game.team_batch import SIDES, TEAM_STATE_SIZE
 
 _Observations = dict[str, np.ndarray]  # by agent, as the infos
-_Infos = dict[str, dict[str, Any]]
+_Infos = dict[str, Info]
 
 
 class TeamParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
@@ -78,7 +78,7 @@ class TeamParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         return self.action_spaces[agent]
 
     def reset(
-        self, seed: int | None = None, options: dict[str, Any] | None = None
+        self, seed: int | None = None, options: ResetOptions | None = None
     ) -> tuple[_Observations, _Infos]:
         """Begin a round."""
         seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.checks import flag, one_of
 from fpg_bench.common.errors import UserError, shown
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.scenario import Scenario
 
 MOST_ALLIES, MOST_JAMMERS = 5, 3
@@ -72,7 +72,7 @@ class TeamRules:
             object.__setattr__(self, name, _checked_number(name, getattr(self, name), high))
         flag(self.share_findings, "share_findings")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the values that differ from the defaults."""
         given = {each.name: (getattr(self, each.name), each.default) for each in dataclasses.fields(self)}
         return {name: value for name, (value, default) in given.items() if value != default}
