@@ -171,13 +171,8 @@ def test_rivals_of_teams_see_all_numbers_of_their_seats():
 
 
 def test_a_shipped_agent_plays_any_seat():
-    agents = sorted(
-        (
-            fpg_bench.__path__[0] and pytest.importorskip("pathlib").Path("baselines/agents/opponent-link")
-        ).glob("*/seed_0")
-    )
-    name = f"opponent-link/{agents[0].parent.name}/seed_0"
-    team = make_team(4, side="ally", rivals=name)
+    agent = min((ROOT / "baselines/agents").glob("opponent-*/*/seed_0"))
+    team = make_team(4, side="ally", rivals=str(agent))
     team.reset(seeds=0)
     for _ in range(20):
         team.step(np.zeros((4, 3, 9)))
