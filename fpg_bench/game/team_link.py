@@ -176,7 +176,7 @@ def _remove(c: int, low: float, high: float, i: int, seats: Seats, book: Book) -
             continue
         tooth, spacing = radio.tooth_width[kind], rules.tooth_spacing[kind]
         offset, removed = opponents[j].jamming_mhz - f, 0.0
-        first, end = teeth(kind, opponents[j].jamming_mhz, rules, radio)
+        first, end = teeth(kind, opponents[j].jamming_mhz, rules)
         for number in range(first, end):
             removed += _between(offset + number * spacing, tooth, low, high, width, rolloff)
         work.removed[c, j] = removed / (end - first)

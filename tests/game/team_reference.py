@@ -185,8 +185,7 @@ class ReferenceTeams:
         s, everyone = self.s, set(range(len(self.jammers)))
         ally.snr_db, ally.clean_snr_db = self._snr(i, everyone), self._snr(i, set())
         on_air, worth = 1 - ally.off_air_s, self._worth(i, everyone)
-        cost = getattr(s, "flight_cost", 0.0) * (ally.speed_m_s / max(s.ally_speed_m_s[1], 1e-9)) ** 3
-        cost += s.flight_cost_per_w * (rotary_wing_w(ally.speed_m_s) - 126.00272188808806)
+        cost = s.flight_cost_per_w * (rotary_wing_w(ally.speed_m_s) - 126.00272188808806)
         ally.ally_reward = on_air * worth - cost
         ally.opponent_reward = on_air * (ally._worth(ally.clean_snr_db) - worth)
         ally.taken = [on_air * (self._worth(i, everyone - {j}) - worth) for j in sorted(everyone)]
@@ -195,7 +194,7 @@ class ReferenceTeams:
         s, k = self.s, self.step_number
         silent = self.checking if s.look_through_s else set()
         highest = 10 ** (s.noise_uncertainty_db / 10)
-        wall = highest - 1 / highest if getattr(s, "radiometer_wall", "robust") == "robust" else highest - 1
+        wall = highest - 1 / highest
         heard = {}
         for j, jammer in enumerate(self.jammers):
             jammer.age_s += 1

@@ -9,7 +9,7 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.batch import ActionError, GameBatch
-from fpg_bench.game.scenario import PRESETS, RADIOMETER, Scenario, preset
+from fpg_bench.game.scenario import PRESETS, RADIOMETER, preset
 from fpg_bench.game.team_batch import TEAM_REWARDS, TEAM_STATE_SIZE, TeamBatch
 from fpg_bench.game.team_rules import TeamRules
 
@@ -20,16 +20,11 @@ LINK = preset("link")
 LEARNED = dataclasses.replace(LINK, opponent_path="learned")
 
 
-def changed(base: Scenario, **values) -> Scenario:
-    """A scenario with other values in those of the fields that there are."""
-    return dataclasses.replace(base, **{name: value for name, value in values.items() if hasattr(base, name)})
-
-
-STRICT = changed(
-    LINK, filter_stopband_db=-40, fading_correlation=0, fading_distance_m=37, jamming_fading_sd_db=2,
-    jamming_backoff_db=(0, 1, 2, 3), tooth_tolerance_mhz=1e-6, charge_moves=True, acquisition_s=0.2,
-    flight_cost=0, flight_cost_per_w=0.02, ally_speed_m_s=(0, 25), opponent_speed_m_s=15,
-    radiometer_wall="robust", look_through_s=0.2,
+# Other values of all rules that are new in link.
+STRICT = dataclasses.replace(
+    LINK, filter_stopband_db=-30, fading_distance_m=20, jamming_fading_sd_db=3, acquisition_s=0.4,
+    jamming_backoff_db=(0, 1, 2, 3), flight_cost_per_w=0.02, ally_speed_m_s=(5, 20), look_through_s=0.3,
+    opponent_speed_m_s=15,
 )  # fmt: skip
 BASES = {
     **{name: preset(name) for name in PRESETS if name.startswith("link") and name != "link-city"},
@@ -40,23 +35,20 @@ BASES = {
         reselect_on_despread=True, rounds_per_match=2, snr_drop_weight=0.5, comb_spacing_points=1,
     ),
 }  # fmt: skip
-# Each rule of the model that a preset may switch, by itself.
-SWITCHED = {
-    "fading_distance_m": {"fading_distance_m": 50, "fading_correlation": 0},
-    "jamming_fading_sd_db": {"jamming_fading_sd_db": 2},
-    "jamming_backoff_db": {"jamming_backoff_db": (0, 1, 2, 3)},
-    "tooth_tolerance_mhz": {"tooth_tolerance_mhz": 1e-6},
-    "charge_moves": {"charge_moves": True},
-    "acquisition_s": {"acquisition_s": 0.3},
-    "flight_cost_per_w": {"flight_cost_per_w": 0.02, "flight_cost": 0},
-    "radiometer_wall": {"radiometer_wall": "robust"},
-    "look_through_s": {"look_through_s": 0.3},
-    "no-notch": {"notch_width_mhz": 0},
-    "jammer_isolation_db": {"jammer_isolation_db": 70, "look_through_s": 0},
-    "always-hops": {"hopping": "always"},
-    "no-knowledge": {"knowledge": "none"},
+# Rules at their neutral values, each by itself.
+NEUTRAL = {
+    "fading_correlation": {"fading_distance_m": 0, "fading_correlation": 0.7},
+    "jamming_fading_sd_db": {"jamming_fading_sd_db": 0},
+    "jamming_backoff_db": {"jamming_backoff_db": (0, 0, 0, 0)},
+    "hop_airtime_s": {"hop_airtime_s": 0},
+    "acquisition_s": {"acquisition_s": 0},
+    "flight_cost_per_w": {"flight_cost_per_w": 0},
+    "look_through_s": {"look_through_s": 0},
+    "notch_width_mhz": {"notch_width_mhz": 0},
+    "hopping": {"hopping": "always"},
+    "knowledge": {"knowledge": "none"},
 }
-VARIANTS = BASES | {name: changed(LINK, **values) for name, values in SWITCHED.items()}
+VARIANTS = BASES | {name: dataclasses.replace(LINK, **values) for name, values in NEUTRAL.items()}
 OF_ALLY = [
     *("control_points", "ally_position", "point", "frequency_mhz", "spreading", "airtime", "spreading_s"),
     *("opponent_position", "distance_m", "covered", "fading", "snr_db", "clean_snr_db", "rate_mbit_s"),
