@@ -181,7 +181,8 @@ def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> 
         imitation = card.hyperparameters.get("imitate") or {}
         if Path(imitation.get("teacher", "")).is_absolute():  # another response, which is not published
             imitation["teacher"] = "/".join(Path(imitation["teacher"]).parts[-3:-1])
-        card.write(published, (agent / "policy.onnx").read_bytes())
+        command = f"python scripts/train_best_responses.py {target.name}"
+        card.model_copy(update={"command": command}).write(published, (agent / "policy.onnx").read_bytes())
     own = (target.track, target.slug)
     rows = [row for row in file.read() if (row["track"], row["slug"]) != own or kind_of(row) not in made]
     for response in responses:

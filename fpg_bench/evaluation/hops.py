@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from fpg_bench.game.batch import GameBatch
+if TYPE_CHECKING:
+    from fpg_bench.game.batch import GameBatch
 
 HOP_BITS = "hop_bits"  # beside a tally: the entropy of a hop's destination, times the number of hops
 

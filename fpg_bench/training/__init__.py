@@ -2,4 +2,7 @@
 
 from fpg_bench.common.extras import require_extra
 
-require_extra("train", "torch", "stable_baselines3", "sb3_contrib", "onnx", "onnxscript", "tensorboard")
+
+def require_libraries() -> None:
+    """Raise UserError if a library of training is missing; modules call it before they import one."""
+    require_extra("train", "torch", "stable_baselines3", "sb3_contrib", "onnx", "onnxscript", "tensorboard")

@@ -3,8 +3,13 @@
 The usual layers are written operator by operator. PyTorch's exporter reads any network, but takes 1.6 s for
 the first one in a process, and its output depends on its version.
 """
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.training import require_libraries
+
+require_libraries()
 
 import contextlib
 import hashlib

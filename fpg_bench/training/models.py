@@ -1,6 +1,11 @@
 """Construction of Stable-Baselines3 models on a batch of games from hyper-parameters."""
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.training import require_libraries
+
+require_libraries()
 
 import copy
 from collections.abc import Sequence

@@ -1,6 +1,11 @@
 """Loading of a Stable-Baselines3 zip without unpickling: weights, sizes and plain JSON only."""
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.training import require_libraries
+
+require_libraries()
 
 import dataclasses
 import re

@@ -1,6 +1,11 @@
 """Training of an algorithm on an environment id into a run's folder."""
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.training import require_libraries
+
+require_libraries()
 
 import dataclasses
 import json

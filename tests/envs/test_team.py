@@ -275,7 +275,7 @@ def test_a_specification_is_written_down_and_opens_the_same_game():
         ),
         ({"mates": "all"}, "mates of the ally: expected one of none, place, full"),
         ({"reward": "difference"}, "reward of the ally: expected one of own, team"),
-        ({"actions": "continous"}, "actions of the ally: expected one of continuous"),
+        ({"actions": "continued"}, "actions of the ally: expected one of continuous"),
         ({"opponents": 2}, "unexpected keyword argument 'opponents'"),
         ({"game": "FPG/duel_v0"}, "game: expected one of FPG/team_v0"),
     ],

@@ -103,17 +103,17 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert (entry["name"], result["task"]["type"]) == ("mine", "reinforcement-learning")
     assert result["dataset"]["type"] == "FPG/AllyVsScripted-v0"
     assert [(each["type"], each["value"]) for each in result["metrics"]] == [
-        ("score", 64.8),
-        ("mean_reward", 12.27),
+        ("score", 45.8),
+        ("mean_reward", 6.32),
     ]
-    assert "[64.0, 65.6]" in result["metrics"][0]["name"]
-    assert "| 64.8 | [64.0, 65.6]" in text
+    assert "[44.1, 47.4]" in result["metrics"][0]["name"]
+    assert "| 45.8 | [44.1, 47.4]" in text
     about = json.loads(files["agent.json"])
     assert about["command"] in text
     assert "fpg-bench play --ally hf://me/mine" in text
     records = [json.loads(line) for line in files["records.jsonl"].splitlines()]
     assert {record["fingerprint"] for record in records} == {about["policy_sha256"][:16]}
-    assert {record["suite"] for record in records} == {"ally-v1", "ally-season-2"}
+    assert {record["suite"] for record in records} == {"ally-v2@season-2", "ally-v1", "ally-season-2"}
     assert files["replay.html"].startswith(b"<!DOCTYPE html>")
     assert "curve.png" not in files
     assert TOKEN.encode() not in b"".join(files.values())
