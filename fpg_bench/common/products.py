@@ -140,6 +140,8 @@ PRODUCTS = {
             "game/team_step.py",
             "game/team_batch.py",
             "players/team_runner.py",
+            "players/team_scripts.py",
+            "evaluation/team_match.py",
             "envs/team.py",
             "envs/team_pettingzoo.py",
             "envs/team_sb3.py",

@@ -25,9 +25,9 @@ from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.game.team_batch import SIDES, TEAM_REWARDS, TeamBatch
 from fpg_bench.game.team_rules import MATES, TeamRules
 from fpg_bench.game.team_step import TEAM_OBSERVATION_SIZE
-from fpg_bench.players.registry import as_player
 from fpg_bench.players.scripted import player_noise, player_seeds
 from fpg_bench.players.team_runner import TeamRunner
+from fpg_bench.players.team_scripts import as_team_player
 
 TEAM = "FPG/team_v0"
 CONVOY = TeamRules()  # three allies in convoy against two jammers
@@ -60,8 +60,8 @@ class TeamSpec:
             that the caller plays, or of both; a mapping from ``ally`` and ``opponent`` has one for each.
         side: the side that the caller plays; None: both.
         rivals: the players of the other side, if the caller plays one: names or objects as
-            :func:`fpg_bench.players.registry.as_player` takes them, each in all seats; of several, each game
-            draws one per round. See :class:`fpg_bench.players.team_runner.TeamRunner`.
+            :func:`fpg_bench.players.team_scripts.as_team_player` takes them, each in all seats; of several,
+            each game draws one per round. See :class:`fpg_bench.players.team_runner.TeamRunner`.
         is_by_seat: of several rivals, rival k plays seat k instead.
 
     Raises:
@@ -223,11 +223,11 @@ class TeamGame:
         self._runner: TeamRunner | None = None
         if game_spec.side is not None:
             theirs = other_side(game_spec.side)
-            players = [self._player(rival, theirs) for rival in _listed(game_spec.rivals)]
+            team = game_spec.team
+            players = [
+                as_team_player(rival, theirs, self.scenario, team) for rival in _listed(game_spec.rivals)
+            ]
             self._runner = TeamRunner(theirs, players, self.batch, game_spec.is_by_seat)
-
-    def _player(self, rival: Any, side: str) -> Any:
-        return rival if getattr(rival, "sees", "") == "team" else as_player(rival, side, self.scenario)
 
     def reset(
         self,
@@ -268,7 +268,7 @@ class TeamGame:
         if self._runner is not None:
             if self._runner.side in actions:
                 raise ActionError(f"{self._runner.side} actions: rivals play this side; leave them out")
-            actions = actions | {self._runner.side: self._runner.act()}
+            actions = actions | {self._runner.side: self._runner.act(actions)}
         self.batch.step(*(actions.get(side, np.zeros(0)) for side in SIDES))
 
     def decode(self, side: str, actions: np.ndarray) -> np.ndarray:

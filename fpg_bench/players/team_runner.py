@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import other_side
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.team_batch import TeamBatch
 from fpg_bench.game.team_step import TEAM_OBSERVATION_SIZE
@@ -52,7 +54,8 @@ class TeamRunner(PolicyRunner):
     Row ``g K + k`` of what players get is seat k of game g. Each seat has draws and a memory of its own, so a
     player that acts at random does not act alike in two seats. A player of the duel sees the first 15 numbers
     of its seat; one with ``sees = "team"`` sees all 67. A player with a method ``join(batch)`` is handed the
-    :class:`fpg_bench.game.team_batch.TeamBatch` first, as upper bounds need it.
+    :class:`fpg_bench.game.team_batch.TeamBatch` first, as bounds need it, and one with ``foresee(actions)``
+    the rivals' actions of each step.
 
     Args:
         side: ``ally`` or ``opponent``.
@@ -87,8 +90,15 @@ class TeamRunner(PolicyRunner):
         """
         super().begin(np.repeat(mask, self._rows.shape[1]))
 
-    def act(self) -> np.ndarray:
-        """Return the actions of all seats, ``(G, K, 9)``; see :meth:`PolicyRunner.act`."""
+    def act(self, known: Mapping[str, np.ndarray] = MappingProxyType({})) -> np.ndarray:
+        """Return the actions of all seats, ``(G, K, 9)``; see :meth:`PolicyRunner.act`.
+
+        Args:
+            known: actions of this step by side, ``(G, K, 9)``, for players with a method ``foresee``.
+        """
+        for player in self.players:
+            if foresee := getattr(player, "foresee", None):
+                foresee(known[other_side(self.side)])
         return super().act().reshape(*self._rows.shape, -1)
 
     def _drawn(self, keys: np.ndarray) -> np.ndarray:
