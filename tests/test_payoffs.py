@@ -19,7 +19,7 @@ from measure_payoffs import (
     measure,
 )
 
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import SCRIPTS
 from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
@@ -54,7 +54,7 @@ def test_the_committed_pay_offs_are_those_of_the_zoos_agents_and_its_best_have_t
     best = {side: best_agents(side, f"{side}-link(-population)?") for side in listed}
     for side, names in listed.items():
         firsts = [name for name in agents_of(side, f"{side}-link(-population)?") if name.endswith("/seed_0")]
-        assert [name for name in names if not name.startswith("response to ")] == [*SCRIPTED[side], *firsts]
+        assert [name for name in names if not name.startswith("response to ")] == [*SCRIPTS[side], *firsts]
         assert f"fpg-bench best-response {best[side][0]} " in page
         group = best[side][0].partition("/")[0]
         assert f"response to {group}" in listed["opponent" if side == "ally" else "ally"]

@@ -1,6 +1,11 @@
 """Training runs with a life cycle: train, resume after a stop, evaluate, export."""
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.training import require_libraries
+
+require_libraries()
 
 from collections.abc import Collection
 from pathlib import Path

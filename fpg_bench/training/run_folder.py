@@ -1,6 +1,11 @@
 """Folder of a training run: its files, its lock, and the description in ``run.json``."""
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.training import require_libraries
+
+require_libraries()
 
 import contextlib
 import os
