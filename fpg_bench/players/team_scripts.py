@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -83,8 +83,8 @@ FIRST_JAMMER_MATE = OBSERVATION_SIZE + FURTHER_ALLIES * FOUND_SIZE
 _FINDS = 1 + FURTHER_ALLIES + FURTHER_JAMMERS  # own and further finds, and mates' known frequencies
 
 
-class Team(NamedTuple):
-    """What an ally reads of its observation beside positions and channels.
+class SeatView(NamedTuple):
+    """Numbers that an ally reads of its observation beside positions and channels.
 
     Attributes:
         seat: its number.
@@ -102,12 +102,14 @@ class Team(NamedTuple):
 @compiled
 def _offset_m(root: float, axis: int, rules: Record) -> float:
     """Return a relative position in m; observations hold its signed root over the box."""
-    return math.copysign(root * root, root) / rules.per_box[axis]
+    metres: float = math.copysign(root * root, root) / rules.per_box[axis]
+    return metres
 
 
 @compiled
 def _point(place: float, rules: Record) -> int:
-    return math.floor((place + 1.0) / 2.0 * (rules.points - 1) + 0.5)
+    point: int = math.floor((place + 1.0) / 2.0 * (rules.points - 1) + 0.5)
+    return point
 
 
 @compiled
@@ -129,7 +131,7 @@ def _read_jammer(jammer: Record, me: Record, seen: np.ndarray, away: int, centre
 
 
 @compiled
-def read_ally(seen: np.ndarray, seats: Seats, rules: Record) -> Team:
+def read_ally(seen: np.ndarray, seats: Seats, rules: Record) -> SeatView:
     """Fill seats by what an ally observes: itself, the mates whose channels it is told, and jammers."""
     me, told, size, seat = seats.allies[0], 1, 1, 0
     for axis in range(3):
@@ -155,7 +157,7 @@ def read_ally(seen: np.ndarray, seats: Seats, rules: Record) -> Team:
         if seen[at + 9] > 0.0:
             _read_jammer(seats.opponents[jammers], me, seen, at, at + 3, rules)
             jammers += 1
-    return Team(seat, size, told, jammers)
+    return SeatView(seat, size, told, jammers)
 
 
 @compiled
@@ -352,7 +354,8 @@ def _assigned(finds: np.ndarray, seat: int, half_point: float, fresh: float) -> 
         newest = finds[best, 1] if taken == 0 else newest
         finds[_FINDS + taken, 0] = finds[best, 0]
         taken += 1
-    return finds[0, 0] if taken == 0 else finds[_FINDS + seat % taken, 0]
+    place: float = finds[0, 0] if taken == 0 else finds[_FINDS + seat % taken, 0]
+    return place
 
 
 @compiled
@@ -454,7 +457,7 @@ class TeamScript(SeededPolicy):
         return f"TeamScript({self.side!r}, {self.name!r})"
 
 
-def _records(scenario: Scenario, team: TeamRules) -> tuple[np.ndarray, ...]:
+def _records(scenario: Scenario, team: TeamRules) -> tuple[np.ndarray | None, ...]:
     """Return the records of a book."""
     return rules_record(scenario), radio_record(scenario), team.record(), np.zeros(1, WORK)
 
@@ -583,8 +586,7 @@ def as_team_player(spec: PlayerSpec, side: str, scenario: Scenario, team: TeamRu
         UserError: a script of the other side, or what ``as_player`` raises.
     """
     if getattr(spec, "sees", "") == "team":
-        player: Any = spec
-        return player
+        return cast(Player, spec)
     name = os.fspath(spec) if isinstance(spec, str | os.PathLike) else ""
     if name in _OWN[side]:
         return TeamScript(side, name, scenario, team)
