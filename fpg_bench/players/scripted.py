@@ -156,7 +156,14 @@ def jam(action: np.ndarray, jamming_type: int, tuning: float, in_band: bool) -> 
 def fitting_type(kind: int, seen: np.ndarray, distance: float, scales: Record) -> int:
     """Return the type that adaptive or watchful jams with."""
     checked = seen[KNOWN_AGE] <= 0.0
-    if _stayed(seen, checked) if kind == WATCHFUL else checked:
+    is_marked = _stayed(seen, checked) if kind == WATCHFUL else checked
+    return type_by_range(is_marked, checked, distance, scales)
+
+
+@compiled
+def type_by_range(is_marked: bool, checked: bool, distance: float, scales: Record) -> int:
+    """Return a tone for a marked ally, narrowband after a check, and else the type by the distance."""
+    if is_marked:
         return TONE
     if checked:
         return NARROWBAND

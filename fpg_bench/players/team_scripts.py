@@ -63,6 +63,7 @@ from fpg_bench.players.scripted import (
     fly_at_ally,
     jam,
     scenario_scales,
+    type_by_range,
 )
 from fpg_bench.players.seeded import Batched, SeededPolicy
 
@@ -365,13 +366,8 @@ def _type_on(target: float, seen: np.ndarray, distance_m: float, half_point: flo
     stayed = seen[JAM_TYPE + TONE] > 0.0
     if checked:
         stayed = not jams or abs(seen[JAM_CENTRE] - target) <= half_point
-    if stayed:
-        return TONE
-    if checked:
-        return NARROWBAND
-    if distance_m < scales.broadband_m:
-        return BROADBAND
-    return COMB if distance_m < scales.comb_m else NARROWBAND
+    kind: int = type_by_range(stayed, checked, distance_m, scales)
+    return kind
 
 
 @compiled
