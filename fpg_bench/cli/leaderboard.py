@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -140,26 +141,17 @@ def verify(
     from fpg_bench.leaderboard.exploited import verify_responses
     from fpg_bench.leaderboard.verification import verify as verify_all
 
-    part = None if sample is None else share(sample)
-    verdicts = verify_all(
-        folder,
-        names or (),
-        sample=part,
-        sample_seed=sample_seed,
-        update=update,
-        since=since,
-        changes_known=changes_known,
-        workers=workers,
-    )
-    verdicts += verify_responses(
-        folder,
-        names or (),
-        sample=part,
-        sample_seed=sample_seed,
-        update=update,
-        since=since,
-        workers=workers,
-    )
+    verdicts = []
+    for verify_part in (partial(verify_all, changes_known=changes_known), verify_responses):
+        verdicts += verify_part(
+            folder,
+            names or (),
+            sample=None if sample is None else share(sample),
+            sample_seed=sample_seed,
+            update=update,
+            since=since,
+            workers=workers,
+        )
     bad = sum(not verdict.is_good for verdict in verdicts)
     print_line(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
     raise typer.Exit(1 if bad else 0)

@@ -132,10 +132,7 @@ class GameBatch:
                 seeds or leaves games out.
         """
         mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
-        self.check_reset(mask, horizons)
-        if not self._begun and not (mask.all() and seeds is not None):
-            raise UserError("the first reset of a game batch begins every game and needs seeds")
-        number_rounds(self.games, mask, seeds, horizons, new_match, self.scenario)
+        number_rounds(self.games, mask, seeds, horizons, new_match, self.scenario, self._begun)
         self.tallies[mask] = np.zeros((), TALLY)
         self.histograms[mask] = 0
         self._begun = True
@@ -267,6 +264,7 @@ def number_rounds(
     horizons: np.ndarray | None,
     new_match: bool,
     scenario: Scenario,
+    begun: bool,
 ) -> None:
     """Set ``seed``, ``match``, ``round`` and ``horizon`` of the rounds that masked games begin.
 
@@ -274,7 +272,14 @@ def number_rounds(
         games: ``(N,)`` records of dtype ``state.GAME``, changed in place.
         mask, seeds, horizons, new_match: as in :meth:`GameBatch.reset`.
         scenario: what is played.
+        begun: whether the games have been reset before.
+
+    Raises:
+        UserError: as :func:`check_reset` does, or no seeds for every game at the first reset.
     """
+    check_reset(len(games), scenario, mask, horizons)
+    if not begun and not (mask.all() and seeds is not None):
+        raise UserError("the first reset of a game batch begins every game and needs seeds")
     if seeds is not None:
         games["seed"][mask] = check_seeds(seeds, len(games))[mask]
         games["match"][mask] = 0

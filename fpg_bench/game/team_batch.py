@@ -9,7 +9,7 @@ import numpy as np
 from fpg_bench.common.checks import check_keys, integer, one_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.game import team_step as kernel
-from fpg_bench.game.batch import Seeds, check_reset, load_actions, number_rounds
+from fpg_bench.game.batch import Seeds, load_actions, number_rounds
 from fpg_bench.game.flight import LEARNED, PURSUIT
 from fpg_bench.game.metrics import CLEAN
 from fpg_bench.game.rules import radio_record, rules_record
@@ -121,10 +121,7 @@ class TeamBatch:
     ) -> None:
         """Begin rounds in the masked games; see :meth:`fpg_bench.game.batch.GameBatch.reset`."""
         mask = np.ones(self.count, bool) if mask is None else np.asarray(mask, bool)
-        check_reset(self.count, self.scenario, mask, horizons)
-        if not self._begun and not (mask.all() and seeds is not None):
-            raise UserError("the first reset of a game batch begins every game and needs seeds")
-        number_rounds(self.games, mask, seeds, horizons, new_match, self.scenario)
+        number_rounds(self.games, mask, seeds, horizons, new_match, self.scenario, self._begun)
         self.allies[mask, 1:] = np.zeros((), GAME)
         for records in (self.opponents, self.sensed, self.found):
             records[mask] = np.zeros((), records.dtype)
