@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,41 @@ _Observations = dict[str, np.ndarray]  # by agent, as the infos
 _Infos = dict[str, Info]
 
 
-class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
+class SeededParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
+    """Base class of parallel environments of one game: the agents' spaces, and rounds that begin with seeds.
+
+    Args:
+        observation_spaces, action_spaces: of all possible agents, by their names.
+    """
+
+    def __init__(
+        self, observation_spaces: dict[str, spaces.Box], action_spaces: dict[str, spaces.Space[Any]]
+    ) -> None:
+        self.observation_spaces, self.action_spaces = observation_spaces, action_spaces
+        self.possible_agents = list(action_spaces)
+        self.agents: list[str] = []
+        self.np_random = np.random.default_rng()  # for wrappers, as SuperSuit's frame_skip
+        self._begun = False
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        """Return the space of an agent's observations, always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the space of an agent's actions, always the same object."""
+        return self.action_spaces[agent]
+
+    def _begin(self, reset: Callable[..., object], seed: int | None, options: ResetOptions | None) -> None:
+        """Begin a round by a game's ``reset``: a new match of a seed, or the next round."""
+        seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
+        # PettingZoo's own tests hand over options of no meaning, so unknown ones pass here
+        reset(seeds=seeds, new_match=bool((options or {}).get("new_match", False)))
+        if seed is not None and seeds is not None:
+            self.np_random = np.random.default_rng(int(seeds[0]))
+        self._begun = True
+
+
+class FPGParallelEnv(SeededParallelEnv):
     """One game with the agents ``ally`` and ``opponent``, both played by the caller.
 
     Each agent has the observation space ``Box(-1, 1, (15,), float32)``, the action space
@@ -58,13 +93,11 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         self.duel = make_duel(1, **options)
         self.metadata = {**self.metadata, "render_modes": list(offered_modes())}
         self.render_mode = render_mode
-        self.possible_agents = list(SIDES)
-        self.agents: list[str] = []
-        self.observation_spaces = {side: observation_space() for side in SIDES}
-        self.action_spaces = {side: action_space(self.duel.choices[side]) for side in SIDES}
+        super().__init__(
+            {side: observation_space() for side in SIDES},
+            {side: action_space(self.duel.choices[side]) for side in SIDES},
+        )
         self.state_space = spaces.Box(-1.0, 1.0, (FULL_STATE_SIZE,), np.float32)
-        self.np_random = np.random.default_rng()  # for wrappers, as SuperSuit's frame_skip
-        self._begun = False
         self._screen = Screen(self.duel.batch, render_mode)
 
     @property
@@ -72,24 +105,11 @@ class FPGParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         """The game, as :func:`fpg_bench.make_duel` opens it again."""
         return self.duel.game_spec
 
-    def observation_space(self, agent: str) -> spaces.Box:
-        """Return the space of an agent's observations, always the same object."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the space of an agent's actions, always the same object."""
-        return self.action_spaces[agent]
-
     def reset(
         self, seed: int | None = None, options: ResetOptions | None = None
     ) -> tuple[_Observations, _Infos]:
         """Begin a round."""
-        seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
-        # PettingZoo's own tests hand over options of no meaning, so unknown ones pass here
-        self.duel.reset(seeds=seeds, new_match=bool((options or {}).get("new_match", False)))
-        if seed is not None and seeds is not None:
-            self.np_random = np.random.default_rng(int(seeds[0]))
-        self._begun = True
+        self._begin(self.duel.reset, seed, options)
         self.agents = list(SIDES)
         self._screen.record(begin=True)
         return self._observations(), self._infos()

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo import AECEnv
 from pettingzoo.utils import OrderEnforcingWrapper
 from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.envs.core import Info, ResetOptions, first_seeds, one_action
-from fpg_bench.envs.pettingzoo_env import mask_info
+from fpg_bench.envs.core import Info, ResetOptions, one_action
+from fpg_bench.envs.pettingzoo_env import SeededParallelEnv, mask_info
 from fpg_bench.envs.team import TeamSpec, make_team
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
@@ -24,7 +24,7 @@ _Observations = dict[str, np.ndarray]  # by agent, as the infos
 _Infos = dict[str, Info]
 
 
-class TeamParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
+class TeamParallelEnv(SeededParallelEnv):
     """One game of two teams, with the agents ``ally_0``, ``ally_1``, ..., ``opponent_0``, ...
 
     Each agent has the observation space ``Box(-1, 1, (67,), float32)``, and the action space and choices of
@@ -54,39 +54,22 @@ class TeamParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         self.render_mode = None
         sides = SIDES if self.game_spec.side is None else (self.game_spec.side,)
         self._places = {f"{side}_{k}": (side, k) for side in sides for k in range(self.team.seats[side])}
-        self.possible_agents = list(self._places)
-        self.agents: list[str] = []
-        self.observation_spaces = dict.fromkeys(self._places, self.team.observation_space)
-        self.action_spaces = {
-            agent: self.team.action_spaces[side] for agent, (side, _) in self._places.items()
-        }
+        super().__init__(
+            dict.fromkeys(self._places, self.team.observation_space),
+            {agent: self.team.action_spaces[side] for agent, (side, _) in self._places.items()},
+        )
         self.state_space = spaces.Box(-1.0, 1.0, (TEAM_STATE_SIZE,), np.float32)
-        self.np_random = np.random.default_rng()  # for wrappers, as SuperSuit's frame_skip
-        self._begun = False
 
     @property
     def game_spec(self) -> TeamSpec:
         """The game, as :func:`fpg_bench.make_team` opens it again."""
         return self.team.game_spec
 
-    def observation_space(self, agent: str) -> spaces.Box:
-        """Return the space of an agent's observations, always the same object."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the space of an agent's actions, always the same object."""
-        return self.action_spaces[agent]
-
     def reset(
         self, seed: int | None = None, options: ResetOptions | None = None
     ) -> tuple[_Observations, _Infos]:
         """Begin a round."""
-        seeds = first_seeds(seed, 1) if seed is not None or not self._begun else None
-        # PettingZoo's own tests hand over options of no meaning, so unknown ones pass here
-        self.team.reset(seeds=seeds, new_match=bool((options or {}).get("new_match", False)))
-        if seed is not None and seeds is not None:
-            self.np_random = np.random.default_rng(int(seeds[0]))
-        self._begun = True
+        self._begin(self.team.reset, seed, options)
         counts = dict(zip(SIDES, self.team.batch.counts[0].tolist(), strict=True))
         self.agents = [agent for agent, (side, k) in self._places.items() if k < counts[side]]
         return dict(self._observed()), self._infos()
