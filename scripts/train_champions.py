@@ -2,6 +2,8 @@
 
 python scripts/train_champions.py                                 all of them; run it again to resume
 python scripts/train_champions.py --only ally-champion --seed 0   one
+
+Of a champion that a double oracle finds, the stages of each seed's search go to baselines/scores/NAME.
 """
 
 from __future__ import annotations
@@ -14,7 +16,15 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.output import print_messages
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.training.league.champions import load_champions, ship_champion, train_champion
+from fpg_bench.training.league.champions import (
+    OracleConfig,
+    keep_search,
+    load_champions,
+    search_folder,
+    ship_champion,
+    train_champion,
+)
+from fpg_bench.training.league.double_oracle import ROWS
 
 SEEDS = (0, 1, 2)
 
@@ -27,6 +37,7 @@ def main() -> None:
     parser.add_argument("--file", type=Path, help="default: baselines/champions.yml")
     parser.add_argument("--runs", type=Path, default=Path("runs/champions"), help="the runs' folders")
     parser.add_argument("--agents", type=Path, help="folder of the shipped agents; default: baselines/agents")
+    parser.add_argument("--scores", type=Path, help="folder of the searches' rows; default: baselines/scores")
     parser.add_argument("--progress", action="store_true", help="show the progress of each training")
     options = parser.parse_args()
     print_messages()
@@ -34,6 +45,7 @@ def main() -> None:
     if options.only is not None and options.only not in configs:
         raise UserError(f"only: no champion {options.only!r}{nearest(options.only, configs)}")
     agents = options.agents or baselines_folder() / "agents"
+    scores = options.scores or baselines_folder() / "scores"
     for name in [options.only] if options.only else list(configs):
         config = configs[name]
         for seed in SEEDS if options.seed is None else (options.seed,):
@@ -41,6 +53,9 @@ def main() -> None:
             folder = agents / name / config.algorithm / f"seed_{seed}"
             command = f"python scripts/train_champions.py --only {name} --seed {seed}"
             ship_champion(agent, folder, config, seed, command)
+            if isinstance(config, OracleConfig):
+                search = search_folder(config, seed, options.runs)
+                keep_search(search, scores / name / ROWS, seed)
             print(f"shipped: {folder}", flush=True)
 
 
