@@ -3,7 +3,7 @@
 python scripts/train_champions.py                                 all of them; run it again to resume
 python scripts/train_champions.py --only ally-champion --seed 0   one
 
-Of a champion that a double oracle finds, the stages of each seed's search go to baselines/scores/NAME.
+Of a champion that a double oracle finds, the stages of all seeds' searches stand beside the agents.
 """
 
 from __future__ import annotations
@@ -37,7 +37,6 @@ def main() -> None:
     parser.add_argument("--file", type=Path, help="default: baselines/champions.yml")
     parser.add_argument("--runs", type=Path, default=Path("runs/champions"), help="the runs' folders")
     parser.add_argument("--agents", type=Path, help="folder of the shipped agents; default: baselines/agents")
-    parser.add_argument("--scores", type=Path, help="folder of the searches' rows; default: baselines/scores")
     parser.add_argument("--progress", action="store_true", help="show the progress of each training")
     options = parser.parse_args()
     print_messages()
@@ -45,7 +44,6 @@ def main() -> None:
     if options.only is not None and options.only not in configs:
         raise UserError(f"only: no champion {options.only!r}{nearest(options.only, configs)}")
     agents = options.agents or baselines_folder() / "agents"
-    scores = options.scores or baselines_folder() / "scores"
     for name in [options.only] if options.only else list(configs):
         config = configs[name]
         for seed in SEEDS if options.seed is None else (options.seed,):
@@ -55,7 +53,7 @@ def main() -> None:
             ship_champion(agent, folder, config, seed, command)
             if isinstance(config, OracleConfig):
                 search = search_folder(config, seed, options.runs)
-                keep_search(search, scores / name / ROWS, seed)
+                keep_search(search, folder.with_name(ROWS), seed)
             print(f"shipped: {folder}", flush=True)
 
 
