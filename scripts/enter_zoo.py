@@ -142,7 +142,7 @@ SCRIPTS = {
     "sulk": "hops in an outage, but stays for half a minute after three hops that did not help",
     "evidence": "hops to a point drawn at random once the hits in a row are unlikely to be blind",
     "clock": "hops as evidence does, and spreads when the next check may come",
-    "hunter": "jams a narrow band for two seconds where a check found the ally, else half of the band, at random",
+    "hunter": "jams a narrow band for two seconds where a check found the ally, else half the band at random",
     "by-type": "spreads its signal against a tone, and hops away from every other type",
     "random": "draws every action at random",
     "epsilon-greedy": "hops in an outage to the best point so far, or one time in ten to any",
