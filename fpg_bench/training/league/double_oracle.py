@@ -207,6 +207,7 @@ def search_rows(folder: Path) -> list[Row]:
         "scenario": result["game"].get("scenario", "standard"),
         "side": find_env(result["game"]["id"]).side,
         "mode": result["mode"],
+        "actions": result["game"].get("actions", "continuous"),
         "seed": result["seed"],
         "steps": result["steps"][0],
         "response_steps": result["steps"][1],
