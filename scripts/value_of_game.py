@@ -40,16 +40,19 @@ EVEN = "uniform-hop"  # the mode without the points by name, which are the best 
 
 @dataclass(frozen=True)
 class Kept:
-    """What a policy of the ally keeps per step, at most: the lowest return against responses to it."""
+    """Bound of what a policy of the ally keeps per step: its lowest return against responses to it."""
 
-    policy: str
+    scenario: str
+    name: str
+    part: str
     value: float
     responses: int
     steps: int
 
     def __str__(self) -> str:
+        policy = ", ".join(filter(None, (f"`{self.name}`", self.part)))
         count = f"{self.responses} response{'s' if self.responses > 1 else ''}"
-        return f"{self.value:.2f} ({self.policy}, {count} of {self.steps:,} steps)"
+        return f"{self.value:.2f} ({policy}, {count} of {self.steps:,} steps)"
 
 
 def read_searches(agents: Path, page: Path) -> list[Row]:
@@ -61,8 +64,8 @@ def read_searches(agents: Path, page: Path) -> list[Row]:
     return [row for row in rows if row["side"] == "ally"]
 
 
-def kept_by_policies(rows: Sequence[Row], board: Path) -> Iterator[tuple[str, Kept]]:
-    """Yield the scenario and what is kept by each policy that a response was trained for once it was chosen.
+def kept_by_policies(rows: Sequence[Row], board: Path) -> Iterator[Kept]:
+    """Yield what is kept by each policy that a response was trained for once it was chosen.
 
     These are stages with a second response, since ``low`` chose them and is too high by its noise, and the
     training seeds of entries that the board's recipe answers. The exported stage of a search is a training
@@ -77,12 +80,12 @@ def kept_by_policies(rows: Sequence[Row], board: Path) -> Iterator[tuple[str, Ke
         values, name = [row["confirmed"], *([row["low"]] if row["mode"] == "one" else [])], row["search"]
         if exported[name, row["seed"]] is row:
             values += entered.pop((name, row["seed"]), ("", [], True))[1]
-        policy = f"`{name}`, seed {row['seed']}, stage {row['stage']}"
-        yield row["scenario"], Kept(policy, min(values), len(values), row["response_steps"])
+        part = f"seed {row['seed']}, stage {row['stage']}"
+        yield Kept(row["scenario"], name, part, min(values), len(values), row["response_steps"])
     for (name, seed), (scenario, values, is_answered) in entered.items():
         if is_answered:
-            policy = f"`{name}`" if seed is None else f"`{name}`, seed {seed}"
-            yield scenario, Kept(policy, min(values), len(values), RECIPE.steps)
+            part = "" if seed is None else f"seed {seed}"
+            yield Kept(scenario, name, part, min(values), len(values), RECIPE.steps)
 
 
 def entered_policies(board: Path) -> Iterator[tuple[tuple[str, int | None], tuple[str, list[float], bool]]]:
@@ -109,11 +112,11 @@ def entered_policies(board: Path) -> Iterator[tuple[tuple[str, int | None], tupl
                 yield (folder.name, seed), (scenario, values, index in answered)
 
 
-def bracket(rows: Sequence[Row], kept: Sequence[tuple[str, Kept]]) -> list[list[str]]:
+def bracket(rows: Sequence[Row], kept: Sequence[Kept]) -> list[list[str]]:
     """Return the highest known returns from below and the lowest from above, as lines of cells."""
     lines = [["scenario", "kept by an ally", "left to allies that hop evenly", "left to any ally"]]
     for scenario in SCENARIOS:
-        below = [one for place, one in kept if place == scenario]
+        below = [one for one in kept if one.scenario == scenario]
         above = [row for row in rows if row["scenario"] == scenario]
         free = [row for row in above if row["actions"] != EVEN]
         best = str(max(below, key=lambda one: one.value)) if below else "-"
@@ -128,6 +131,19 @@ def _lowest(rows: Sequence[Row]) -> str:
     row = min(rows, key=lambda row: row["high"])
     steps = row["steps"] * (row["stage"] + 1)
     return f"{row['high']:.2f} (`{row['search']}`, seed {row['seed']}, stage {row['stage']}, {steps:,} steps)"
+
+
+def answered(kept: Sequence[Kept]) -> list[list[str]]:
+    """Return what each answered ally keeps, from the policy that keeps least to the one that keeps most."""
+    lines = [["scenario", "ally", "policies", "kept", "steps of a response"]]
+    players = {(one.scenario, one.name): [each for each in kept if each.name == one.name] for one in kept}
+    order = sorted(players, key=lambda key: (SCENARIOS.index(key[0]), -max(one.value for one in players[key])))
+    for scenario, name in order:
+        own = players[scenario, name]
+        values = [f"{end(one.value for one in own):.2f}" for end in (min, max)]
+        ends = " to ".join(dict.fromkeys(values))
+        lines.append([f"`{scenario}`", f"`{name}`", str(len(own)), ends, f"{own[0].steps:,}"])
+    return lines
 
 
 def curve(rows: Sequence[Row]) -> list[list[str]]:
@@ -205,7 +221,8 @@ def main() -> None:
         name, _, folder = word.partition("=")
         keep(name, Path(folder), options.page.with_name(OTHERS))
     rows = read_searches(options.agents or baselines_folder() / "agents", options.page)
-    parts = [markdown_table(bracket(rows, [*kept_by_policies(rows, options.board)]))]
+    kept = list(kept_by_policies(rows, options.board))
+    parts = [markdown_table(bracket(rows, kept)), markdown_table(answered(kept))]
     if rows:
         picture = options.page.with_suffix(".svg")
         write(draw(rows), picture)

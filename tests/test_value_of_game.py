@@ -45,11 +45,15 @@ def board(tmp_path):
 
 
 def test_a_policy_keeps_its_lowest_return_and_counts_only_with_a_response_of_its_own(board):
-    kept = [(scenario, str(each)) for scenario, each in value_of_game.kept_by_policies(SEARCH, board)]
-    assert kept == [
+    kept = list(value_of_game.kept_by_policies(SEARCH, board))
+    assert [(each.scenario, str(each)) for each in kept] == [
         ("standard", "1.50 (`brave`, seed 0, stage 1, 2 responses of 2,000 steps)"),
         ("standard", "1.20 (`brave`, seed 0, stage 2, 3 responses of 2,000 steps)"),
         ("link", "-3.00 (`still`, 3 responses of 1,500,000 steps)"),
+    ]
+    assert value_of_game.answered(kept)[1:] == [
+        ["`standard`", "`brave`", "2", "1.20 to 1.50", "2,000"],
+        ["`link`", "`still`", "1", "-3.00", "1,500,000"],
     ]
 
 
