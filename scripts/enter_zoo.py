@@ -77,14 +77,28 @@ GROUPS = {
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
-# Champion, role and track by the entry's folder.
+STAGED = "scripts, agents of the zoo, and those who had learned to beat it"
+# Champion, role, training partners and track by the entry's folder.
 CHAMPIONS = {
-    "ally-champion": ("ally-champion", "ally champion", "ally"),
-    "opponent-champion": ("opponent-champion", "opponent champion", "opponent-learned"),
-    "opponent-champion-2": ("opponent-champion-2", "second opponent champion", "opponent-learned"),
+    "ally-champion": ("ally-champion", "ally champion", STAGED, "ally"),
+    "ally-champion-2": (
+        "ally-champion-2",
+        "second ally champion",
+        "thirteen scripted opponents, and the responses to its stages",
+        "ally",
+    ),
+    "ally-link-champion": (
+        "ally-link-champion",
+        "ally champion on a radio link",
+        "thirteen scripted opponents, the population training-link-1, and the responses to its stages",
+        "ally-link",
+    ),
+    "opponent-champion": ("opponent-champion", "opponent champion", STAGED, "opponent-learned"),
+    "opponent-champion-2": ("opponent-champion-2", "second opponent champion", STAGED, "opponent-learned"),
     "opponent-champion-2-pursuit": (
         "opponent-champion-2",
         "second opponent champion, in pursuit",
+        STAGED,
         "opponent-pursuit",
     ),
 }
@@ -126,6 +140,9 @@ SCRIPTS = {
     "guard": "jams a comb around the known frequency from near, and a narrow band beside it from afar",
     "herd": "jams as watchful does until the ally has moved twice, and then as alternate does",
     "sulk": "hops in an outage, but stays for half a minute after three hops that did not help",
+    "evidence": "hops to a point drawn at random once the hits in a row are unlikely to be blind",
+    "clock": "hops as evidence does, and spreads when the next check may come",
+    "hunter": "jams a narrow band for two seconds where a check found the ally, else half the band at random",
     "by-type": "spreads its signal against a tone, and hops away from every other type",
     "random": "draws every action at random",
     "epsilon-greedy": "hops in an outage to the best point so far, or one time in ten to any",
@@ -193,11 +210,10 @@ def agents() -> dict[str, str]:
 def champions() -> dict[str, str]:
     """Return the submissions of all shipped champions by track and name."""
     entries = {}
-    for slug, (name, role, key) in CHAMPIONS.items():
+    for slug, (name, role, saw, key) in CHAMPIONS.items():
         track = TRACKS[key]
         for folder in sorted((baselines_folder() / "agents" / name).glob("*")):
             text = f"Made to be hard to beat; trained by python scripts/train_champions.py --only {name}."
-            saw = "scripts, agents of the zoo, and those who had learned to beat it"
             entries[f"{track.side}/{slug}"] = trained(folder, track, role, saw, text)
     return entries
 
@@ -213,7 +229,7 @@ def trained(folder: Path, track: Track, role: str, saw: str, description: str) -
         track,
         reference=f"https://arxiv.org/abs/{paper}",
         training={
-            "steps": cards[0].training_steps,
+            "steps": max(card.training_steps for card in cards),
             "hours": round(sum(hours) / len(hours), 3),
             "seeds": [card.training_seed for card in cards],
         },

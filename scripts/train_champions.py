@@ -2,6 +2,8 @@
 
 python scripts/train_champions.py                                 all of them; run it again to resume
 python scripts/train_champions.py --only ally-champion --seed 0   one
+
+Of a champion that a double oracle finds, the stages of all seeds' searches stand beside the agents.
 """
 
 from __future__ import annotations
@@ -14,7 +16,15 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.output import print_messages
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.training.league.champions import load_champions, ship_champion, train_champion
+from fpg_bench.training.league.champions import (
+    OracleConfig,
+    keep_search,
+    load_champions,
+    search_folder,
+    ship_champion,
+    train_champion,
+)
+from fpg_bench.training.league.double_oracle import ROWS
 
 SEEDS = (0, 1, 2)
 
@@ -41,6 +51,9 @@ def main() -> None:
             folder = agents / name / config.algorithm / f"seed_{seed}"
             command = f"python scripts/train_champions.py --only {name} --seed {seed}"
             ship_champion(agent, folder, config, seed, command)
+            if isinstance(config, OracleConfig):
+                search = search_folder(config, seed, options.runs)
+                keep_search(search, folder.with_name(ROWS), seed)
             print(f"shipped: {folder}", flush=True)
 
 

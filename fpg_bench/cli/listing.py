@@ -250,7 +250,7 @@ def _champions(side: str) -> list[str]:
     from fpg_bench.players.agent import baselines_folder
 
     agents = baselines_folder() / "agents"
-    folders = sorted(agents.glob(f"{side}-champion*/*/seed_*"))
+    folders = sorted(agents.glob(f"{side}-*champion*/*/seed_*"))
     return [folder.relative_to(agents).as_posix() for folder in folders]
 
 

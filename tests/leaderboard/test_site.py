@@ -12,6 +12,7 @@ import sys
 from email.message import Message
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
@@ -26,11 +27,13 @@ from fpg_bench.game.metrics import measures
 from fpg_bench.game.state import TALLY
 from fpg_bench.leaderboard.site import page_data, views
 from fpg_bench.leaderboard.site.build import build_site
+from fpg_bench.leaderboard.site.entry_page import commands
 from fpg_bench.leaderboard.site.findings import CLAIMS, finding_cards, play_round
 from fpg_bench.leaderboard.site.reading_pages import PAGES
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
+from fpg_bench.training.league.champions import load_champions
 from tests.leaderboard.example_board import HOSTILE, example_board, small_zoo, with_entry, with_figures
 
 ROOT = Path(__file__).parents[2]
@@ -392,11 +395,16 @@ def test_scores_can_be_downloaded_as_csv_with_metadata_of_both_files(site):
     assert sources == {"scores.csv"} < {file["@id"] for file in about["distribution"]}
 
 
-def test_commands_that_train_a_zoo_entry_name_an_agent_of_the_zoo():
-    zoo = load_zoo()
+def test_commands_that_train_an_entry_name_an_agent_of_the_zoo_or_a_champion():
+    zoo, champions, seen = load_zoo(), load_champions(ROOT / "baselines/champions.yml"), set()
     for path in sorted((ROOT / "leaderboard/submissions").glob("*/*/submission.yaml")):
-        name = yaml.safe_load(path.read_text()).get("zoo")
-        assert not name or "champion" in name or zoo.members(name)
+        if name := yaml.safe_load(path.read_text()).get("zoo"):
+            entry = SimpleNamespace(kind="zoo", plays=name, slug=path.parent.name)
+            _, (_, command) = commands(SimpleNamespace(side=path.parent.parent.name), entry)
+            _, script, _, only = command.split()
+            seen.add(script)
+            assert only in champions if script == "scripts/train_champions.py" else zoo.members(only), name
+    assert seen == {"scripts/train_champions.py", "scripts/train_zoo.py"}
 
 
 def test_every_measure_of_a_round_has_a_label():

@@ -21,6 +21,7 @@ from fpg_bench.players.tactics import draw_variants
 from fpg_bench.training.callbacks import GameMeasuresCallback
 from fpg_bench.training.league import best_responses as responding
 from fpg_bench.training.league import champions as championing
+from fpg_bench.training.league import double_oracle as searching
 from fpg_bench.training.league import evaluation
 from fpg_bench.training.league import selfplay as playing
 from tests.logged import logged
@@ -509,6 +510,61 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
     assert described == ("make brave", 800, 3)
 
 
+ORACLE = {
+    "side": "ally",
+    "options": {"actions": "uniform-hop"},
+    "stages": 2,
+    "steps": 400,
+    "response_steps": 300,
+    "algorithm": "ppo",
+    "response_algorithm": "ppo",
+    "response_actions": "discrete",
+    "against": ["tone", "suite:training-1/o01"],
+    "weight": 2,
+    "patience": 1,
+}
+
+
+@pytest.mark.slow
+def test_a_champion_of_a_double_oracle_is_shipped_from_a_finished_search_wherever_it_was_made(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(searching, "MATCHES", 3)
+    (tmp_path / "champions.yml").write_text(json.dumps({"brave": ORACLE}))
+    config = championing.load_champions(tmp_path / "champions.yml")["brave"]
+    game = config.arguments() | {"against": ["tone", "training-1/opponent/o01"]}
+    search = tmp_path / "elsewhere"
+    made = searching.double_oracle(search, seed=3, progress=False, **game)
+    (tmp_path / "runs" / "brave").mkdir(parents=True)
+    search.rename(tmp_path / "runs" / "brave" / "seed_3")
+    monkeypatch.setattr(searching, "train", interrupt)
+    agent = championing.train_champion(config, 3, tmp_path / "runs")
+    championing.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
+    card = load_agent(tmp_path / "out", "ally").card.to_dict()
+    assert (card["command"], card["training_seed"]) == ("make brave", 3)
+    assert card["training_steps"] == 400 * (made["stage"] + 1)
+    assert card["recipe"] == {"name": "brave", "mode": "one", **ORACLE}
+    responses = ["runs/response_0_0/agent"] * 2 if made["stage"] else []
+    assert card["game"]["opponent"] == ["tone", "training-1/opponent/o01", *responses]
+    assert str(tmp_path) not in json.dumps(card)
+    file = tmp_path / "scores.jsonl"
+    file.write_text('{"seed": 3, "stage": 5}\n{"seed": 4, "stage": 0}\n')
+    championing.keep_search(agent.parent, file, 3)
+    *rows, other = RowFile(file).read()
+    assert other == {"seed": 4, "stage": 0}
+    assert [row["confirmed"] for row in rows] == [made["confirmed"].get(str(row["stage"])) for row in rows]
+    assert [row["low"] for row in rows] == [row["low"] for row in made["rows"]]
+    assert {(row["scenario"], row["steps"], row["response_steps"]) for row in rows} == {
+        ("standard", 400, 300)
+    }
+
+
+def test_a_search_that_is_not_finished_is_not_kept(tmp_path):
+    (tmp_path / "double_oracle.json").write_text("{}")
+    with pytest.raises(UserError, match="the search is not finished; run its command again"):
+        championing.keep_search(tmp_path, tmp_path / "scores.jsonl", 0)
+
+
 def test_the_hardest_player_is_drawn_most_often():
     assert championing.copies_by_hardness([5.0, 0.0, 10.0], 5) == [2, 5, 1]
     assert championing.copies_by_hardness([1.0, 1.0], 5) == [1, 1]
@@ -522,6 +578,7 @@ def test_an_invalid_champion_is_refused_in_one_line(tmp_path):
         ({"responders": [{"steps": 3}]}, "lacks algorithm"),
         ({"options": {"pth": "circle"}}, "options: unknown key 'pth'; did you mean 'path'"),
         ({"id": "FPG/AllyVsScripted-v0"}, "id: expected FPG/AllyVsPolicy-v0"),
+        ({"side": "ally"}, "unknown key 'id'"),
     ):
         with pytest.raises(UserError, match=message) as caught:
             load_champion(tmp_path, **changes)

@@ -1,22 +1,25 @@
-"""Champions: agents trained against a population that their own responders join.
+"""Champions: agents trained in stages against a population that responses to them join.
 
-Harder players are drawn more often, as in prioritized fictitious self-play (Vinyals et al. 2019).
+Staged champions meet harder players more often, as in prioritized fictitious self-play (Vinyals et al. 2019).
+The others come from a double oracle, which stops once no stage keeps more against a fresh response.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from pydantic import Field as Constraint
 
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import read_json, read_yaml, write_json
+from fpg_bench.common.files import read_json, read_yaml, write_json, write_whole
 from fpg_bench.common.ids import find_env, policy_env
 from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import tuning_seeds
@@ -24,6 +27,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.population import expand_suites, member_folder
 from fpg_bench.training.config import RunConfig
+from fpg_bench.training.league.double_oracle import double_oracle, search_rows
 from fpg_bench.training.league.evaluation import evaluate_against
 from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.train import train
@@ -50,7 +54,7 @@ class Responder(Strict):
 
 
 class ChampionConfig(Strict):
-    """Configuration of a champion's training, an entry of ``baselines/champions.yml``.
+    """Configuration of a staged champion, an entry of ``baselines/champions.yml``.
 
     Attributes:
         name: folder of the agents.
@@ -90,47 +94,88 @@ class ChampionConfig(Strict):
         return find_env(self.id).other_side
 
 
-def load_champions(file: Path) -> dict[str, ChampionConfig]:
-    """Load the configurations of champions from a YAML file, by name.
+class OracleConfig(Strict):
+    """Configuration of a champion that a double oracle finds, an entry of ``baselines/champions.yml``.
+
+    Attributes:
+        name: folder of the agents.
+        options: options of the game, attributes of :class:`fpg_bench.game.spec.GameSpec`.
+        others: arguments of :func:`fpg_bench.training.league.double_oracle.double_oracle`.
+    """
+
+    name: str
+    side: Literal["ally", "opponent"]
+    mode: Literal["one", "both"] = "one"
+    stages: PositiveInt
+    steps: PositiveInt
+    response_steps: PositiveInt
+    algorithm: str
+    response_algorithm: str
+    response_actions: str
+    against: Annotated[list[str], Constraint(min_length=1)]
+    weight: PositiveInt
+    patience: PositiveInt
+    options: JsonObject = Constraint(default_factory=dict)
+
+    @property
+    def id(self) -> str:
+        """Environment id of the side's training."""
+        return policy_env(self.side).id
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of the double oracle."""
+        return {**self.model_dump(exclude={"name", "options"}), **self.options}
+
+
+def load_champions(file: Path) -> dict[str, ChampionConfig | OracleConfig]:
+    """Load the configurations of champions from a YAML file, by name; those with a side have a double oracle.
 
     Raises:
         UserError: the file cannot be read, or a key is missing, unknown or invalid.
     """
-    configs = {}
+    configs: dict[str, ChampionConfig | OracleConfig] = {}
     for name, content in read_yaml(file, "champions").items():
         where = f"champions {file}: {name}"
         check_allowed(content, (), where)
-        config = parse(ChampionConfig, {"name": name, **mapping(content, where)}, where)
+        content = {"name": name, **mapping(content, where)}
+        config = parse(OracleConfig if "side" in content else ChampionConfig, content, where)
         if config.id != policy_env(config.side).id:
             raise UserError(f"{where}: id: expected {policy_env(config.side).id}, got {config.id}")
-        for options in (config.options, *(responder.options or {} for responder in config.responders)):
+        responders = () if isinstance(config, OracleConfig) else config.responders
+        for options in (config.options, *(responder.options or {} for responder in responders)):
             GameSpec.from_dict({"id": config.id, **options}, f"{where}: options")
         configs[config.name] = config
     return configs
 
 
-def train_champion(config: ChampionConfig, seed: int, runs: Path, *, progress: bool = False) -> Path:
+def train_champion(
+    config: ChampionConfig | OracleConfig, seed: int, runs: Path, *, progress: bool = False
+) -> Path:
     """Train one champion; a stopped training is resumed, and finished runs are not repeated.
 
-    After each stage but the last, responders are trained against its agent, and they join the population of
-    the next stage. From the second stage on, players against which the champion's return is lower are drawn
-    more often.
+    Of a staged champion, responders are trained against the agent of each stage but the last, and they join
+    the population of the next stage. From the second stage on, players against which the champion's return is
+    lower are drawn more often.
 
     Args:
         config: the champion's configuration.
         seed: the training seed.
-        runs: folder of all champions' runs: ``NAME/seed_k/stage_i/run`` and ``.../responder_j``.
+        runs: folder of all champions' runs. ``NAME/seed_k`` is the folder of a double oracle, or has
+            ``stage_i/run`` and ``stage_i/responder_j``.
         progress: show the progress of each training.
 
     Returns:
-        The folder of the last stage's agent.
+        The folder of the agent: of the last stage, or of the one that the double oracle exports.
 
     Raises:
         UserError: something unknown or out of range, or a folder that holds another run.
         KeyboardInterrupt: stopped by the user.
     """
+    folder, agent = search_folder(config, seed, runs), Path()
+    if isinstance(config, OracleConfig):
+        double_oracle(folder, seed=seed, progress=progress, **config.arguments())
+        return folder / "agent"
     population = [str(spec) for spec in expand_suites(config.against, config.other_side)]
-    folder, agent = runs / config.name / f"seed_{seed}", Path()
     for number, stage in enumerate(config.stages):
         stage_folder = folder / f"stage_{number}"
         drawn = (
@@ -154,6 +199,11 @@ def train_champion(config: ChampionConfig, seed: int, runs: Path, *, progress: b
             first_seed = RESPONDER_SEED + 1000 * seed + 100 * number
             population += _train_responders(config, agent, stage_folder, first_seed, progress)
     return agent
+
+
+def search_folder(config: ChampionConfig | OracleConfig, seed: int, runs: Path) -> Path:
+    """Return the folder of a champion's training among those of all."""
+    return runs / config.name / f"seed_{seed}"
 
 
 def _train_responders(
@@ -209,11 +259,13 @@ def copies_by_hardness(returns: Sequence[float], priority: int) -> list[int]:
     return [1 + round((priority - 1) * share**2) for share in hardness]
 
 
-def ship_champion(agent: Path, folder: Path, config: ChampionConfig, seed: int, command: str) -> None:
+def ship_champion(
+    agent: Path, folder: Path, config: ChampionConfig | OracleConfig, seed: int, command: str
+) -> None:
     """Copy a champion's agent to its shipped folder; its ``agent.json`` describes the whole training.
 
     Args:
-        agent: the folder of the last stage's agent.
+        agent: the folder of the agent, as :func:`train_champion` returns it.
         folder: the folder of the shipped agent.
         config, seed: how it was made.
         command: the command that reproduces it.
@@ -224,9 +276,21 @@ def ship_champion(agent: Path, folder: Path, config: ChampionConfig, seed: int, 
     trained = load_agent(agent, config.side)
     update = {
         "command": command,
-        "training_steps": sum(stage.steps for stage in config.stages),
         "training_seed": seed,
         "recipe": config.model_dump(mode="json", exclude_none=True),
     }
+    if isinstance(config, ChampionConfig):  # a double oracle's agent tells the steps of all its stages
+        update["training_steps"] = sum(stage.steps for stage in config.stages)
     assert trained.card is not None
     trained.card.model_copy(update=update).write(folder, trained.model)
+
+
+def keep_search(folder: Path, file: Path, seed: int) -> None:
+    """Put the stages of a seed's double oracle into a file of rows, in the place of the seed's former ones.
+
+    Raises:
+        UserError: the search is not finished, or the file cannot be read.
+    """
+    rows = [row for row in RowFile(file, {"seed": int, "stage": int}).read() if row["seed"] != seed]
+    rows = sorted([*rows, *search_rows(folder)], key=lambda row: (row["seed"], row["stage"]))
+    write_whole(file, "".join(json.dumps(row) + "\n" for row in rows))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,8 +21,9 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 from fpg_bench.common.checks import integer, one_of
-from fpg_bench.common.files import check_own_folder, write_json
-from fpg_bench.common.ids import SCRIPTED, other_side, policy_env
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import check_own_folder, read_json, write_json
+from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.entry import player_entry
@@ -32,7 +34,9 @@ from fpg_bench.evaluation.store import RECORDS, Pairing, Store
 from fpg_bench.evaluation.suite import Rival, Suite, side_suite
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card
+from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import SIDES
+from fpg_bench.players.population import expand_suites, member_folder
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import Hyperparams, as_option, load_hyperparameters
 from fpg_bench.training.league.best_responses import RESPONSE_REWARDS
@@ -46,6 +50,7 @@ SEED_STRIDE = 1000  # stage k with seed s has training seed 1000 s + k, and its 
 MODES = ("one", "both")
 PARTS = 100  # into which the shares of an equilibrium's players are rounded
 FINALISTS = 2  # stages that a second response is trained against
+_OWN_AGENT = re.compile(r'"[^"]*/(runs/(?:stage|response)_\d+[^"]*)"')  # in JSON
 _logger = logging.getLogger(__name__)
 
 
@@ -110,8 +115,8 @@ def double_oracle(
         response_steps: training budget of a response; None: that of a stage.
         algorithm, actions: algorithm and action mode of the side.
         response_algorithm, response_actions: those of the responses.
-        against: rivals of the first stage, with weights such as ``tone*8``; None: all scripts of the other
-            side.
+        against: rivals of the first stage, with weights such as ``tone*8``, and ``suite:NAME`` for all
+            members of a suite; None: all scripts of the other side.
         weight: how often a response is listed among the rivals, in the mode ``one``.
         patience: stops after as many stages without a higher ``low``.
         seed: decides the training seeds.
@@ -141,13 +146,20 @@ def double_oracle(
     one_of(mode, "mode", MODES)
     for name, value in (("stages", stages), ("weight", weight), ("patience", patience)):
         integer(value, name)
-    rivals = list(SCRIPTED[other_side(side)]) if against is None else against
+    other = other_side(side)
+    own = GameSpec.of(
+        policy_env(side).id,
+        against=list(SCRIPTED[other]) if against is None else against,
+        actions=actions,
+        **game,
+    )
+    rivals = [member_folder(str(name), other) for name in expand_suites(own.others, other)]
     league = _DoubleOracle(
         folder=Path(out),
         mode=mode,
-        game=GameSpec.of(policy_env(side).id, against=rivals, actions=actions, **game),
+        game=GameSpec.of(own, **{other: rivals}),
         response=GameSpec.of(
-            policy_env(other_side(side)).id, actions=response_actions, reward=RESPONSE_REWARDS[side], **game
+            policy_env(other).id, actions=response_actions, reward=RESPONSE_REWARDS[side], **game
         ),
         algorithms=(algorithm, response_algorithm),
         steps=(steps, steps if response_steps is None else response_steps),
@@ -163,7 +175,7 @@ def double_oracle(
         rows = file.read()
         if not rows:
             write_json(league.folder / ABOUT, about)
-        check_same(league.folder / ABOUT, "a double oracle", about)
+        known = check_same(league.folder / ABOUT, "a double oracle", about).get("confirmed", {})
         for stage in range(len(rows), stages):
             if _is_flat(rows, patience):
                 break
@@ -171,12 +183,37 @@ def double_oracle(
             file.append(rows[-1:])
             _logger.info(_row_text(rows[-1]))
         best = sorted(rows, key=lambda row: row["low"], reverse=True)[:FINALISTS]
-        confirmed = {str(row["stage"]): league.confirm(row["stage"]) for row in best}
+        confirmed = {
+            stage: known[stage] if stage in known else league.confirm(int(stage))
+            for stage in (str(row["stage"]) for row in best)
+        }
         stage = int(max(confirmed, key=lambda stage: confirmed[stage]))
         league.export_agent(stage)
         result: DoubleOracleResult = {**about, "rows": rows, "confirmed": confirmed, "stage": stage}
         write_json(league.folder / ABOUT, result)
         return result
+
+
+def search_rows(folder: Path) -> list[Row]:
+    """Return the rows of a finished search, each with the search's settings and what its stage kept later.
+
+    Raises:
+        UserError: the folder holds no finished search.
+    """
+    result = read_json(folder / ABOUT, "double oracle")
+    if "confirmed" not in result:
+        raise UserError(f"{folder}: the search is not finished; run its command again")
+    settings = {
+        "scenario": result["game"].get("scenario", "standard"),
+        "side": find_env(result["game"]["id"]).side,
+        "mode": result["mode"],
+        "actions": result["game"].get("actions", "continuous"),
+        "seed": result["seed"],
+        "steps": result["steps"][0],
+        "response_steps": result["steps"][1],
+    }
+    confirmed = result["confirmed"]
+    return [{**settings, **row, "confirmed": confirmed.get(str(row["stage"]))} for row in result["rows"]]
 
 
 @dataclass(frozen=True)
@@ -307,7 +344,10 @@ class _DoubleOracle:
         return Payoffs.of(store, wanted)
 
     def export_agent(self, stage: int) -> None:
-        """Copy the agent of a stage; its ``agent.json`` describes the whole search up to it."""
+        """Copy the agent of a stage; its ``agent.json`` describes the whole search up to it.
+
+        Names of the search's own agents begin at its folder, wherever that was when they were trained.
+        """
         runs = [self.run(number).read() for number in range(stage + 1)]
         game = self.game.to_dict()
         del game["id"]
@@ -334,9 +374,9 @@ class _DoubleOracle:
             "seconds": round(sum(run.seconds for run in runs), 1),
         }
         last = self.run(stage).agent
-        read_card(last).model_copy(update=update).write(
-            self.folder / "agent", (last / "policy.onnx").read_bytes()
-        )
+        named = _OWN_AGENT.sub(r'"\1"', json.dumps(read_card(last).to_dict()))
+        card = AgentCard.parse(json.loads(named), str(last))
+        card.model_copy(update=update).write(self.folder / "agent", (last / "policy.onnx").read_bytes())
 
 
 def _shares(names: Sequence[str]) -> dict[str, float]:
