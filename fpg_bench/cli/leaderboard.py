@@ -231,6 +231,7 @@ def build(
     require_extra("leaderboard", "jinja2")
     from fpg_bench.leaderboard.board import make_board
     from fpg_bench.leaderboard.entries import load_entries
+    from fpg_bench.leaderboard.past_seasons import read_seasons
     from fpg_bench.leaderboard.site.build import build_site, check_folder
     from fpg_bench.leaderboard.site.page_data import submitted_policies
     from fpg_bench.leaderboard.site.replays import make_replays
@@ -239,7 +240,7 @@ def build(
     entries = load_entries(folder)
     rounds = make_replays(entries, out, simulate=replays)
     board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
-    files = build_site(board, out, rounds, docs, submitted_policies(entries))
+    files = build_site(board, out, rounds, docs, submitted_policies(entries), read_seasons(folder))
     n_entries, n_rounds = len(entries.verified) + len(entries.rejected), sum(map(len, rounds.values()))
     print_line(
         f"{n_entries} entries, {n_rounds} rounds to watch, {len(files)} files: open {out / 'index.html'}"

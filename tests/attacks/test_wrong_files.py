@@ -24,6 +24,7 @@ from fpg_bench.game.knowledge import EXPERT_FILE
 from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.leaderboard.crossplay import Pair, read_pair
+from fpg_bench.leaderboard.past_seasons import SeasonRow
 from fpg_bench.planning.llm.servers import SERVER_FOLDER, load_server
 from fpg_bench.planning.llm.transcript import Attempt
 from fpg_bench.players.agent import baselines_folder
@@ -145,6 +146,10 @@ FILES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {
     "record": (lambda: _row("results/ally/*.jsonl"), lambda c: read_record(c, "record")),
     "record of a planner": (lambda: _row("results/planner/*.jsonl"), lambda c: read_record(c, "record")),
     "pair": (lambda: json.loads((BOARD / "results/crossplay.jsonl").open().readline()), _pair),
+    "row of a season": (
+        lambda: json.loads((BOARD / "results/seasons.jsonl").open().readline()),
+        lambda c: parse(SeasonRow, c, "season"),
+    ),
     "attempt": (_attempt, lambda c: Attempt.read(c, "attempt")),
     "study": (
         lambda: make_task("ppo", "FPG/AllyVsScripted-v0", n_seeds=1, steps=1000).model_dump(mode="json"),

@@ -15,7 +15,7 @@ from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.replays import Replay, simulate_round
 from fpg_bench.leaderboard.submission import Submission
-from tests.leaderboard.example_board import HOSTILE, example_board, small_zoo
+from tests.leaderboard.example_board import HOSTILE, example_board, past_seasons, small_zoo
 
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium")
 if CHROMIUM is None and not os.environ.get("CI"):
@@ -54,9 +54,10 @@ def rounds() -> list[Replay]:
 
 
 def build_small_site(folder: Path, entries: int) -> None:
-    """Build a site with two agents of the zoo, and two rounds of one entry."""
+    """Build a site with two agents of the zoo, two rounds of one entry, and a past season."""
+    board = example_board(entries, hostile=True, season=2)
     with small_zoo():
-        build_site(example_board(entries, hostile=True), folder, {("ally", "player-3"): rounds()})
+        build_site(board, folder, {("ally", "player-3"): rounds()}, seasons=past_seasons(board))
 
 
 @contextmanager

@@ -31,6 +31,7 @@ from fpg_bench.leaderboard.board import (
     WorstCase,
 )
 from fpg_bench.leaderboard.exploited import Exploited
+from fpg_bench.leaderboard.past_seasons import SeasonRow, season_rows
 from fpg_bench.leaderboard.site import page_data
 from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 
@@ -91,6 +92,19 @@ def example_board(
             )
         )
     return Board("0.1.0", "2", season, "2026-01-01", tuple(tracks), _crossplay(rng, tracks))
+
+
+def past_seasons(board: Board) -> list[SeasonRow]:
+    """Return a season 1 without a board's first ally, in which the others had 10 points less."""
+    rows = season_rows(board, {"standard": 1})
+    first = next(row for row in rows if row.track == "ally")
+    return [
+        row.model_copy(update={"by_group": {kind: score - 10 for kind, score in row.by_group.items()}})
+        if row.track == "ally"
+        else row
+        for row in rows
+        if row is not first
+    ]
 
 
 def with_entry(board: Board, name: str, **changes: Any) -> Board:

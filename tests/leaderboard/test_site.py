@@ -33,8 +33,16 @@ from fpg_bench.leaderboard.site.reading_pages import PAGES
 from fpg_bench.leaderboard.site.replays import Replay
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.leaderboard.tracks import PUBLIC, UNSEEN
+from fpg_bench.players.player import SIDES
 from fpg_bench.training.league.champions import load_champions
-from tests.leaderboard.example_board import HOSTILE, example_board, small_zoo, with_entry, with_figures
+from tests.leaderboard.example_board import (
+    HOSTILE,
+    example_board,
+    past_seasons,
+    small_zoo,
+    with_entry,
+    with_figures,
+)
 
 ROOT = Path(__file__).parents[2]
 ROUND = Replay("replays/ally/player-1/ab.js", HOSTILE[0], HOSTILE[1], 'fpgRound({"label":"x"});\n')
@@ -256,6 +264,25 @@ def test_the_champion_of_the_game_is_the_leader_of_the_board():
     ]
     file = f"agents/{next(iter(zoo)).replace('/', '-')}.js"
     assert json.loads(data.removeprefix("window.fpgData = ")[:-2])["leaders"]["ally"] == f"agent:{file}"
+
+
+def test_the_map_of_cross_play_has_each_season_in_which_both_sides_can_be_placed():
+    board = example_board(6, season=3)
+    past = past_seasons(board)  # of season 1
+    one_kind = [row.model_copy(update={"season": 2, "by_group": {"all": 1.0}}) for row in past]
+    unplayed = [row.model_copy(update={"season": 2, "share": None}) for row in past]
+    gone = [row.model_copy(update={"track": "gone"}) for row in past]
+    later = [row.model_copy(update={"season": season}) for row in past for season in (3, 4)]
+    for rows in ([], one_kind, unplayed, gone, later):
+        (present,) = page_data.crossplay_data(board, {}, {}, rows)["maps"]
+        assert present["season"] == 3
+        assert [len(present[side]) for side in SIDES] == [5, 2]
+    before, present = page_data.crossplay_data(board, {}, {}, past)["maps"]
+    assert (before["season"], present["season"]) == (1, 3)
+    (ally, *_), (opponent, *_) = (before[side] for side in SIDES)
+    assert list(ally["by"]) == ["aimers", "herders"]
+    assert (ally["flies"], opponent["flies"]) == (False, False)
+    assert page_data.crossplay_data(example_board(3, season=None), {}, {}, past)["maps"] == []
 
 
 def test_the_install_box_of_the_front_page_holds_commands_of_the_readme(pages):

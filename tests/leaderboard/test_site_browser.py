@@ -398,7 +398,7 @@ def test_the_map_of_cross_play_leads_to_the_round_of_the_two_that_are_chosen(vis
     chosen, name = page.locator("#chosen"), page.locator("#map-ally .name")
     marks.nth(3).focus()
     label = page.evaluate("document.activeElement.getAttribute('aria-label')")
-    assert re.fullmatch(r".*: −?[\d.]+ against herders, −?[\d.]+ against aimers", label)
+    assert re.fullmatch(r".*: −?[\d.]+ against aimers, −?[\d.]+ against herders", label)
     expect(name).to_have_text(label.rpartition(": ")[0])
     page.keyboard.press("ArrowRight")
     after = page.evaluate("document.activeElement.getAttribute('aria-label')")
@@ -412,6 +412,39 @@ def test_the_map_of_cross_play_leads_to_the_round_of_the_two_that_are_chosen(vis
     rows = page.locator("#map-table-ally tbody tr")
     assert rows.count() == marks.count()
     assert not violations(page)
+
+
+def test_the_slider_of_the_map_leads_to_the_season_before(visit):
+    page = visit("crossplay.html")
+    slider, shown = page.get_by_label("Season:"), page.locator("#season-shown")
+    chosen, marks = page.locator("#chosen"), page.locator("#map-ally .mark")
+    expect(shown).to_have_text("season 2, the present one")
+    expect(chosen).to_contain_text("jamming success rate")
+    marks.nth(3).click()
+    label, there = (marks.nth(3).get_attribute(name) for name in ("aria-label", "transform"))
+    name, _, scores = label.rpartition(": ")
+    slider.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(shown).to_have_text("season 1")
+    assert slider.get_attribute("aria-valuetext") == "season 1"
+    assert marks.count() == ENTRIES - 2  # one was not there yet
+    held = page.locator("#map-ally .mark[aria-pressed=true]")
+    before = held.get_attribute("aria-label").rpartition(": ")
+    assert before[0] == name
+    assert [now - then for now, then in zip(numbers(scores), numbers(before[2]), strict=True)] == [
+        pytest.approx(10, abs=0.11)
+    ] * 2
+    assert held.get_attribute("transform") != there  # the axes are those of all seasons
+    expect(chosen).to_have_text(re.compile(r"In season 1, .* scored [\d.]+ \([\d.]+ to [\d.]+\), rank \d"))
+    assert not violations(page)
+    page.keyboard.press("ArrowRight")
+    expect(shown).to_have_text("season 2, the present one")
+    expect(held).to_have_attribute("transform", there)
+
+
+def numbers(text: str) -> list[float]:
+    """The numbers in a text of a page."""
+    return [float(number.replace("−", "-")) for number in re.findall(r"−?\d[\d.]*", text)]
 
 
 def violations(page, impacts=("serious", "critical"), **options) -> list:

@@ -24,6 +24,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import RULES
 from fpg_bench.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.leaderboard.entries import Entries
+from fpg_bench.leaderboard.past_seasons import SeasonRow, season_rows
 from fpg_bench.leaderboard.site.dataset import dataset_files
 from fpg_bench.leaderboard.site.views import (
     MEASURES,
@@ -32,6 +33,7 @@ from fpg_bench.leaderboard.site.views import (
     format_rank,
     ordered_suites,
 )
+from fpg_bench.leaderboard.tracks import TRACKS
 from fpg_bench.players.agent import baselines_folder, read_card
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
@@ -49,15 +51,16 @@ _OPERATORS |= {"Elu", "LeakyRelu", "Softmax", "Flatten", "Identity"}
 _GROUPS = ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner")
 
 
-def data_files(board: Board, submitted: Policies) -> dict[str, str]:
+def data_files(board: Board, submitted: Policies, seasons: Sequence[SeasonRow] = ()) -> dict[str, str]:
     """Return the data files of the site.
 
     Args:
         board: the board.
         submitted: policies of submitted entries that the page can play.
+        seasons: what is kept of seasons.
     """
     zoo = zoo_policies()
-    crossplay = crossplay_data(board, submitted, zoo)
+    crossplay = crossplay_data(board, submitted, zoo, seasons)
     board_json = board.to_json()
     return {
         "board.json": board_json,
@@ -180,8 +183,8 @@ def _improvement(track: BoardTrack, order: Sequence[str]) -> Row | None:
     }
 
 
-def crossplay_data(board: Board, submitted: Policies, zoo: Zoo) -> Row | None:
-    """Return the matrices of cross-play, and the players that the page plays a pair's round with."""
+def crossplay_data(board: Board, submitted: Policies, zoo: Zoo, seasons: Sequence[SeasonRow]) -> Row | None:
+    """Return the matrices of cross-play, its maps, and the players of a pair's round on the page."""
     crossplay = board.crossplay
     if crossplay is None:
         return None
@@ -195,20 +198,42 @@ def crossplay_data(board: Board, submitted: Policies, zoo: Zoo) -> Row | None:
         "rounds": crossplay.rounds,
         "nash": asdict(crossplay.nash),
         "watch": _watched(board, submitted, zoo),
-        "placed": _placed(board, {"ally": crossplay.allies, "opponent": crossplay.opponents}),
+        "maps": _maps(board, seasons),
     }
 
 
-def _placed(board: Board, shown: Mapping[str, Sequence[str]]) -> dict[str, dict[str, Row]]:
-    """Return the scores against both kinds of the season's rivals, by side and entry of cross-play."""
+def _maps(board: Board, seasons: Sequence[SeasonRow]) -> list[Row]:
+    """Return a map for each season of ``standard`` in which players of both sides can be placed.
+
+    A map has the season's number, and its players by side. The last one is of the board's own season.
+    """
+    if board.season is None:
+        return []
+    present = board.season
+    rows = [row for row in seasons if row.season < present]
+    rows += season_rows(board, {"standard": present})
+    maps = []
+    for number in sorted({row.season for row in rows}):
+        players = {side: [_placed(row) for row in rows if _is_placed(row, number, side)] for side in SIDES}
+        if all(players.values()):
+            maps.append({"season": number, **players})
+    return maps
+
+
+def _is_placed(row: SeasonRow, number: int, side: str) -> bool:
+    is_of = row.season == number and row.track in TRACKS and TRACKS[row.track].side == side
+    return is_of and row.share is not None and len(row.by_group) == 2
+
+
+def _placed(row: SeasonRow) -> Row:
     return {
-        side: {
-            entry.slug: {group: _rounded(score.value, 1) for group, score in figures.by_group.items()}
-            for track in board.tracks
-            for entry, figures in track.verified()
-            if track.side == side and entry.slug in shown[side] and len(figures.by_group) == 2
-        }
-        for side in SIDES
+        "slug": row.slug,
+        "name": row.name,
+        "rank": format_rank(row.rank),
+        "score": row.score,
+        "by": dict(sorted(row.by_group.items())),  # each kind on the same axis in all seasons
+        "share": row.share,
+        "flies": TRACKS[row.track].path == "learned",
     }
 
 

@@ -30,11 +30,13 @@ const fpgMap = (() => {
 
   /**
    * Draw a side into a figure.
-   * `players` have `name`, `scores` (two), `share` (of the mixture), `flies` and `label`; `chosen(place)` is called
-   * where one is clicked. Gives (place) => nothing, which marks one as chosen.
+   * `players` have `name`, `scores` (two), `share` (of the mixture), `flies` and `label`; `every` are all scores that
+   * the axes have to hold; `chosen(place)` is called where one is clicked. Gives (place) => nothing, which marks one
+   * as chosen.
    */
-  function draw(figure, side, names, players, chosen) {
-    const x = scale(players.map(({ scores }) => scores[0]), LEFT, WIDTH - RIGHT), y = scale(players.map(({ scores }) => scores[1]), HEIGHT - BOTTOM, TOP);
+  function draw(figure, side, names, players, every, chosen) {
+    const x = scale(every.map(([first]) => first), LEFT, WIDTH - RIGHT), y = scale(every.map(([, second]) => second), HEIGHT - BOTTOM, TOP);
+    figure.replaceChildren();
     const svg = node(figure, "svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: `map of-${side}`, role: "group", "aria-label": `${side === "ally" ? "Allies" : "Opponents"} by their scores against ${names.join(" and ")}` });
     axes(svg, x, y, names);
     const at = ({ scores }) => [x.place(scores[0]), y.place(scores[1])];
