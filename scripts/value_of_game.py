@@ -137,7 +137,9 @@ def answered(kept: Sequence[Kept]) -> list[list[str]]:
     """Return what each answered ally keeps, from the policy that keeps least to the one that keeps most."""
     lines = [["scenario", "ally", "policies", "kept", "steps of a response"]]
     players = {(one.scenario, one.name): [each for each in kept if each.name == one.name] for one in kept}
-    order = sorted(players, key=lambda key: (SCENARIOS.index(key[0]), -max(one.value for one in players[key])))
+    order = sorted(
+        players, key=lambda key: (SCENARIOS.index(key[0]), -max(one.value for one in players[key]))
+    )
     for scenario, name in order:
         own = players[scenario, name]
         values = [f"{end(one.value for one in own):.2f}" for end in (min, max)]
