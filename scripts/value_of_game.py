@@ -22,7 +22,7 @@ from make_diagrams import write
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure
+from fpg_bench.common.canvas import ALLY, OPPONENT, Style, blank_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.rows import Row, RowFile
@@ -188,7 +188,7 @@ def draw(rows: Sequence[Row]) -> Figure:
 
 def _lines(axes: Axes, rows: Sequence[Row]) -> None:
     stages = [row["stage"] for row in rows]
-    style = {"lw": 1.4, "alpha": 0.8}
+    style: Style = {"lw": 1.4, "alpha": 0.8}
     axes.plot(stages, [row["high"] for row in rows], color=OPPONENT, label="high", **style)
     axes.plot(stages, [row["low"] for row in rows], color=ALLY, label="low", **style)
     later = [row for row in rows if row["confirmed"] is not None]

@@ -134,11 +134,15 @@ def load_champions(file: Path) -> dict[str, ChampionConfig | OracleConfig]:
         UserError: the file cannot be read, or a key is missing, unknown or invalid.
     """
     configs: dict[str, ChampionConfig | OracleConfig] = {}
+    config: ChampionConfig | OracleConfig
     for name, content in read_yaml(file, "champions").items():
         where = f"champions {file}: {name}"
         check_allowed(content, (), where)
         content = {"name": name, **mapping(content, where)}
-        config = parse(OracleConfig if "side" in content else ChampionConfig, content, where)
+        if "side" in content:
+            config = parse(OracleConfig, content, where)
+        else:
+            config = parse(ChampionConfig, content, where)
         if config.id != policy_env(config.side).id:
             raise UserError(f"{where}: id: expected {policy_env(config.side).id}, got {config.id}")
         responders = () if isinstance(config, OracleConfig) else config.responders
