@@ -136,6 +136,7 @@ PRODUCTS = {
     "teams": Product(
         (
             "game/team_rules.py",
+            "game/team_spec.py",
             "game/team_link.py",
             "game/team_step.py",
             "game/team_batch.py",
@@ -151,6 +152,8 @@ PRODUCTS = {
                 "make_team": "fpg_bench.envs.team:make_team",
                 "make_sb3_team": "fpg_bench.envs.team_sb3:make_sb3_team",
             },
+            "game": {"FPG/team_v0": "fpg_bench.game.team_spec:TeamSpec"},
+            "core": {"FPG/team_v0": "fpg_bench.envs.team_sb3:TeamRows"},
             "parallel environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:parallel_env"},
             "aec environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:aec_env"},
         },

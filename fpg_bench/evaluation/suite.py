@@ -197,6 +197,8 @@ def suite_of(game: GameSpec, side: str | None = None) -> str:
         game: the game.
         side: side of the duel; of another game that of its id.
     """
+    if game.skills:
+        return f"team-{side or game.config.side}-link-v1"
     if side is None or not game.is_duel:
         if game.config.planner is not None:
             return "ally-planner-v1"

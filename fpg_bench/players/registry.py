@@ -52,8 +52,17 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         scenario: the rules of the game.
 
     Raises:
-        UserError: no such player, one that cannot be made, not one of this side, or a model of other choices.
+        UserError: no such player, one that cannot be made, not one of this side, one of a team, or a model of
+            other choices.
     """
+    player = any_player(spec, side, scenario)
+    if getattr(player, "sees", "") == "team":
+        raise UserError(f"{side} {player_name(spec)}: plays a seat of a team, not a duel")
+    return player
+
+
+def any_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
+    """Return the player that ``spec`` names, also one of a seat of a team; else as :func:`as_player`."""
     if not isinstance(spec, str | os.PathLike):
         if callable(getattr(spec, "predict", None)):
             return _adapted(spec, side, scenario)

@@ -455,7 +455,7 @@ class _Run:
         """Export the agent, save the model, and remove the checkpoints."""
         steps = self.model.num_timesteps
         made: Row = {"steps_done": steps, "seconds": round(self.seconds, 1)}
-        if isinstance(planner := self.games.core.duel.planner, CountsPlans):
+        if isinstance(planner := self.games.core.planner, CountsPlans):
             made["plans"] = dict(planner.flown)  # of this part of the run
         about = self.about.model_copy(update=made)
         difference = max(
