@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 from fpg_bench.common.checks import mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
-from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
+from fpg_bench.common.ids import ACTION_MODES, DUEL, SCRIPTED, EnvConfig, find_env, plain_id
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.strict_json import Json, JsonObject
@@ -183,6 +183,11 @@ class GameSpec:
     def observation_size(self) -> int:
         """How many numbers a player observes."""
         return OBSERVATION_SIZE
+
+    @property
+    def scripts(self) -> Mapping[str, tuple[str, ...]]:
+        """The scripts of each side that ``all-scripted`` stands for."""
+        return SCRIPTED
 
     @property
     def skills(self) -> JsonObject:

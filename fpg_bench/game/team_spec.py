@@ -140,6 +140,15 @@ class TeamSpec(TeamRules, GameSpec):
         return TEAM_OBSERVATION_SIZE
 
     @property
+    def scripts(self) -> Mapping[str, tuple[str, ...]]:
+        """The scripts of each side that ``all-scripted`` stands for."""
+        return TEAM_SCRIPTS
+
+    def like(self, other: GameSpec) -> TeamSpec:
+        """Return the game with the rules of teams of another one, as a suite plays it for a training."""
+        return dataclasses.replace(self, **{name: getattr(other, name) for name in _RULES})
+
+    @property
     def skills(self) -> JsonObject:
         """The sizes of teams in which an agent was trained, and what its mates told it."""
         seats = {name: list(ends) for name, ends in zip(("allies", "jammers"), self.counts, strict=True)}

@@ -49,9 +49,9 @@ class OnnxPlayer(SeededPolicy):
     If the operators do not show that games are independent of each other, the policy is called for one game
     at a time. The same holds if ``onnx`` (extra ``evaluate``), which reads the operators, is not installed.
 
-    Inputs ``observation`` (n, 15), of a seat of a team as many as its game has, optional ``state`` (n, S), optional ``noise`` (n, k), standard normal
-    numbers of the round's own stream; outputs ``action`` (n, 9) and, with a state, ``next_state``
-    (n, S); float32.
+    Inputs ``observation`` (n, 15), of a seat of a team as many as its game has, optional ``state`` (n, S),
+    optional ``noise`` (n, k), standard normal numbers of the round's own stream; outputs ``action`` (n, 9)
+    and, with a state, ``next_state`` (n, S); float32.
 
     Args:
         model: the bytes of ``policy.onnx``.

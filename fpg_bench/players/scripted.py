@@ -323,7 +323,7 @@ def fill_noise(noise: np.ndarray, keys: np.ndarray, steps: np.ndarray) -> None:
 
 
 def player_noise(keys: np.ndarray, steps: np.ndarray, size: int = 1) -> np.ndarray:
-    """Return ``(n, size)`` float32, the first numbers of an agent's ``noise`` for its seeds at these steps."""
+    """Return ``(n, size)`` float32, the first of an agent's ``noise`` for its seeds at these steps."""
     noise = np.empty((len(keys), size), np.float32)
     fill_noise(noise, keys, steps)
     return noise

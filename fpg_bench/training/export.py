@@ -62,9 +62,10 @@ OPSET = 20
 def export_onnx(model: BaseAlgorithm) -> bytes:
     """Return the model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
 
-    A policy with memory also has an input ``state`` (n, S) and an output ``next_state``, and one that draws
-    points or, as a seat of a team, its choices an input ``noise``; see :class:`fpg_bench.training.actor.Actor`. The file of a discrete
-    policy includes its list of choices. PyTorch's exporter writes custom layers and waterfalls.
+    A policy with memory also has an input ``state`` (n, S) and an output ``next_state``. One that draws
+    points has an input ``noise``, and so has that of a seat of a team, which draws its actions and observes
+    more numbers; see :class:`fpg_bench.training.actor.Actor`. The file of a discrete policy includes its
+    list of choices. PyTorch's exporter writes custom layers and waterfalls.
 
     Args:
         model: a trained model.

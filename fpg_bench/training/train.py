@@ -35,7 +35,7 @@ from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.curves import CURVE, draw_curves, draw_run, levels_of, read_runs
-from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
+from fpg_bench.evaluation.policy_evaluator import MATCHES, PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.planning import LLM_CONTROLS
@@ -135,10 +135,12 @@ def train(
         raise UserError("resume continues a run, restart starts it over; give only one of them")
     if log_rounds:
         require_extra("video", "PIL")
+        if config.spec.skills:
+            raise UserError("log_rounds: a round of teams is not drawn; omit it")
     run = _Run(config, RunFolder(Path(out)), evaluations)
     run.setup()
     evaluators = {
-        side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side, allow=config.allow)
+        side: PolicyEvaluator(suite, MATCHES, run.games.core.scenario, side, config.allow, config.spec)
         for side, suite in zip(run.sides, run.suites, strict=True)
         if evaluations
     }
