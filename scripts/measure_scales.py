@@ -19,11 +19,10 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS, SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
+from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite, suite_names
 from fpg_bench.game.flight import thriftiest_m_s
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.agent import suites_folder
 
 DIGITS = 2
 # Suites that are older than the scripts with memory; in paper, allies have no bound but the best known.
@@ -73,7 +72,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("suites", nargs="*", help="names or files; default: all public ones")
     parser.add_argument("--allow", action="append", default=[], help="code that a file may name")
-    public = sorted(path.stem for path in suites_folder().glob("*-v[0-9].yml"))
+    public = [name for name in suite_names() if re.search(r"-v[0-9]$", name)]
     options = parser.parse_args()
     names = options.suites or [name for name in public if not any(part in name for part in BORROWING)]
     differ = False

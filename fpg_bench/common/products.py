@@ -153,6 +153,7 @@ PRODUCTS = {
                 "make_sb3_team": "fpg_bench.envs.team_sb3:make_sb3_team",
             },
             "game": {"FPG/team_v0": "fpg_bench.game.team_spec:TeamSpec"},
+            "suites": {"team-": "fpg_bench.game.team_spec:TeamSpec"},
             "player of a seat": {"FPG/team_v0": "fpg_bench.players.team_scripts:as_team_player"},
             "match": {"FPG/team_v0": "fpg_bench.evaluation.team_match:suite_match"},
             "core": {"FPG/team_v0": "fpg_bench.envs.team_sb3:TeamRows"},

@@ -22,7 +22,7 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.imports import SUITE, check_allowed, names_object
-from fpg_bench.common.products import load
+from fpg_bench.common.products import PRODUCTS, load, offered
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import SEASON, season_seed
@@ -160,7 +160,7 @@ class Suite:
         rivals = [[c.name, c.identities, c.scenario.hash, c.planner] for c in self.rivals]
         content = [self.side, self.matches, self.season, self.opponent, self.last_rounds, rivals]
         if self.game is not None:
-            content += [self.game.to_dict(), [len(c.mates) for c in self.rivals]]
+            content += [self.game.hash, [len(c.mates) for c in self.rivals]]
         return hashlib.sha256(json.dumps([*content, self.scale.zero, self.scale.top]).encode()).hexdigest()
 
     @property
@@ -254,9 +254,15 @@ def suite_file(name: str) -> Path:
         return Path(name)
     path = suites_folder() / f"{name}.yml"
     if not os.path.isfile(path):  # False, too, for what is too long for a name
-        known = sorted(p.stem for p in suites_folder().glob("*.yml"))
-        raise UserError(f"unknown suite {name!r}{nearest(name, known)}")
+        raise UserError(f"unknown suite {name!r}{nearest(name, suite_names())}")
     return path
+
+
+def suite_names() -> list[str]:
+    """Return the names of the package's suites, without those of products that were deleted."""
+    theirs = {begin for product in PRODUCTS.values() for begin in product.offers.get("suites", ())}
+    lacking = tuple(theirs.difference(offered("suites")))
+    return sorted(p.stem for p in suites_folder().glob("*.yml") if not p.stem.startswith(lacking))
 
 
 class _ScaleFile(Strict):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -153,6 +155,12 @@ class TeamSpec(TeamRules, GameSpec):
         """The sizes of teams in which an agent was trained, and what its mates told it."""
         seats = {name: list(ends) for name, ends in zip(("allies", "jammers"), self.counts, strict=True)}
         return {"seats": seats, "mates": self.of_side("mates", self.side or "ally")}
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the game, 64 hexadecimal digits: as of others, and of all rules of teams."""
+        content = [super().hash, dataclasses.asdict(self.team)]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def resolve(self) -> Scenario:
         """Return the scenario that is played."""

@@ -162,6 +162,11 @@ def load_agent(
     if trusted is None:
         is_shipped = baselines_folder().resolve() in folder.resolve().parents
         trusted = is_shipped or is_exported_here(card.policy_sha256)
+    if not trusted and card.skills:
+        raise UserError(
+            f"{where}: plays a seat of a team, and agents of others play the duel alone, in a sandbox; if "
+            "you trust it, load_agent(..., trusted=True)"
+        )
     try:
         if trusted:
             return OnnxPlayer(model, card)

@@ -121,6 +121,19 @@ def test_a_team_agent_is_refused_in_a_duel_and_by_the_other_side(blind):
         as_team_player(agent, "opponent", LINK, TeamRules())
 
 
+@pytest.mark.slow
+def test_a_team_agent_of_others_is_refused_in_one_line(blind):
+    with pytest.raises(UserError, match="plays a seat of a team, and agents of others play the duel alone"):
+        load_agent(blind / "agent", trusted=False)
+
+
+def test_a_live_model_of_a_team_is_exported_before_it_plays():
+    games = fpg_bench.make_sb3_team(2, seed=0, **SHORT)
+    model = make_model("ppo", games, load_hyperparameters("ppo", games.game_spec, settings("ppo")), 0)
+    with pytest.raises(UserError, match="ally PPO: plays a seat of a team, which draws its actions"):
+        fpg_bench.make_team(1, side="opponent", rivals=model)
+
+
 @pytest.mark.parametrize("actions", ["continuous", "discrete", "multi-discrete", "discrete-uniform"])
 def test_an_exported_agent_draws_what_the_model_draws(actions, tmp_path):
     game = TeamSpec.of(**{**SHORT, "actions": actions})
