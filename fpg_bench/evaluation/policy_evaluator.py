@@ -50,7 +50,8 @@ class PolicyEvaluator:
         side: the side that must be measured; None: the suite's.
         allow: the code and agents of the Hub that the suite's file may name; see
             :func:`fpg_bench.evaluation.suite.load_suite`.
-        game: of a suite of teams, a game whose sizes and rules of teams replace the suite's.
+        game: of a suite of teams, a game whose sizes and rules of teams replace the suite's; where they
+            differ, scores are returns per step.
 
     Raises:
         UserError: no such suite, or one of the other side or of planners.
@@ -71,8 +72,8 @@ class PolicyEvaluator:
                 f"suite {loaded.name}: measures the {loaded.side}, not the {side or 'ally or opponent'}"
             )
         played = loaded if scenario is None else in_scenario(loaded, scenario)
-        if loaded.game is not None and game is not None:
-            played = dataclasses.replace(played, game=loaded.game.like(game))
+        if loaded.game is not None and game is not None and (own := loaded.game.like(game)) != loaded.game:
+            played = dataclasses.replace(played, game=own, scale=Scale())
         self.suite = dataclasses.replace(played, matches=-(-rounds // played.rounds_per_match))
 
     def score(self, player: PlayerSpec) -> Scored:

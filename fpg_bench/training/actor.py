@@ -202,7 +202,8 @@ def _deviation(policy: BasePolicy) -> torch.Tensor:
     Raises:
         UserError: the policy has no distribution of its own.
     """
-    if not isinstance(policy, ActorCriticPolicy | MaskableActorCriticPolicy) or getattr(policy, "use_sde", False):
+    has_own = isinstance(policy, ActorCriticPolicy | MaskableActorCriticPolicy)
+    if not has_own or getattr(policy, "use_sde", False):
         raise UserError(
             f"export: a seat of a team draws its actions from a distribution, which {type(policy).__name__} "
             "does not have; train ppo, maskable-ppo or recurrent-ppo, without use_sde"

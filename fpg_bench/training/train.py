@@ -35,7 +35,7 @@ from fpg_bench.common.rows import Row
 from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.curves import CURVE, draw_curves, draw_run, levels_of, read_runs
-from fpg_bench.evaluation.policy_evaluator import MATCHES, PolicyEvaluator
+from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.planning import LLM_CONTROLS
@@ -140,7 +140,9 @@ def train(
     run = _Run(config, RunFolder(Path(out)), evaluations)
     run.setup()
     evaluators = {
-        side: PolicyEvaluator(suite, MATCHES, run.games.core.scenario, side, config.allow, config.spec)
+        side: PolicyEvaluator(
+            suite, scenario=run.games.core.scenario, side=side, allow=config.allow, game=config.spec
+        )
         for side, suite in zip(run.sides, run.suites, strict=True)
         if evaluations
     }

@@ -11,6 +11,7 @@ import torch
 import fpg_bench
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
+from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.team_match import play_teams
 from fpg_bench.game.scenario import preset
 from fpg_bench.game.team_rules import TeamRules
@@ -183,4 +184,5 @@ def test_the_suite_of_a_training_has_the_sizes_of_its_teams():
     game = TeamSpec.of(side="opponent", allies=2, jammers=1)
     suite = PolicyEvaluator("team-opponent-link-v1", 1, LINK, "opponent", game=game).suite
     assert (suite.game.allies, suite.game.jammers) == (2, 1)
-    assert suite.game.side is None
+    assert suite.scale == Scale()
+    assert PolicyEvaluator("team-opponent-link-v1", game=TeamSpec.of(side="opponent")).suite.scale != Scale()
