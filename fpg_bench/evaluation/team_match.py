@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.game.batch import Seeds
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.team_batch import TeamBatch
 from fpg_bench.game.team_rules import TeamRules
@@ -38,14 +39,18 @@ def play_teams(
     scenario: Scenario,
     team: TeamRules,
     matches: int,
+    seeds: Seeds | None = None,
+    on_step: Callable[[TeamBatch], None] = lambda batch: None,
 ) -> TeamMatches:
-    """Play a round of each match on the first evaluation seeds.
+    """Play a round of each match.
 
     Args:
         allies, opponents: players as ``as_team_player`` takes them: one in all seats, or one for each seat.
         scenario: the rules of the game.
         team: the rules of teams.
         matches: number of matches, G.
+        seeds: those of the matches; None: the first evaluation seeds.
+        on_step: called with the games at the start and after each step.
 
     Raises:
         UserError: an unknown player, or not as many as seats.
@@ -57,15 +62,17 @@ def play_teams(
         )
         for side, players in (("ally", allies), ("opponent", opponents))
     }
-    batch.reset(seeds=evaluation_seeds(matches))
+    batch.reset(seeds=evaluation_seeds(matches) if seeds is None else seeds)
     for runner in runners.values():
         runner.begin(np.ones(matches, bool))
+    on_step(batch)
     present, n = batch.playing("ally"), batch.counts[:, 0]
     totals, clashes, spreading, checks, heard = np.zeros(matches), 0.0, 0.0, 0, 0
     steps = scenario.steps_per_round
     for _ in range(steps):
         actions = {"opponent": runners["opponent"].act()}
         batch.step(runners["ally"].act(actions), actions["opponent"])
+        on_step(batch)
         totals += batch.allies["ally_reward"].sum(axis=1) / n
         clashes += _clashes(batch.allies, present)
         spreading += (batch.allies["spreading"].sum(axis=1) / n).mean()
