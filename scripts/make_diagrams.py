@@ -1,8 +1,8 @@
 """Draw the diagrams of the documentation: ``python scripts/make_diagrams.py docs/pictures``.
 
 ``system.svg``, ``detection.svg`` and ``seasons.svg`` show the rules and the protocol; ``waterfall.svg`` a
-round and what the ally's waterfall shows of it; ``crossplay.svg`` the board's cross-play; ``clones.svg`` a round
-of a team whose allies choose alike. They are dark where the reader's system is.
+round and what the ally's waterfall shows of it; ``crossplay.svg`` the board's cross-play; ``clones.svg`` a
+round of a team whose allies choose alike. They are dark where the reader's system is.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ INK, GREY = "#1d2733", "#5b6673"
 BAND_MHZ = STANDARD.band_low_mhz, STANDARD.band_high_mhz
 STEPS = 60  # of the round in waterfall.svg
 FIRST = 8  # entries of each side in crossplay.svg: the highest means
-CLONE = "ally-link-population/ppo-stack8/seed_0"
+CLONE = "ally-link/ppo-stack8/seed_0"
 # Colours are turned round, hues stay: white becomes black, blue stays blue.
 DARK = "<style>@media (prefers-color-scheme: dark) { svg { filter: invert(1) hue-rotate(180deg) } }</style>"
 Place = tuple[float, float]
@@ -154,7 +154,9 @@ def crossplay() -> Figure:
 
 def clones() -> Figure:
     """Draw two minutes of a round in which one agent of the duel plays all three allies."""
-    return TeamPicture(record_team([CLONE], ["watchful"]), f"{CLONE} in each seat, against watchful").show(120)
+    return TeamPicture(record_team([CLONE], ["watchful"]), f"{CLONE} in each seat, against watchful").show(
+        120
+    )
 
 
 DIAGRAMS: Sequence[Callable[[], Figure]] = (system, detection, seasons, waterfall, crossplay, clones)

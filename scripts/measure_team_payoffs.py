@@ -70,14 +70,14 @@ class Results:
         )
         return Payoffs(tuple(allies), tuple(opponents), samples, (MATCHES,) * len(allies))
 
-    def csv(self) -> str:
-        """Return all pairs, with half of the 95 % interval of each reward."""
+    def csv(self, labels: Mapping[str, str]) -> str:
+        """Return all pairs, players by their labels, with half of the 95 % interval of each reward."""
         lines = [["game", *SIDES, "reward", "half", *COUNTS]]
         for (game, ally, opponent, matches), row in sorted(self._rows.items()):
-            if matches == self._matches:
+            if matches == self._matches and {ally, opponent} <= set(labels):
                 reward = mean_interval(np.array(row["rewards"]), MATCHES)
                 values = (reward.value, reward.half, *(row[name] for name in COUNTS))
-                lines.append([game, ally, opponent, *(f"{value:.3f}" for value in values)])
+                lines.append([game, labels[ally], labels[opponent], *(f"{value:.3f}" for value in values)])
         return as_csv(lines)
 
 
@@ -129,6 +129,8 @@ def main() -> int:
     players = {side: {name: name for name in TEAM_SCRIPTS[side]} for side in SIDES}
     players["ally"] |= {name: name for name in BOUNDS}
     added = {side: dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES}
+    labels = {name: name for name in (*CLONES, *BESIDE)}
+    labels |= {spec: label for side in SIDES for label, spec in (players[side] | added[side]).items()}
     for game in ("3 v 2", "3 v 1"):
         scripts = without_bounds(results.payoffs(game, *players.values()))
         every = results.payoffs(game, *(players[side] | added[side] for side in SIDES))
@@ -142,7 +144,7 @@ def main() -> int:
     parts["clones"] = clone_table(results, players["opponent"])
     print(*(f"\n{title}\n\n{text}" for title, text in parts.items()), sep="\n")
     if options.page:
-        write_whole(options.page.with_name(f"{options.page.stem}-payoffs.csv"), results.csv())
+        write_whole(options.page.with_name(f"{options.page.stem}-payoffs.csv"), results.csv(labels))
         fill(options.page, parts)
     return 0
 

@@ -19,7 +19,7 @@ from fpg_bench.game.recording import FIELDS, FRAME
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.team_batch import TeamBatch
-from fpg_bench.game.team_rules import TeamRules
+from fpg_bench.game.team_rules import TeamRules, check_playable
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.players.registry import player_name
 
@@ -56,6 +56,7 @@ def record_team(
 ) -> TeamRecording:
     """Play the first round of a match and return it; arguments and errors as in :func:`watch_team`."""
     scenario = as_scenario(scenario)
+    check_playable(scenario)
     rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]  # type: ignore[index]
     kept, curves = [], []
 

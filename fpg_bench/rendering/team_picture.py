@@ -52,10 +52,10 @@ class TeamPicture:
         """Return the figure after ``step`` steps (None: the last)."""
         figure, whole = self._figure, self.recording
         end = len(whole.frames) if step is None else step + 1
-        seen = slice(max(1, end - WINDOW), end)
+        seen = slice(max(0, end - WINDOW), end)
         figure.clear()
         figure.text(0.022, 0.965, self._title, color=INK, size=11, va="center")
-        earned = whole.frames["ally_reward"][1:end].mean()
+        earned = whole.frames["ally_reward"][:end].sum(axis=0).mean() / max(end - 1, 1)
         about = f"seed {whole.seed}, step {end - 1}: {earned:.2f} per step and ally"
         figure.text(0.022, 0.925, about, color=GREY, size=9, va="center")
         self._draw_above(figure.add_axes((0.022, 0.12, 0.435, 0.76)), end)
@@ -100,35 +100,19 @@ class TeamPicture:
         rows = low + (np.arange(_ROWS) + 0.5) * (high - low) / _ROWS
         widths = tuple(max(half, _LEAST_MHZ) for half in s.footprint_half_widths_mhz)
         drawn = dataclasses.replace(s, footprint_half_widths_mhz=widths)
-        layers = [
-            (footprints(frames, drawn, rows), JAMMERS[j], 0.45)
-            for j, frames in enumerate(self.recording.jammers[seen].T)
-        ]
-        half = s.spread_bandwidth_mhz / 2
-        layers += [
-            ((abs(rows[:, None] - frames["frequency_mhz"]) <= half) & frames["spreading"], ALLIES[i], 0.12)
-            for i, frames in enumerate(allies.T)
-        ]
         first, end = self._frame(axes, seen)
-        for mask, colour, opacity in layers:
-            pixels = np.broadcast_to(to_rgba(colour), (*mask.shape, 4)).copy()
-            pixels[..., 3] = mask * opacity
-            axes.imshow(
-                pixels, extent=(first, end, low, high), origin="lower", aspect="auto", interpolation="nearest"
-            )
+        for j, frames in enumerate(self.recording.jammers[seen].T):
+            _paint(axes, 0.45 * footprints(frames, drawn, rows), JAMMERS[j], (first, end, low, high))
+        half = s.spread_bandwidth_mhz / 2
+        for i, frames in enumerate(allies.T):
+            within = abs(rows[:, None] - frames["frequency_mhz"]) <= half
+            _paint(axes, 0.12 * (within & frames["spreading"]), ALLIES[i], (first, end, low, high))
         for i, frames in enumerate(allies.T):
             beside = (i - (allies.shape[1] - 1) / 2) * _APART_MHZ
-            axes.plot(
-                *held(frames["step"], frames["frequency_mhz"] + beside),
-                color=ALLIES[i],
-                lw=2.6,
-                solid_capstyle="butt",
-            )
-        axes.set(
-            xlim=(first, first + WINDOW),
-            ylim=(low, high),
-            yticks=np.linspace(s.band_low_mhz, s.band_high_mhz, 5),
-        )
+            stroke = held(frames["step"], frames["frequency_mhz"] + beside)
+            axes.plot(*stroke, color=ALLIES[i], lw=2.6, solid_capstyle="butt")
+        axes.set(xlim=max(first, 0) + np.array([0, WINDOW]), ylim=(low, high))
+        axes.set_yticks(np.linspace(s.band_low_mhz, s.band_high_mhz, 5))
         axes.yaxis.set_major_formatter("{x:.0f}")
         axes.set_ylabel("frequency, MHz", color=GREY, size=8.5)
         axes.tick_params(labelbottom=False)
@@ -139,20 +123,13 @@ class TeamPicture:
         first, end = self._frame(axes, seen)
         scale, (n, m) = self.recording.scenario.reward_scale, (jams.shape[2], jams.shape[1])
         for i, frames in enumerate(allies.T):
-            pixels = np.broadcast_to(to_rgba(ALLIES[i]), (1, len(frames), 4)).copy()
-            pixels[0, :, 3] = np.clip(frames["ally_reward"] / scale, 0, 1) ** 2
-            axes.imshow(
-                pixels,
-                extent=(first, end, i + 0.3, i + 0.95),
-                origin="lower",
-                aspect="auto",
-                interpolation="nearest",
-            )
+            depth = np.clip(frames["ally_reward"] / scale, 0, 1) ** 2
+            _paint(axes, depth[None], ALLIES[i], (first, end, i + 0.3, i + 0.95))
             for j in range(m):
-                held_at = held(frames["step"], np.full(len(frames), i + 0.24 - 0.13 * j), jams[:, j, i])
-                axes.plot(*held_at, color=JAMMERS[j], lw=2.2, solid_capstyle="butt")
-        axes.set(xlim=(first, first + WINDOW), ylim=(n, 0 - 0.05), yticks=np.arange(n) + 0.5)
-        axes.set_yticklabels([f"ally {i}" for i in range(n)])
+                stroke = held(frames["step"], np.full(len(frames), i + 0.24 - 0.13 * j), jams[:, j, i])
+                axes.plot(*stroke, color=JAMMERS[j], lw=2.2, solid_capstyle="butt")
+        axes.set(xlim=max(first, 0) + np.array([0, WINDOW]), ylim=(n, -0.05))
+        axes.set_yticks(np.arange(n) + 0.5, [f"ally {i}" for i in range(n)])
         axes.set_xlabel("step, s", color=GREY, size=8.5, labelpad=1)
 
     def _frame(self, axes: Axes, seen: slice) -> tuple[int, int]:
@@ -170,3 +147,10 @@ class TeamPicture:
         self._figure.legend(
             handles=handles, loc="lower left", bbox_to_anchor=(0.015, 0.0), ncols=8, frameon=False, fontsize=8
         )
+
+
+def _paint(axes: Axes, opacity: np.ndarray, colour: str, extent: tuple[float, float, float, float]) -> None:
+    """Fill an extent, left, right, bottom and top, with cells ``(rows, n)`` of one colour."""
+    pixels = np.broadcast_to(to_rgba(colour), (*opacity.shape, 4)).copy()
+    pixels[..., 3] = opacity
+    axes.imshow(pixels, extent=extent, origin="lower", aspect="auto", interpolation="nearest")

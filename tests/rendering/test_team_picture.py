@@ -12,15 +12,15 @@ from fpg_bench.game.scenario import as_scenario
 from fpg_bench.game.team_rules import TeamRules
 from fpg_bench.rendering.team_picture import TeamPicture
 
-SHORT = as_scenario("link", steps_per_round=12)
+SHORT = as_scenario("link", steps_per_round=20)
 GAME = {"scenario": SHORT, "team": TeamRules(jammers=3)}
 PLAYERS = (["random-hops", "cdma", "listen"], ["assign"])
 
 
 def test_a_recording_is_the_round_that_is_played():
     recording = record_team(*PLAYERS, seed=7, **GAME)
-    assert recording.frames.shape == (13, 3)
-    assert recording.jammers.shape == (13, 3)
+    assert recording.frames.shape == (21, 3)
+    assert recording.jammers.shape == (21, 3)
     played = play_teams(*PLAYERS, SHORT, GAME["team"], 1, seeds=7)
     assert recording.frames["ally_reward"][1:].mean() == pytest.approx(played.rewards[0])
     assert (recording.jams.any(axis=1) == recording.frames["covered"]).all()
@@ -42,16 +42,16 @@ def test_watching_a_team_writes_the_same_picture_each_time_and_a_film(tmp_path):
         (tmp_path / name).parent.mkdir()
         watch_team(*PLAYERS, tmp_path / name, step=8, **GAME)
     assert (tmp_path / "a/round.svg").read_bytes() == (tmp_path / "b/round.svg").read_bytes()
-    watch_team(*PLAYERS, tmp_path / "round.gif", every=5, **GAME)
+    watch_team(*PLAYERS, tmp_path / "round.gif", every=8, **GAME)
     with Image.open(tmp_path / "round.gif") as film:
-        assert film.n_frames == 4  # steps 0, 5, 10 and 12
+        assert film.n_frames == 4  # steps 0, 8, 16 and 20
 
 
 @pytest.mark.parametrize(
     ("out", "options", "message"),
     [
         ("round.gfi", {}, r"unknown suffix '\.gfi'.*did you mean '\.gif'"),
-        ("round.png", {"step": 13}, "step: a round has 12, got 13"),
+        ("round.png", {"step": 21}, "step: a round has 20, got 21"),
         ("there.png", {}, "exists already"),
         ("round.png", {"allies": ["assign"]}, "'assign' plays the opponent"),
         ("round.png", {"scenario": "standard"}, "powers of several senders"),
