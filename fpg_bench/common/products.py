@@ -92,6 +92,7 @@ PRODUCTS = {
         {
             "drawing": {
                 "picture": "fpg_bench.rendering.picture:Picture",
+                "team": "fpg_bench.rendering.team_picture:TeamPicture",
                 "match": "fpg_bench.rendering.match_picture:draw_match",
                 "match's page": "fpg_bench.rendering.match_picture:write_match_replay",
             },
@@ -143,6 +144,7 @@ PRODUCTS = {
             "players/team_runner.py",
             "players/team_scripts.py",
             "evaluation/team_match.py",
+            "evaluation/team_watching.py",
             "envs/team.py",
             "envs/team_pettingzoo.py",
             "envs/team_sb3.py",
@@ -151,6 +153,7 @@ PRODUCTS = {
             "function": {
                 "make_team": "fpg_bench.envs.team:make_team",
                 "make_sb3_team": "fpg_bench.envs.team_sb3:make_sb3_team",
+                "watch_team": "fpg_bench.evaluation.team_watching:watch_team",
             },
             "game": {"FPG/team_v0": "fpg_bench.game.team_spec:TeamSpec"},
             "suites": {"team-": "fpg_bench.game.team_spec:TeamSpec"},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -124,14 +124,18 @@ def play_teams(
     scenario: Scenario,
     team: TeamRules,
     matches: int,
+    seeds: Seeds | None = None,
+    on_step: Callable[[TeamBatch], None] = lambda batch: None,
 ) -> TeamMatches:
-    """Play a round of each match on the first evaluation seeds.
+    """Play a round of each match.
 
     Args:
         allies, opponents: players as ``as_team_player`` takes them: one in all seats, or one for each seat.
         scenario: the rules of the game.
         team: the rules of teams.
         matches: number of matches, G.
+        seeds: those of the matches; None: the first evaluation seeds.
+        on_step: called with the games at the start and after each step.
 
     Raises:
         UserError: an unknown player, or not as many as seats.
@@ -139,15 +143,17 @@ def play_teams(
     by_seat = [len(players) > 1 for players in (allies, opponents)]
     match = make_team_match(allies, opponents, scenario, team, matches, by_seat)
     batch = match.duel.teams
-    match.duel.reset(seeds=evaluation_seeds(matches))
+    match.duel.reset(seeds=evaluation_seeds(matches) if seeds is None else seeds)
     for runner in (match.ally, match.opponent):
         runner.begin(np.ones(matches, bool))
+    on_step(batch)
     present, n = batch.playing("ally"), batch.counts[:, 0]
     totals, clashes, spreading, checks, heard = np.zeros(matches), 0.0, 0.0, 0, 0
     steps = scenario.steps_per_round
     for _ in range(steps):
         actions = {"opponent": match.opponent.act()}
         batch.step(match.ally.act(actions), actions["opponent"])
+        on_step(batch)
         totals += batch.allies["ally_reward"].sum(axis=1) / n
         clashes += _clashes(batch.allies, present)
         spreading += (batch.allies["spreading"].sum(axis=1) / n).mean()
