@@ -190,6 +190,10 @@ class GameSpec:
         """The scripts of each side that ``all-scripted`` stands for."""
         return SCRIPTED
 
+    def like(self, other: GameSpec) -> GameSpec:
+        """Return the game with the sizes of another one, of which a duel has none."""
+        return self
+
     @property
     def skills(self) -> JsonObject:
         """What an agent's card says of its training in this game, beside the game; of the duel nothing."""
