@@ -18,7 +18,6 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import (
-    Core,
     Info,
     JointGame,
     ResetOptions,
@@ -50,7 +49,7 @@ class FPGVecEnv(VecEnv):
 
     def __init__(
         self,
-        core: Core,
+        core: SingleAgentGame | JointGame,
         seed: int | None = None,
         stagger: bool = False,
         render_mode: str | None = None,
@@ -197,9 +196,12 @@ def make_sb3(
     Raises:
         UserError: something unknown, out of range, or impossible together.
     """
-    spec, core = GameSpec.of(game, **options), None
+    spec = GameSpec.of(game, **options)
+    core: Any
     if spec.id in offered("core"):
         core = load("core", spec.id)(spec, n_envs)
     elif spec.is_duel:
         core = JointGame(spec, n_envs, threads)
-    return FPGVecEnv(core or SingleAgentGame(spec, n_envs, threads, stacked), seed, stagger, render_mode)
+    else:
+        core = SingleAgentGame(spec, n_envs, threads, stacked)
+    return FPGVecEnv(core, seed, stagger, render_mode)

@@ -26,6 +26,7 @@ _MOST_WEIGHT = 1000
 LISTS = (*_SIDES, "path", "jamming_types")  # options that take one name or several
 _NAMES = ("planner", "knowledge", "reward", "observation")
 _ONE_SIDED = (*_SIDES, "reward", "observation", "history")  # options that the duel does not have
+_FIRST = ("side", "actions")  # options by which others are understood
 
 Options = dict[str, Any]  # of a game, by name; in Python some are objects
 
@@ -132,7 +133,7 @@ class GameSpec:
                 f"got an unexpected keyword argument {unknown!r}{nearest(unknown, option_names(kind))}"
             )
         if not isinstance(game, GameSpec):
-            game = kind(game, actions=options.pop("actions", None))
+            game = kind(game, **{name: options.pop(name) for name in _FIRST if name in options})
         game = dataclasses.replace(game, **options)
         if against is not None:
             if game.id == DUEL:
@@ -188,6 +189,10 @@ class GameSpec:
     def scripts(self) -> Mapping[str, tuple[str, ...]]:
         """The scripts of each side that ``all-scripted`` stands for."""
         return SCRIPTED
+
+    def like(self, other: GameSpec) -> GameSpec:
+        """Return the game with the sizes of another one, of which a duel has none."""
+        return self
 
     @property
     def skills(self) -> JsonObject:

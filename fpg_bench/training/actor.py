@@ -166,7 +166,7 @@ class Actor(nn.Module):
         if self.samples:
             assert noise is not None
             draws = torch.split(noise[:, self.noise_size - len(parts) :], 1, 1)
-            best = [drawn(part, draw) for part, draw in zip(parts, draws, strict=True)]
+            best = [draw_choices(part, draw) for part, draw in zip(parts, draws, strict=True)]
         else:
             best = [part.argmax(1) for part in parts]
         action = self.tables[0].index_select(0, best[0])
@@ -189,7 +189,7 @@ class Actor(nn.Module):
         return action
 
 
-def drawn(values: torch.Tensor, noise: torch.Tensor) -> torch.Tensor:
+def draw_choices(values: torch.Tensor, noise: torch.Tensor) -> torch.Tensor:
     """Return choices ``(n,)`` of the probabilities softmax(values), drawn by normal numbers ``(n, 1)``."""
     reached = torch.softmax(values, 1) @ torch.ones(values.shape[1], values.shape[1]).triu()
     share = (0.5 * (1 + torch.erf(noise * math.sqrt(0.5)))).clamp(min=LEAST_SHARE)

@@ -405,7 +405,7 @@ def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
 
 
 def _drawn(graph: _Graph, values: str, size: int, column: int) -> str:
-    """Add the choices that :func:`fpg_bench.training.actor.drawn` draws by a column of the noise."""
+    """Add the choices that :func:`fpg_bench.training.actor.draw_choices` draws by a column of the noise."""
     sums = graph.constant(np.triu(np.ones((size, size), np.float32)))
     reached = graph.add("MatMul", graph.add("Softmax", values, axis=1), sums)
     normal = graph.columns("noise", column, column + 1)

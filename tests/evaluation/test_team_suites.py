@@ -54,7 +54,7 @@ def test_entries_that_cannot_play_a_team_are_refused_in_one_line(players, messag
 @pytest.mark.parametrize(
     ("game", "message"),
     [
-        ("game: {id: FPG/team_v0, allys: 3}", "unknown key 'allys'; did you mean 'allies'"),
+        ("game: {id: FPG/team_v0, jammer: 3}", "unknown key 'jammer'; did you mean 'jammers'"),
         ("game: {id: FPG/team_v0, allies: 7}", "allies: expected a whole number from 1 to 5"),
         ("matches: 1", "mates: a duel has none"),
     ],

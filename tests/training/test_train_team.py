@@ -18,7 +18,7 @@ from fpg_bench.game.team_rules import TeamRules
 from fpg_bench.game.team_spec import TeamSpec
 from fpg_bench.players.agent import load_agent, read_card, write_agent
 from fpg_bench.players.team_scripts import as_team_player
-from fpg_bench.training.actor import ActorPlayer, drawn
+from fpg_bench.training.actor import ActorPlayer, draw_choices
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
 from fpg_bench.training.run import Run
@@ -153,10 +153,10 @@ def test_an_exported_agent_draws_what_the_model_draws(actions, tmp_path):
 def test_choices_are_drawn_by_their_probabilities_and_forbidden_ones_never():
     values = torch.tensor([[-1e30, 0.0, 1.0, -1e30, 2.0, -1e30]])
     noise = torch.randn(20_000, 1, generator=torch.Generator().manual_seed(0))
-    counts = torch.bincount(drawn(values.expand(20_000, 6), noise), minlength=6) / 20_000
+    counts = torch.bincount(draw_choices(values.expand(20_000, 6), noise), minlength=6) / 20_000
     assert torch.allclose(counts, torch.softmax(values[0], 0), atol=0.015)
     extreme = torch.tensor([[-9.0], [9.0]])
-    assert drawn(values.expand(2, 6), extreme).tolist() == [1, 4]
+    assert draw_choices(values.expand(2, 6), extreme).tolist() == [1, 4]
 
 
 @pytest.mark.parametrize(
