@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
@@ -15,9 +16,6 @@ from matplotlib.patches import Patch
 
 from fpg_bench.common.canvas import ALLY, OPPONENT
 from fpg_bench.rendering.picture import GREY, GROUND, HEIGHT, INK, PALE, WIDTH, bezier_curve, footprints, held
-
-if TYPE_CHECKING:
-    from fpg_bench.evaluation.team_watching import TeamRecording
 
 ALLIES = (ALLY, "#009e73", "#cc79a7", "#56b4e9", "#8c6d1f")  # by seat, as far as they go Okabe and Ito's
 JAMMERS = (OPPONENT, "#e69f00", "#8c3b00")
@@ -33,11 +31,11 @@ class TeamPicture:
     """Picture of a round of teams after any of its steps.
 
     Args:
-        recording: the round.
+        recording: the round, a :class:`fpg_bench.evaluation.team_watching.TeamRecording`.
         title: title of the picture, such as the players' names.
     """
 
-    def __init__(self, recording: TeamRecording, title: str = "") -> None:
+    def __init__(self, recording: Any, title: str = "") -> None:
         self.recording, self._title = recording, title
         self._figure = Figure((WIDTH / _DPI, HEIGHT / _DPI), dpi=_DPI, facecolor="white")
         self._canvas = FigureCanvasAgg(self._figure)
@@ -141,7 +139,9 @@ class TeamPicture:
 
     def _add_legend(self) -> None:
         n, m = self.recording.jams.shape[2], self.recording.jams.shape[1]
-        handles = [Line2D([], [], color=ALLIES[i], lw=3, marker="o", label=f"ally {i}") for i in range(n)]
+        handles: list[Artist] = [
+            Line2D([], [], color=ALLIES[i], lw=3, marker="o", label=f"ally {i}") for i in range(n)
+        ]
         handles += [Patch(color=JAMMERS[j], label=f"jammer {j}") for j in range(m)]
         handles += [Patch(color=GREY, alpha=0.15, label="spread signal")]
         self._figure.legend(
