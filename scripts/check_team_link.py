@@ -31,7 +31,6 @@ CLOSE = 5  # m between mates, so that they are heard
 STEPS = 12  # of each round
 ECHOES = (0.02, 0.06, 0.2)  # shares of a mate's power that come late
 LATE_US = 0.2  # ten chips
-SKIRT = " on the skirt of a spread mate"  # which the game takes for a rectangle
 
 
 class Mast(Link):
@@ -122,8 +121,6 @@ def sums(scenario: Scenario, games: int) -> Iterator[Row]:
     noise_mw = 10 ** (scenario.noise_density_dbm_hz / 10 + 6)  # per MHz
     middle = (scenario.band_low_mhz + scenario.band_high_mhz) / 2
     base = np.array(scenario.base_station_m)
-    edge = scenario.spread_bandwidth_mhz / 2
-    skirt = scenario.filter_rolloff * edge + scenario.bandwidth_mhz / 2
 
     def loss_db(metres: float, mhz: float) -> float:
         away = max(metres, scenario.minimum_distance_m) / 1000
@@ -135,7 +132,7 @@ def sums(scenario: Scenario, games: int) -> Iterator[Row]:
         to_me = place - base
         faded = scenario.base_power_dbm + scenario.fading_sd_db * float(me["fading"])
         signal = faded - loss_db(float(np.linalg.norm(to_me)), f)
-        heard, jamming, shared, on_skirt = [], [], 0, False
+        heard, jamming, shared = [], [], 0
         for mate in mates:
             to_mate, mhz = mate["ally_position"] - base, float(mate["frequency_mhz"])
             cosine = to_me @ to_mate / np.linalg.norm(to_me) / np.linalg.norm(to_mate)
@@ -144,14 +141,13 @@ def sums(scenario: Scenario, games: int) -> Iterator[Row]:
             level = faded - loss_db(float(np.linalg.norm(to_me)), mhz) - beside - signal
             heard.append((mhz - middle, bool(mate["spreading"]), 10 ** (level / 10)))
             shared += spreads and bool(mate["spreading"]) and mate["point"] == me["point"]
-            on_skirt |= bool(mate["spreading"]) and not spreads and abs(abs(mhz - f) - edge) < skirt
         for j, jammer in enumerate(batch.opponents[game]):
             kind, away = int(jammer["jamming_type"]), np.linalg.norm(place - jammer["opponent_position"])
             level = scenario.opponent_power_dbm - scenario.jamming_backoff_db[kind] - loss_db(float(away), f)
             level += scenario.jamming_fading_sd_db * float(batch.sensed["fading"][game, 0, j]) - signal
             jamming.append((kind, float(jammer["jamming_mhz"]) - middle, 10 ** (level / 10)))
         measured = waves.sinr_of((f - middle, spreads), noise_mw / 10 ** (signal / 10), heard, jamming)
-        how = f"spread, {shared} mates on its carrier" if spreads else f"unspread{SKIRT * on_skirt}"
+        how = f"spread, {shared} mates on its carrier" if spreads else "unspread"
         kinds = ", ".join(JAMMING_TYPES[kind] for kind, _, _ in jamming)
         yield Row(f"{how}; {kinds}", float(me["snr_db"]), measured)
 
@@ -187,17 +183,15 @@ def main() -> int:
     parser.add_argument("--games", type=int, default=200, help="steps of played rounds")
     options = parser.parse_args()
     scenario = preset("link")
-    rows = list(sums(scenario, options.games))
-    bounded = {
-        "Four allies and three jammers": [row for row in rows if SKIRT not in row.case],
+    comparisons = {
+        "Four allies and three jammers": list(sums(scenario, options.games)),
         "Codes of one mast, through an echo": list(codes(scenario)),
     }
-    comparisons = bounded | {f"Unspread{SKIRT}": [row for row in rows if SKIRT in row.case]}
     print(f"{cases(comparisons)}\n{summary(comparisons)}")
     if options.page:
         write_whole(options.page.with_name(f"{options.page.stem}-teams.csv"), cases(comparisons))
         fill(options.page, {"check_team_link": summary(comparisons)})
-    errors = [np.array([row.error for row in rows]) for rows in bounded.values()]
+    errors = [np.array([row.error for row in rows]) for rows in comparisons.values()]
     return int(any(abs(each.mean()) > MEAN_DB or np.abs(each).max() > WORST_DB for each in errors))
 
 

@@ -6,6 +6,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
@@ -138,7 +139,9 @@ class TeamPicture:
 
     def _add_legend(self) -> None:
         n, m = self.recording.jams.shape[2], self.recording.jams.shape[1]
-        handles = [Line2D([], [], color=ALLIES[i], lw=3, marker="o", label=f"ally {i}") for i in range(n)]
+        handles: list[Artist] = [
+            Line2D([], [], color=ALLIES[i], lw=3, marker="o", label=f"ally {i}") for i in range(n)
+        ]
         handles += [Patch(color=JAMMERS[j], label=f"jammer {j}") for j in range(m)]
         handles += [Patch(color=GREY, alpha=0.15, label="spread signal")]
         self._figure.legend(
