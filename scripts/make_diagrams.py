@@ -1,8 +1,8 @@
 """Draw the diagrams of the documentation: ``python scripts/make_diagrams.py docs/pictures``.
 
 ``system.svg``, ``detection.svg`` and ``seasons.svg`` show the rules and the protocol; ``waterfall.svg`` a
-round and what the ally's waterfall shows of it; ``crossplay.svg`` the board's cross-play. They are dark where
-the reader's system is.
+round and what the ally's waterfall shows of it; ``crossplay.svg`` the board's cross-play; ``clones.svg`` a
+round of a team whose allies choose alike. They are dark where the reader's system is.
 """
 
 from __future__ import annotations
@@ -23,15 +23,18 @@ from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, image_of
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
 from fpg_bench.envs.gymnasium_env import FPGEnv
+from fpg_bench.evaluation.team_watching import record_team
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.rendering.team_picture import TeamPicture
 
 ROOT = Path(__file__).parents[1]
 INK, GREY = "#1d2733", "#5b6673"
 BAND_MHZ = STANDARD.band_low_mhz, STANDARD.band_high_mhz
 STEPS = 60  # of the round in waterfall.svg
 FIRST = 8  # entries of each side in crossplay.svg: the highest means
+CLONE = "ally-link/ppo-stack8/seed_0"
 # Colours are turned round, hues stay: white becomes black, blue stays blue.
 DARK = "<style>@media (prefers-color-scheme: dark) { svg { filter: invert(1) hue-rotate(180deg) } }</style>"
 Place = tuple[float, float]
@@ -149,7 +152,14 @@ def crossplay() -> Figure:
     return figure
 
 
-DIAGRAMS: Sequence[Callable[[], Figure]] = (system, detection, seasons, waterfall, crossplay)
+def clones() -> Figure:
+    """Draw two minutes of a round in which one agent of the duel plays all three allies."""
+    return TeamPicture(record_team([CLONE], ["watchful"]), f"{CLONE} in each seat, against watchful").show(
+        120
+    )
+
+
+DIAGRAMS: Sequence[Callable[[], Figure]] = (system, detection, seasons, waterfall, crossplay, clones)
 
 
 def canvas(width: float, height: float) -> tuple[Figure, Axes]:

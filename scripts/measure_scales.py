@@ -3,8 +3,8 @@
 python scripts/measure_scales.py [SUITE ...]
 
 zero: mean return per step of the random player or planner. top: for allies a link that nobody jams, for
-others the mean over rivals of the best known return, of the oracle and all scripts for players, and of
-``optimised`` for planners. On the evaluation seeds of the suite.
+others the mean over rivals of the best known return, of the oracle and all scripts for players, of scripts
+for teams, and of ``optimised`` for planners. On the evaluation seeds of the suite.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS, SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite
+from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite, suite_names
 from fpg_bench.game.flight import thriftiest_m_s
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.agent import suites_folder
+from fpg_bench.game.spec import GameSpec
 
 DIGITS = 2
 # Suites that are older than the scripts with memory; in paper, allies have no bound but the best known.
 OLDER = re.compile(r"(opponent-|opponent-learned-|(ally|opponent)-paper-)v1")
-BORROWING = ("-shifted-", "-responses-")  # suites with the scale of their track's public suite
+BORROWING = ("-shifted-", "-responses-", "-strangers-")  # suites with the scale of their track's public suite
 
 
 def rewards(name: str, suite: Suite) -> list[float]:
@@ -36,8 +36,11 @@ def rewards(name: str, suite: Suite) -> list[float]:
     return [float(suite.rewards(record.returns).mean()) for record in records]
 
 
-def unjammed(scenario: Scenario) -> float:
-    """Return what an ally earns per step that nobody jams: the cap, or the mean utility at the best speed."""
+def unjammed(scenario: Scenario, game: GameSpec | None) -> float:
+    """Return what an ally earns per step that nobody jams: the cap, or the mean utility at the best speed.
+
+    Allies of a team have a point each.
+    """
     if scenario.snr_cap_db is not None:
         return scenario.snr_cap_db - scenario.snr_threshold_db
     slow, fast = scenario.ally_speed_m_s
@@ -45,14 +48,18 @@ def unjammed(scenario: Scenario) -> float:
         slow = min(max(thriftiest_m_s(), slow), fast)
     quiet = dataclasses.replace(scenario, opponent_power_dbm=-100.0, ally_speed_m_s=(slow, slow))
     rivals = (Rival("nobody", ("tone",), quiet),)
-    return rewards("idle", Suite("unjammed", "ally", quiet, 100, rivals))[0]
+    best = "idle" if game is None else "allotment"
+    return rewards(best, Suite("unjammed", "ally", quiet, 100, rivals, game=game))[0]
 
 
 def scale(suite: Suite) -> tuple[float, float]:
     """Return zero and top of a suite."""
     zero = fmean(rewards("random", suite))
     if suite.side == "ally" and not OLDER.fullmatch(suite.name):
-        return zero, unjammed(suite.scenario)
+        return zero, unjammed(suite.scenario, suite.game)
+    if suite.game is not None:
+        by_rival = zip(*(rewards(name, suite) for name in suite.game.scripts[suite.side]), strict=True)
+        return zero, fmean(map(max, by_rival))
     older = {"ally": ALLIES, "opponent": OPPONENTS}
     scripts = (older if OLDER.fullmatch(suite.name) else SCRIPTED).get(suite.side, ())
     bounds = ("optimised",) if suite.side == PLANNER else ("oracle", *scripts)
@@ -65,7 +72,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("suites", nargs="*", help="names or files; default: all public ones")
     parser.add_argument("--allow", action="append", default=[], help="code that a file may name")
-    public = sorted(path.stem for path in suites_folder().glob("*-v[0-9].yml"))
+    public = [name for name in suite_names() if re.search(r"-v[0-9]$", name)]
     options = parser.parse_args()
     names = options.suites or [name for name in public if not any(part in name for part in BORROWING)]
     differ = False

@@ -37,6 +37,7 @@ RUN = [
     DOCS / "environments/discrete-actions.md",
     DOCS / "environments/knowledge-base.md",
     DOCS / "environments/scenario.md",
+    DOCS / "environments/teams.md",
     DOCS / "environments/waterfall.md",
     DOCS / "guides/beat-reactive.md",
     DOCS / "guides/benchmark.md",

@@ -55,10 +55,11 @@ class Fields:
         return parameters
 
     def collect(self, given: dict[str, Any]) -> Given:
-        """Take the values of the fields out of those of all options; one that is not given is left out."""
+        """Take the values of the fields out of those of all options; what is not given is left out."""
         names = [each.name for each in dataclasses.fields(self.kind) if each.name in given]
         values = {name: given.pop(name) for name in names if not self.names or name in self.names}
-        values = {name: value for name, value in values.items() if value is not None}
+        defaults = {each.name: each.default for each in dataclasses.fields(self.kind)}
+        values = {name: value for name, value in values.items() if value not in (None, defaults[name])}
         words = {name: values[name].split(",") for name in self.lists if "," in values.get(name, "")}
         return values | words
 
@@ -86,12 +87,11 @@ def with_fields(verb: Callable[..., None]) -> Callable[..., None]:
 
 
 def first_sentences(kind: type) -> dict[str, str]:
-    """Return the first sentence on each attribute in a class's docstring, as the help of an option."""
-    _, _, section = (inspect.getdoc(kind) or "").partition("Attributes:\n")
+    """Return the first sentence on each attribute in the docstrings of a class and its bases, as help."""
+    sections = [(inspect.getdoc(each) or "").partition("Attributes:\n")[2] for each in kind.__mro__[::-1]]
+    text_of_all = "\n".join(section.split("\n\n")[0] for section in sections)
     sentences: dict[str, str] = {}
-    for names, text in re.findall(
-        r"^    ([\w, ]+): (.*(?:\n {8}.*)*)", section.split("\n\n")[0], re.MULTILINE
-    ):
+    for names, text in re.findall(r"^    ([\w, ]+): (.*(?:\n {8}.*)*)", text_of_all, re.MULTILINE):
         first = re.split(r"(?<=\.)\s", " ".join(text.replace("``", "").split()))[0].rstrip(".")
         first = first.replace("; None: ", ". Default: ")
         sentences |= dict.fromkeys(names.split(", "), f"{first[0].upper()}{first[1:]}.")

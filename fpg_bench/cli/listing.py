@@ -224,14 +224,14 @@ def suites(
 
     Example: fpg-bench suites season-2
     """
-    from fpg_bench.evaluation.suite import read_suite
+    from fpg_bench.evaluation.suite import read_suite, suite_names
     from fpg_bench.players.agent import suites_folder
 
     if name is not None and ((suites_folder() / name).is_dir() or Path(name).is_dir()):
         for line in load("description", "season")(name, folder):
             print_line(line)
         return
-    names = sorted(path.stem for path in suites_folder().glob("*.yml")) if name is None else [name]
+    names = suite_names() if name is None else [name]
     for suite in map(read_suite, names):
         typer.echo(f"{suite.name}: {_described(suite)}")
         name_all("", [rival.name for rival in suite.rivals])

@@ -24,6 +24,7 @@ from fpg_bench.cli.options import (
     listed,
     llm_options,
     run_options,
+    team_options,
 )
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
@@ -104,6 +105,7 @@ def train(
     *,
     run: Annotated[Given, run_options("steps", "hyperparams", "start", "suite", "transcript", "allow")],
     game: Annotated[Given, game_options()],
+    team: Annotated[Given, team_options()],
     workers: WorkersOption = Workers(2),
     llm: Annotated[
         LLMOptions, llm_options("prompt", "server", "calls", "tokens", "seconds", "deadline")
@@ -118,7 +120,7 @@ def train(
     from fpg_bench.game.spec import GameSpec
 
     from_zoo = against == ZOO and not {"opponent", "ally"} & set(game)
-    spec = GameSpec.of(env_id, against=None if from_zoo else listed(against), **game)
+    spec = GameSpec.of(env_id, against=None if from_zoo else listed(against), **game, **team)
     if from_zoo:
         spec = load_zoo().mixture(spec)
     config = RunConfig(algorithm, spec, seed or 0, llm=llm, **run)

@@ -92,6 +92,7 @@ PRODUCTS = {
         {
             "drawing": {
                 "picture": "fpg_bench.rendering.picture:Picture",
+                "team": "fpg_bench.rendering.team_picture:TeamPicture",
                 "match": "fpg_bench.rendering.match_picture:draw_match",
                 "match's page": "fpg_bench.rendering.match_picture:write_match_replay",
             },
@@ -136,12 +137,14 @@ PRODUCTS = {
     "teams": Product(
         (
             "game/team_rules.py",
+            "game/team_spec.py",
             "game/team_link.py",
             "game/team_step.py",
             "game/team_batch.py",
             "players/team_runner.py",
             "players/team_scripts.py",
             "evaluation/team_match.py",
+            "evaluation/team_watching.py",
             "envs/team.py",
             "envs/team_pettingzoo.py",
             "envs/team_sb3.py",
@@ -150,7 +153,13 @@ PRODUCTS = {
             "function": {
                 "make_team": "fpg_bench.envs.team:make_team",
                 "make_sb3_team": "fpg_bench.envs.team_sb3:make_sb3_team",
+                "watch_team": "fpg_bench.evaluation.team_watching:watch_team",
             },
+            "game": {"FPG/team_v0": "fpg_bench.game.team_spec:TeamSpec"},
+            "suites": {"team-": "fpg_bench.game.team_spec:TeamSpec"},
+            "player of a seat": {"FPG/team_v0": "fpg_bench.players.team_scripts:as_team_player"},
+            "match": {"FPG/team_v0": "fpg_bench.evaluation.team_match:suite_match"},
+            "core": {"FPG/team_v0": "fpg_bench.envs.team_sb3:TeamRows"},
             "parallel environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:parallel_env"},
             "aec environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:aec_env"},
         },

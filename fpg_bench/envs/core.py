@@ -102,6 +102,13 @@ class Core:
 
     game_spec: GameSpec
     duel: TwoPlayerBatch
+    planner: Planner | None = None
+    samples = False  # whether exported agents draw their choices; else they play their mode
+
+    @property
+    def batch(self) -> Any:
+        """The games, row by row as policies see them: records, observations and received actions."""
+        return self.duel.batch
 
     def reset(
         self,
@@ -122,7 +129,7 @@ class Core:
 
     def length(self, game: int) -> int:
         """Return the steps that one game's present round has had."""
-        return int(self.duel.batch.tallies["steps"][game])
+        return int(self.batch.games["step"][game])
 
 
 class SingleAgentGame(Core):
@@ -297,7 +304,7 @@ class JointGame(Core):
             raise UserError(f"actions: of both sides together they are continuous, got {game.actions!r}")
         self.game_spec = game
         self.duel = make_duel(games, game=game, threads=threads)
-        self.scenario, self.count = self.duel.scenario, self.duel.count
+        self.scenario, self.count, self.planner = self.duel.scenario, self.duel.count, self.duel.planner
         self.observation_space = spaces.Box(-1.0, 1.0, (2 * OBSERVATION_SIZE,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (2 * ACTION_SIZE,), np.float32)
 

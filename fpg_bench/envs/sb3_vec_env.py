@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from fpg_bench.common.extras import require_extra
-from fpg_bench.envs.core import Info, ResetOptions
+from fpg_bench.common.products import load, offered
 
 require_extra("train", "stable_baselines3")
 
@@ -18,7 +18,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import (
+    Info,
     JointGame,
+    ResetOptions,
     SingleAgentGame,
     first_seeds,
     staggered_horizons,
@@ -38,8 +40,8 @@ class FPGVecEnv(VecEnv):
     handed out is a copy.
 
     Args:
-        core: the games, of which the caller plays one side (:class:`fpg_bench.envs.core.SingleAgentGame`) or
-            both.
+        core: the games, of which the caller plays one side (:class:`fpg_bench.envs.core.SingleAgentGame`), or
+            both, or a side of seats.
         seed: seed of the first matches, seed + i in game i; None: random.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
@@ -56,7 +58,7 @@ class FPGVecEnv(VecEnv):
             raise UserError(f"render_mode: expected None or 'rgb_array', got {render_mode!r}")
         self.core = core
         self.render_mode = render_mode
-        self._screen = Screen(core.duel.batch, render_mode)
+        self._screen = Screen(core.batch, render_mode)
         super().__init__(core.count, core.observation_space, core.action_space)
         self._stagger = stagger
         self._begun = self._new_match = False
@@ -195,7 +197,11 @@ def make_sb3(
         UserError: something unknown, out of range, or impossible together.
     """
     spec = GameSpec.of(game, **options)
-    core = (
-        JointGame(spec, n_envs, threads) if spec.is_duel else SingleAgentGame(spec, n_envs, threads, stacked)
-    )
+    core: Any
+    if spec.id in offered("core"):
+        core = load("core", spec.id)(spec, n_envs)
+    elif spec.is_duel:
+        core = JointGame(spec, n_envs, threads)
+    else:
+        core = SingleAgentGame(spec, n_envs, threads, stacked)
     return FPGVecEnv(core, seed, stagger, render_mode)

@@ -2,176 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 
-from fpg_bench.common.checks import check_keys, flag, mapping, one_of
-from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
-from fpg_bench.common.ids import action_modes, other_side, plain_id
-from fpg_bench.common.strict_json import JsonObject
+from fpg_bench.common.ids import other_side
 from fpg_bench.envs.core import action_space
 from fpg_bench.game.batch import ActionError, Seeds, described
 from fpg_bench.game.choices import action_choices
 from fpg_bench.game.metrics import measures, pool
-from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.game.team_batch import SIDES, TEAM_REWARDS, TeamBatch
-from fpg_bench.game.team_rules import MATES, TeamRules
-from fpg_bench.game.team_step import TEAM_OBSERVATION_SIZE
+from fpg_bench.game.team_batch import TeamBatch
+from fpg_bench.game.team_rules import SIDES, TEAM_ID, TEAM_OBSERVATION_SIZE
+from fpg_bench.game.team_spec import TeamSpec
+from fpg_bench.players.population import expand_suites
 from fpg_bench.players.scripted import player_noise, player_seeds
 from fpg_bench.players.team_runner import TeamRunner
 from fpg_bench.players.team_scripts import as_team_player
-
-TEAM = "FPG/team_v0"
-CONVOY = TeamRules()  # three allies in convoy against two jammers
-_DEFAULTS = {
-    "actions": dict.fromkeys(SIDES, "continuous"),
-    "mates": dict.fromkeys(SIDES, "full"),
-    "reward": {"ally": "own", "opponent": "team"},
-}
-_RULES = tuple(each.name for each in dataclasses.fields(TeamRules))
-
-
-@dataclass(frozen=True)
-class TeamSpec:
-    """Specification of a game of teams, as :class:`fpg_bench.game.spec.GameSpec` is one of a duel.
-
-    >>> spec = TeamSpec.of(allies=2, side="ally", rivals="watchful", mates="none")
-    >>> spec.to_dict()
-    {'id': 'FPG/team_v0', 'allies': 2, 'mates': 'none', 'side': 'ally', 'rivals': 'watchful'}
-    >>> TeamSpec.from_dict(spec.to_dict()) == spec
-    True
-
-    Attributes:
-        scenario: the scenario: ``link`` or one of its variants, a YAML file, or a :class:`Scenario`.
-        team: the rules of teams; by default three allies in convoy against two jammers.
-        path: how jammers fly, ``pursuit``, ``learned`` or a list of both; None: the scenario's.
-        actions: action mode; None: ``continuous``.
-        mates: what seats observe of their mates, ``none``, ``place`` or ``full``; None: ``full``.
-        reward: ``own``, ``team`` or, of jammers, ``difference``; None: ``own`` of allies, ``team`` of
-            jammers. See :meth:`fpg_bench.game.team_batch.TeamBatch.rewards`. These three are of the side
-            that the caller plays, or of both; a mapping from ``ally`` and ``opponent`` has one for each.
-        side: the side that the caller plays; None: both.
-        rivals: the players of the other side, if the caller plays one: names or objects as
-            :func:`fpg_bench.players.team_scripts.as_team_player` takes them, each in all seats; of several,
-            each game draws one per round. See :class:`fpg_bench.players.team_runner.TeamRunner`.
-        is_by_seat: of several rivals, rival k plays seat k instead.
-
-    Raises:
-        UserError: a value of another kind, or options that exclude each other.
-    """
-
-    scenario: Scenario | str = "link"
-    team: TeamRules = CONVOY
-    path: Any = None
-    actions: str | Mapping[str, str] | None = None
-    mates: str | Mapping[str, str] | None = None
-    reward: str | Mapping[str, str] | None = None
-    side: str | None = None
-    rivals: Any = None
-    is_by_seat: bool = False
-
-    id = TEAM
-    is_duel = False
-
-    def __post_init__(self) -> None:
-        if self.side is None and self.rivals is not None:
-            raise UserError("rivals: say which side you play, side='ally' or side='opponent'")
-        if self.side is not None:
-            one_of(self.side, "side", SIDES)
-            if self.rivals is None:
-                raise UserError(f"side: name the rivals of the {self.side}, or omit it to play both sides")
-        flag(self.is_by_seat, "is_by_seat")
-        if isinstance(self.rivals, list):
-            object.__setattr__(self, "rivals", tuple(self.rivals))
-        for side in SIDES:
-            known = {"actions": action_modes(side), "mates": MATES, "reward": TEAM_REWARDS[side]}
-            for name, words in known.items():
-                one_of(self.of_side(name, side), f"{name} of the {side}", words)
-
-    @classmethod
-    def of(cls, game: str | TeamSpec = TEAM, **options: Any) -> TeamSpec:
-        """Return the specification of the id, or another one with some options replaced.
-
-        Args:
-            game: ``FPG/team_v0``, or a specification.
-            **options: the attributes but ``team``, and those of :class:`TeamRules` by their own names.
-
-        Raises:
-            UnknownOptionError: an option that does not exist.
-        """
-        if isinstance(game, str):
-            one_of(plain_id(game), "game", [TEAM])
-            game = cls()
-        known = (*(each.name for each in dataclasses.fields(cls) if each.name != "team"), *_RULES)
-        if unknown := next((name for name in options if name not in known), None):
-            raise UnknownOptionError(
-                f"got an unexpected keyword argument {unknown!r}{nearest(unknown, known)}"
-            )
-        rules = {name: options.pop(name) for name in _RULES if name in options}
-        return dataclasses.replace(game, team=dataclasses.replace(game.team, **rules), **options)
-
-    def of_side(self, name: str, side: str) -> str:
-        """Return ``actions``, ``mates`` or ``reward`` of one side."""
-        value = getattr(self, name)
-        if isinstance(value, str):
-            value = {each: value for each in SIDES if self.side in (None, each)}
-        given = mapping({} if value is None else value, name)
-        check_keys(given, SIDES, name)
-        return str(given.get(side, _DEFAULTS[name][side]))
-
-    def resolve(self) -> Scenario:
-        """Return the scenario that is played."""
-        return as_scenario(self.scenario, opponent_path=self.path)
-
-    def to_dict(self) -> JsonObject:
-        """Return the specification as JSON holds it: ``id`` and the options that are not the defaults.
-
-        Raises:
-            UserError: a rival is an object, which has no name.
-        """
-        values: JsonObject = {"id": TEAM, **self.team.to_dict()}
-        for each in dataclasses.fields(self):
-            value = getattr(self, each.name)
-            if each.name == "team" or value == each.default:
-                continue
-            if isinstance(value, Scenario):
-                value = value.name or value.to_dict()
-            for rival in _listed(value) if each.name == "rivals" else ():
-                if not isinstance(rival, str):
-                    raise UserError(
-                        f"rivals: {type(rival).__name__} is an object, which cannot be written down"
-                    )
-            values[each.name] = value
-        return dict(json.loads(json.dumps(values)))
-
-    @classmethod
-    def from_dict(cls, content: object, where: str = "game") -> TeamSpec:
-        """Return the specification of a mapping that :meth:`to_dict` made; ``where`` begins its errors."""
-        values = dict(mapping(content, where))
-        if isinstance(values.get("scenario"), Mapping):
-            values["scenario"] = Scenario.from_dict(values["scenario"])
-        try:
-            return cls.of(values.pop("id", TEAM), **values)
-        except UserError as error:
-            raise UserError(f"{where}: {error}") from error
-
-    @property
-    def hash(self) -> str:
-        """SHA-256 of the game, 64 hexadecimal digits."""
-        content = self.to_dict() | {"scenario": self.resolve().hash, "team": dataclasses.asdict(self.team)}
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _listed(value: Any) -> Sequence[Any]:
-    return value if isinstance(value, tuple) else (value,)
 
 
 class TeamStep(NamedTuple):
@@ -209,6 +57,7 @@ class TeamGame:
     """
 
     def __init__(self, game_spec: TeamSpec, games: int = 1) -> None:
+        game_spec.check_trusted()
         self.game_spec, self.scenario = game_spec, game_spec.resolve()
         mates = {side: game_spec.of_side("mates", side) for side in SIDES}
         has_credits = game_spec.of_side("reward", "opponent") == "difference"
@@ -222,11 +71,9 @@ class TeamGame:
         self.action_spaces = {side: action_space(self.choices[side]) for side in SIDES}
         self._runner: TeamRunner | None = None
         if game_spec.side is not None:
-            theirs = other_side(game_spec.side)
-            team = game_spec.team
-            players = [
-                as_team_player(rival, theirs, self.scenario, team) for rival in _listed(game_spec.rivals)
-            ]
+            theirs, team = other_side(game_spec.side), game_spec.team
+            others = expand_suites(game_spec.others, theirs)
+            players = [as_team_player(other, theirs, self.scenario, team) for other in others]
             self._runner = TeamRunner(theirs, players, self.batch, game_spec.is_by_seat)
 
     def reset(
@@ -328,7 +175,7 @@ class TeamGame:
         return self.batch.state()
 
 
-def make_team(games: int = 1, *, game: str | TeamSpec = TEAM, **options: Any) -> TeamGame:
+def make_team(games: int = 1, *, game: str | TeamSpec = TEAM_ID, **options: Any) -> TeamGame:
     """Make a batch of games of two teams.
 
     >>> team = make_team(64, allies=3, jammers=2)

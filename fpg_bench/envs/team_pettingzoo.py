@@ -15,10 +15,12 @@ from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.envs.core import Info, ResetOptions, one_action
 from fpg_bench.envs.pettingzoo_env import SeededParallelEnv, mask_info
-from fpg_bench.envs.team import TeamSpec, make_team
+from fpg_bench.envs.team import make_team
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.game.team_batch import SIDES, TEAM_STATE_SIZE
+from fpg_bench.game.team_batch import TEAM_STATE_SIZE
+from fpg_bench.game.team_rules import SIDES
+from fpg_bench.game.team_spec import TeamSpec
 
 _Observations = dict[str, np.ndarray]  # by agent, as the infos
 _Infos = dict[str, Info]

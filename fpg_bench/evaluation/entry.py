@@ -22,7 +22,7 @@ from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.planning import PLANNERS, as_planner
 from fpg_bench.players.agent import agents_named
 from fpg_bench.players.player import Abilities, Player, PlayerSpec
-from fpg_bench.players.registry import as_player, card_of, player_name, policy_hash
+from fpg_bench.players.registry import card_of, player_name, policy_hash
 from fpg_bench.players.remote import is_remote, pinned
 
 ALL_SCRIPTED = "all-scripted"
@@ -87,7 +87,7 @@ def entries_of(
         named = [entry for name, spec in specs.items() for entry in _named_entry(str(name), spec, suite)]
         check_seeds(named)
         return named
-    every = [each for spec in specs for each in _each(spec, suite.side)]
+    every = [each for spec in specs for each in _each(spec, suite)]
     players = {spec: _player(spec, suite) for spec in dict.fromkeys(every)}
     groups: dict[str, list[PlayerSpec]] = {}
     for spec, player in players.items():
@@ -104,10 +104,11 @@ def entries_of(
     return list({(entry.name, entry.training_seed): entry for entry in entries}.values())
 
 
-def _each(spec: PlayerSpec, side: str) -> Sequence[PlayerSpec]:
+def _each(spec: PlayerSpec, suite: Suite) -> Sequence[PlayerSpec]:
     """Return the players that a specification stands for."""
+    side = suite.side
     if spec == ALL_SCRIPTED:
-        return SCRIPTED[side]
+        return SCRIPTED[side] if suite.game is None else suite.game.scripts[side]
     if is_remote(spec):
         return [pinned(spec)]
     name = os.fspath(spec) if isinstance(spec, str | os.PathLike) else ""
@@ -172,8 +173,8 @@ def code_fingerprint(name: str) -> str:
 
 
 def _player(spec: PlayerSpec, suite: Suite) -> Player:
-    player = as_player(spec, suite.side, suite.scenario)
-    if Abilities.of(player).sees_state:
+    player = suite.as_player(spec, suite.side, suite.scenario)
+    if Abilities.of(player).sees_state or hasattr(player, "join"):
         raise UserError(f"{suite.side} {spec!r}: sees the full state, which no suite allows")
     return player
 

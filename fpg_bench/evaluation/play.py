@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError, printable
+from fpg_bench.common.products import load
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
@@ -68,6 +69,9 @@ def play(
 def match_of(player: Any, suite: Suite, rival: Rival, matches: int | None = None) -> MatchBatch:
     """Return the match batch in which a player, or a planner for a suite of planners, meets a rival."""
     scenario, count = rival.scenario, matches or suite.matches
+    if suite.game is not None:
+        match: MatchBatch = load("match", suite.game.id)(player, suite, rival, count)
+        return match
     if suite.side == PLANNER:
         duel = TwoPlayerBatch(scenario, count, as_planner(player, scenario))
         return make_match(duel, rival.players, suite.opponent)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Sequence
+from functools import partial
 from typing import TypedDict
 
 import numpy as np
@@ -18,8 +19,8 @@ from fpg_bench.evaluation.suite import PLANNER, Scale, Suite, load_suite
 from fpg_bench.game.metrics import pool
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import Abilities, Memory, Player, PlayerSpec
-from fpg_bench.players.registry import as_player
 from fpg_bench.players.scripted import player_seeds
 
 MATCHES = 10
@@ -49,6 +50,8 @@ class PolicyEvaluator:
         side: the side that must be measured; None: the suite's.
         allow: the code and agents of the Hub that the suite's file may name; see
             :func:`fpg_bench.evaluation.suite.load_suite`.
+        game: of a suite of teams, a game whose sizes and rules of teams replace the suite's; where they
+            differ, scores are returns per step.
 
     Raises:
         UserError: no such suite, or one of the other side or of planners.
@@ -61,6 +64,7 @@ class PolicyEvaluator:
         scenario: Scenario | None = None,
         side: str | None = None,
         allow: Collection[str] = (),
+        game: GameSpec | None = None,
     ) -> None:
         loaded = load_suite(suite, allow=allow) if isinstance(suite, str) else suite
         if side not in (None, loaded.side) or loaded.side == PLANNER:
@@ -68,6 +72,8 @@ class PolicyEvaluator:
                 f"suite {loaded.name}: measures the {loaded.side}, not the {side or 'ally or opponent'}"
             )
         played = loaded if scenario is None else in_scenario(loaded, scenario)
+        if loaded.game is not None and game is not None and (own := loaded.game.like(game)) != loaded.game:
+            played = dataclasses.replace(played, game=own, scale=Scale())
         self.suite = dataclasses.replace(played, matches=-(-rounds // played.rounds_per_match))
 
     def score(self, player: PlayerSpec) -> Scored:
@@ -93,7 +99,7 @@ class PolicyEvaluator:
 
     def record_round(self, player: PlayerSpec) -> Recording:
         """Return the recording of a round against the first rival, the same round for all players."""
-        met = as_player(player, self.suite.side, self.suite.scenario)
+        met = self.suite.as_player(player, self.suite.side, self.suite.scenario)
         match = match_of(met, self.suite, self.suite.rivals[0], matches=1)
         begin_round(match, seeds=np.array(tuning_seeds(1)))
         recording = Recording(match.duel.batch)
@@ -102,24 +108,25 @@ class PolicyEvaluator:
 
     def _play(self, spec: PlayerSpec) -> tuple[np.ndarray, dict[str, float | None]]:
         """Play new matches; return the rewards per step ``(rivals, matches)`` and the pooled measures."""
-        player = as_player(spec, self.suite.side, self.suite.scenario)
+        player = self.suite.as_player(spec, self.suite.side, self.suite.scenario)
         batches = [match_of(player, self.suite, rival) for rival in self.suite.rivals]
-        shared = _SharedPlayer(player, self.suite.side, batches)
-        batches = [
-            dataclasses.replace(batch, **{self.suite.side: _Part(shared, k)})  # type: ignore[arg-type]
-            for k, batch in enumerate(batches)
-        ]
         counts = [HopCounts(batch.duel.batch) for batch in batches]
-
-        def count_hops() -> None:
-            for each in counts:
-                each.count()
+        is_shared = self.suite.game is None  # else the player has seats, and meets one rival after the other
+        if is_shared:
+            shared = _SharedPlayer(player, self.suite.side, batches)
+            batches = [
+                dataclasses.replace(batch, **{self.suite.side: _Part(shared, k)})  # type: ignore[arg-type]
+                for k, batch in enumerate(batches)
+            ]
+        groups = [batches] if is_shared else [[batch] for batch in batches]
+        hops_of = [counts] if is_shared else [[each] for each in counts]
 
         returns, tallies, clean = [], [], []
         points = np.zeros((2, self.suite.scenario.frequency_points), np.int64)
         for number in range(self.suite.rounds_per_match):
             seeds = None if number else np.array(tuning_seeds(self.suite.matches))
-            play_round(*batches, seeds=seeds, on_step=count_hops)
+            for group, hops in zip(groups, hops_of, strict=True):
+                play_round(*group, seeds=seeds, on_step=partial(_count, hops))
             games = [batch.duel.batch for batch in batches]
             returns.append([each.tallies[self.suite.return_name].copy() for each in games])
             tallies += [each.tallies.copy() for each in games]
@@ -129,11 +136,16 @@ class PolicyEvaluator:
         rewards = np.array([self.suite.rewards(each.ravel()) for each in by_round])
         played = np.concatenate(tallies)
         tally = pool(played) | {name: sum(each[name] for each in clean) for name in clean[0]}
-        hops = np.array_split(played["hops"], len(played) // self.suite.matches)  # by round and rival
-        hops_of_rival = np.sum(hops, axis=1).reshape(-1, len(counts)).sum(axis=0)
+        split = np.array_split(played["hops"], len(played) // self.suite.matches)  # by round and rival
+        hops_of_rival = np.sum(split, axis=1).reshape(-1, len(counts)).sum(axis=0)
         entropies = [conditional_entropy(each.counts) for each in counts]
         tally[HOP_BITS] = float(hops_of_rival @ entropies)
         return rewards, Pooled(tally, points, len(played), 0, None).measures
+
+
+def _count(counts: Sequence[HopCounts]) -> None:
+    for each in counts:
+        each.count()
 
 
 def in_scenario(suite: Suite, scenario: Scenario) -> Suite:

@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -21,12 +22,14 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.imports import SUITE, check_allowed, names_object
+from fpg_bench.common.products import PRODUCTS, load, offered
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import SEASON, season_seed
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card, suites_folder
+from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.remote import is_remote
 
 MOST_ROUNDS = 1_000_000  # per rival
@@ -71,6 +74,8 @@ class Rival:
     Attributes:
         name: its name in records and tables.
         players: the other side's players, one drawn per round; in a suite of planners the allies.
+        mates: in a suite of teams the players of the entry's further seats, strangers to it; empty: the entry
+            plays all seats of its side.
         scenario: what is played, path included.
         planner: planner of the opponent's path between rounds, if any.
         group: the group of similar rivals whose results are also shown separately, if any.
@@ -81,11 +86,12 @@ class Rival:
     scenario: Scenario
     planner: str | None = None
     group: str | None = None
+    mates: tuple[str, ...] = ()
 
     @functools.cached_property
     def identities(self) -> tuple[str, ...]:
-        """Per player the hash of an agent's policy, or a script's name."""
-        return tuple(map(identity, self.players))
+        """Per player, then per mate, the hash of an agent's policy, or a script's name."""
+        return tuple(map(identity, (*self.players, *self.mates)))
 
 
 @dataclass(frozen=True)
@@ -102,6 +108,7 @@ class Suite:
         opponent: the jamming player, in a suite of planners.
         last_rounds: number of rounds at a match's end that count for the score; None: all.
         season: season of the evaluation seeds.
+        game: the game of several seats a side that is played, without its players; None: the duel.
     """
 
     name: str
@@ -113,6 +120,7 @@ class Suite:
     opponent: str = "adaptive"
     last_rounds: int | None = None
     season: str = SEASON
+    game: GameSpec | None = None
 
     def __post_init__(self) -> None:
         if self.rounds > MOST_ROUNDS:
@@ -151,6 +159,8 @@ class Suite:
         """SHA-256 of everything that decides a result under this suite, as 64 hexadecimal digits."""
         rivals = [[c.name, c.identities, c.scenario.hash, c.planner] for c in self.rivals]
         content = [self.side, self.matches, self.season, self.opponent, self.last_rounds, rivals]
+        if self.game is not None:
+            content += [self.game.hash, [len(c.mates) for c in self.rivals]]
         return hashlib.sha256(json.dumps([*content, self.scale.zero, self.scale.top]).encode()).hexdigest()
 
     @property
@@ -161,6 +171,10 @@ class Suite:
             if rival.group is not None:
                 groups.setdefault(rival.group, []).append(rival.name)
         return groups
+
+    def as_player(self, spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
+        """Return a player of the suite's game; see :func:`seated_player`."""
+        return seated_player(spec, side, scenario, self.game)
 
     def named(self, name: str) -> Rival:
         """Return the rival of this name; raises UserError for an unknown one."""
@@ -174,6 +188,19 @@ class Suite:
         """Return the mean rewards per step ``(matches,)`` of the counted rounds, from all rounds' returns."""
         by_match = np.asarray(returns, float).reshape(-1, self.rounds_per_match)
         return np.asarray(by_match[:, self.counted_rounds].mean(axis=1) / self.scenario.steps_per_round)
+
+
+def seated_player(spec: PlayerSpec, side: str, scenario: Scenario, game: GameSpec | None = None) -> Player:
+    """Return a player of a side of the duel, or of its seats in a game of several.
+
+    Raises:
+        UserError: as :func:`fpg_bench.players.registry.as_player`, or that of the game's players.
+    """
+    from fpg_bench.players.registry import as_player  # here, so that reading a suite does not load the game
+
+    make = as_player if game is None else partial(load("player of a seat", game.id), team=game)
+    player: Player = make(spec, side, scenario)
+    return player
 
 
 def identity(name: str) -> str:
@@ -197,6 +224,8 @@ def suite_of(game: GameSpec, side: str | None = None) -> str:
         game: the game.
         side: side of the duel; of another game that of its id.
     """
+    if game.skills:
+        return f"team-{side or game.config.side}-link-v1"
     if side is None or not game.is_duel:
         if game.config.planner is not None:
             return "ally-planner-v1"
@@ -225,9 +254,15 @@ def suite_file(name: str) -> Path:
         return Path(name)
     path = suites_folder() / f"{name}.yml"
     if not os.path.isfile(path):  # False, too, for what is too long for a name
-        known = sorted(p.stem for p in suites_folder().glob("*.yml"))
-        raise UserError(f"unknown suite {name!r}{nearest(name, known)}")
+        raise UserError(f"unknown suite {name!r}{nearest(name, suite_names())}")
     return path
+
+
+def suite_names() -> list[str]:
+    """Return the names of the package's suites, without those of products that were deleted."""
+    theirs = {begin for product in PRODUCTS.values() for begin in product.offers.get("suites", ())}
+    lacking = tuple(theirs.difference(offered("suites")))
+    return sorted(p.stem for p in suites_folder().glob("*.yml") if not p.stem.startswith(lacking))
 
 
 class _ScaleFile(Strict):
@@ -248,6 +283,7 @@ class _RivalFile(Strict):
     path: str | Items[str] | None = None
     planner: str | None = None
     group: str | None = None
+    mates: str | Items[str] | None = None
     changes: JsonObject | None = None
 
 
@@ -263,13 +299,14 @@ class _SuiteFile(Strict):
     opponent: str = "adaptive"
     scale: _ScaleFile | None = None
     season: str = SEASON
+    game: JsonObject | None = None
 
     @property
     def names(self) -> list[str]:
         """The names of all players and planners."""
         names = [self.opponent]
         for rival in self.rivals:
-            for players in (rival.ally, rival.opponent, rival.planner):
+            for players in (rival.ally, rival.opponent, rival.mates, rival.planner):
                 names += [players] if isinstance(players, str) else players or ()
         return names
 
@@ -302,6 +339,7 @@ class _SuiteFile(Strict):
             opponent=self.opponent,
             last_rounds=self.last_rounds,
             season=self.season,
+            game=None if self.game is None else GameSpec.from_dict(self.game, "game"),
         )
 
     def _rival(self, file: _RivalFile, scenario: Scenario, where: str) -> Rival:
@@ -311,9 +349,11 @@ class _SuiteFile(Strict):
             raise UserError(f"{where}: expected {other}, a player's name or a list of them")
         if getattr(file, wrong) is not None:
             raise UserError(f"{where}: {wrong}: the suite measures it; name the {other} alone")
+        if file.mates and self.game is None:
+            raise UserError(f"{where}: mates: a duel has none; name the game, such as FPG/team_v0")
         if file.path is not None and file.planner is not None:
             raise UserError(f"{where}: give path or planner, not both")
-        players = (players,) if isinstance(players, str) else players
+        players, mates = ((each,) if isinstance(each, str) else each or () for each in (players, file.mates))
         paths = (file.path,) if isinstance(file.path, str) else file.path or ()
         changes = file.changes or {}
         check_keys(changes, Scenario.__dataclass_fields__, f"{where}: changes")
@@ -323,8 +363,9 @@ class _SuiteFile(Strict):
             )
         is_planned = file.planner is not None or self.side == PLANNER
         played = as_scenario(scenario, opponent_path="waypoints" if is_planned else file.path)
-        name = file.name or "/".join(filter(None, ("+".join(players), file.planner or "+".join(paths))))
-        return Rival(name, players, as_scenario(played, **changes), file.planner, file.group)
+        parts = ("+".join(mates), "+".join(players), file.planner or "+".join(paths))
+        name = file.name or "/".join(filter(None, parts))
+        return Rival(name, players, as_scenario(played, **changes), file.planner, file.group, mates)
 
 
 def read_suite(name: str, side: str | None = None) -> Suite:
@@ -360,7 +401,8 @@ def load_suite(
         check_allowed(file.names, allow, "rivals")
         for rival in suite.rivals:
             flier = suite.opponent if suite.side == PLANNER else None
-            _check_players(suite.other_side, rival, rival.identities, flier, identity(flier or ""))
+            sides = (suite.side, suite.other_side)
+            _check_players(sides, rival, rival.identities, flier, identity(flier or ""), suite.game)
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
     return suite
@@ -386,15 +428,20 @@ def _read(name: str, side: str | None) -> tuple[Suite, _SuiteFile]:
 
 @functools.lru_cache(maxsize=512)
 def _check_players(
-    side: str, rival: Rival, identities: tuple[str, ...], flier: str | None, flier_identity: str
+    sides: tuple[str, str],
+    rival: Rival,
+    identities: tuple[str, ...],
+    flier: str | None,
+    flier_identity: str,
+    game: GameSpec | None,
 ) -> None:
     """Load all players and planners once, as a board reads the same suites many times."""
     from fpg_bench.planning import as_planner  # here, so that reading a suite does not load the game
-    from fpg_bench.players.registry import as_player
 
-    for player in rival.players:
-        as_player(player, side, rival.scenario)
+    for side, players in zip(sides, (rival.mates, rival.players), strict=True):
+        for player in players:
+            seated_player(player, side, rival.scenario, game)
     if flier is not None:
-        as_player(flier, "opponent", rival.scenario)
+        seated_player(flier, "opponent", rival.scenario)
     if rival.planner is not None:
         as_planner(rival.planner, rival.scenario)

@@ -82,7 +82,7 @@ def watch(
     """
     for name, value in (("rounds", rounds), ("every", every)):
         integer(value, name)
-    target = None if out is None else _checked_target(Path(out), overwrite)
+    target = None if out is None else checked_target(Path(out), overwrite)
     duel = make_duel(game=_home(GameSpec.of(DUEL, **game), ally, opponent))
     names = {"ally": player_name(ally), "opponent": player_name(opponent)}
     match = make_match(duel, ally, opponent)
@@ -127,10 +127,11 @@ def _home(game: GameSpec, ally: PlayerSpec, opponent: PlayerSpec) -> GameSpec:
     return game
 
 
-def _checked_target(path: Path, overwrite: bool) -> Path:
+def checked_target(path: Path, overwrite: bool, suffixes: Sequence[str] = SUFFIXES) -> Path:
+    """Return the path of a file to write; raise UserError if it cannot be written, nor drawn here."""
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise UserError(f"out: unknown suffix {path.suffix!r} of {str(path)!r}{nearest(suffix, SUFFIXES)}")
+    if suffix not in suffixes:
+        raise UserError(f"out: unknown suffix {path.suffix!r} of {str(path)!r}{nearest(suffix, suffixes)}")
     check_target(path)
     if path.exists() and not overwrite:
         raise UserError(
@@ -138,7 +139,8 @@ def _checked_target(path: Path, overwrite: bool) -> Path:
         )
     if suffix != ".html":
         require_extra("video", "matplotlib", "PIL")
-    load("film", suffix)
+    if suffix in SUFFIXES:
+        load("film", suffix)
     if suffix == ".mp4":
         load("film", "check of .mp4")()
     return path

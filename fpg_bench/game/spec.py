@@ -12,10 +12,12 @@ from typing import Any, NoReturn
 
 from fpg_bench.common.checks import mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
-from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
+from fpg_bench.common.ids import ACTION_MODES, DUEL, SCRIPTED, EnvConfig, find_env, plain_id
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
+from fpg_bench.common.products import load, offered
 from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
+from fpg_bench.game.state import OBSERVATION_SIZE
 
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
 OBSERVATIONS = ("numbers", "waterfall")
@@ -24,6 +26,7 @@ _MOST_WEIGHT = 1000
 LISTS = (*_SIDES, "path", "jamming_types")  # options that take one name or several
 _NAMES = ("planner", "knowledge", "reward", "observation")
 _ONE_SIDED = (*_SIDES, "reward", "observation", "history")  # options that the duel does not have
+_FIRST = ("side", "actions")  # options by which others are understood
 
 Options = dict[str, Any]  # of a game, by name; in Python some are objects
 
@@ -84,17 +87,7 @@ class GameSpec:
     untrusted: frozenset[str] = dataclasses.field(default=frozenset(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        changes: Options = {"id": plain_id(self.id)}
-        if self.is_duel:
-            for name in _ONE_SIDED:
-                if getattr(self, name) is not None:
-                    raise UnknownOptionError(
-                        f"got an unexpected keyword argument {name!r}: in {DUEL} you play both sides"
-                    )
-        else:
-            config = find_env(self.id)
-            mode = config.action_mode(self.actions)  # type: ignore[arg-type]  # refuses a mapping
-            changes |= {"id": config.id, "actions": None if mode == "continuous" else mode}
+        changes: Options = {"id": plain_id(self.id)} | self._checked()
         for name in LISTS:
             changes[name] = _listed(name, getattr(self, name))
         for name in ("scenario", "knowledge"):
@@ -102,6 +95,20 @@ class GameSpec:
                 changes[name] = os.fspath(value)
         for name, value in changes.items():
             object.__setattr__(self, name, value)
+
+    def _checked(self) -> Options:
+        """Check the options that depend on the id, and return those that are kept in another form."""
+        if self.is_duel:
+            self._check_lacks(_ONE_SIDED, f"in {DUEL} you play both sides")
+            return {}
+        config = find_env(self.id)
+        mode = config.action_mode(self.actions)  # type: ignore[arg-type]  # refuses a mapping
+        return {"id": config.id, "actions": None if mode == "continuous" else mode}
+
+    def _check_lacks(self, names: Collection[str], reason: str) -> None:
+        """Raise UnknownOptionError, with a reason, if one of these options is set."""
+        if given := next((name for name in names if getattr(self, name) is not None), None):
+            raise UnknownOptionError(f"got an unexpected keyword argument {given!r}: {reason}")
 
     @classmethod
     def of(
@@ -120,17 +127,19 @@ class GameSpec:
             UnknownOptionError: an option that does not exist; the message names the nearest.
             UserError: see the class; also players that are named twice, or in the duel.
         """
-        if unknown := next((name for name in options if name not in option_names()), None):
+        kind = type(game) if isinstance(game, GameSpec) else kind_of(game)
+        if unknown := next((name for name in options if name not in option_names(kind)), None):
             raise UnknownOptionError(
-                f"got an unexpected keyword argument {unknown!r}{nearest(unknown, option_names())}"
+                f"got an unexpected keyword argument {unknown!r}{nearest(unknown, option_names(kind))}"
             )
         if not isinstance(game, GameSpec):
-            game = cls(game, actions=options.pop("actions", None))
+            game = kind(game, **{name: options.pop(name) for name in _FIRST if name in options})
+        game = dataclasses.replace(game, **options)
         if against is not None:
-            if game.is_duel:
+            if game.id == DUEL:
                 raise UserError(f"against: in {DUEL} both sides learn; omit it")
             other = game.config.other_side
-            if options.get(other, getattr(game, other)) is not None:
+            if getattr(game, other) is not None:
                 raise UserError(f"against: names the {other}, and so does {other}; give only one of them")
             options[other] = against
         untrusted = game.untrusted.difference(allow, code_named(options))  # what the caller names is meant
@@ -171,6 +180,25 @@ class GameSpec:
         players: tuple[Any, ...] | None = getattr(self, self.config.other_side)
         return (self.config.other,) if players is None else players
 
+    @property
+    def observation_size(self) -> int:
+        """How many numbers a player observes."""
+        return OBSERVATION_SIZE
+
+    @property
+    def scripts(self) -> Mapping[str, tuple[str, ...]]:
+        """The scripts of each side that ``all-scripted`` stands for."""
+        return SCRIPTED
+
+    def like(self, other: GameSpec) -> GameSpec:
+        """Return the game with the sizes of another one, of which a duel has none."""
+        return self
+
+    @property
+    def skills(self) -> JsonObject:
+        """What an agent's card says of its training in this game, beside the game; of the duel nothing."""
+        return {}
+
     def resolve(self) -> Scenario:
         """Return the scenario that is played: the named one with the options and the id's path and rounds.
 
@@ -197,12 +225,16 @@ class GameSpec:
 
     def options(self) -> Options:
         """Return the options that are set, by name; a list of one name is that name."""
-        values = {name: getattr(self, name) for name in option_names()}
+        known = option_names(type(self))
+        every = [each for each in dataclasses.fields(self) if each.name in known]
+        values = {each.name: getattr(self, each.name) for each in every if not self._has_default(each)}
         return {
-            name: value[0] if name in LISTS and len(value) == 1 else value
-            for name, value in values.items()
-            if value is not None
+            name: value[0] if name in LISTS and len(value) == 1 else value for name, value in values.items()
         }
+
+    def _has_default(self, field: dataclasses.Field[Any]) -> bool:
+        value = getattr(self, field.name)
+        return value is None or (isinstance(value, type(field.default)) and value == field.default)
 
     def to_dict(self) -> JsonObject:
         """Return the specification as JSON holds it: ``id`` and the options that are set.
@@ -233,13 +265,14 @@ class GameSpec:
             content = dict(mapping(content, "game"))
             if not isinstance(content.get("id"), str):
                 raise UserError(f"id: expected an environment id, got {content.get('id')!r:.60}")
-            if unknown := next((name for name in content if name not in ("id", *option_names())), None):
-                raise UserError(f"unknown key {unknown!r}{nearest(str(unknown), option_names())}")
+            known = option_names(kind := kind_of(content["id"]))
+            if unknown := next((name for name in content if name not in ("id", *known)), None):
+                raise UserError(f"unknown key {unknown!r}{nearest(str(unknown), known)}")
             for name, value in content.items():
                 _check_json(name, value)
             if isinstance(fields := content.get("scenario"), Mapping):
                 content["scenario"] = Scenario.from_dict(fields)
-            return cls(**content, untrusted=frozenset(code_named(content)))
+            return kind(**content, untrusted=frozenset(code_named(content)))
         except UserError as error:
             raise UserError(f"{where}: {error}" if where else str(error)) from error
 
@@ -272,9 +305,16 @@ class GameSpec:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def option_names() -> tuple[str, ...]:
-    """Return the names of all options of games: attributes of :class:`GameSpec`, without ``id``."""
-    return tuple(each.name for each in dataclasses.fields(GameSpec) if each.name not in ("id", "untrusted"))
+def kind_of(env_id: str) -> type[GameSpec]:
+    """Return the type of the specifications of an id: :class:`GameSpec`, or that of a product's games."""
+    name = plain_id(env_id)
+    kind: type[GameSpec] = load("game", name) if name in offered("game") else GameSpec
+    return kind
+
+
+def option_names(kind: type[GameSpec] = GameSpec) -> tuple[str, ...]:
+    """Return the names of all options of games: attributes of their specification, without ``id``."""
+    return tuple(each.name for each in dataclasses.fields(kind) if each.name not in ("id", "untrusted"))
 
 
 def _repeated(players: Any) -> Any:
@@ -314,7 +354,7 @@ def _as_json(name: str, value: Any) -> Any:
         return [_as_json(name, item) for item in value]
     if isinstance(value, Mapping):
         return dict(value)
-    if not isinstance(value, str | int):
+    if not isinstance(value, str | int | float):
         raise UserError(
             f"{name}: {type(value).__name__} is an object of this program, which cannot be written down; "
             "name it package.module:object, or export it as an agent"

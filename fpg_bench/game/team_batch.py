@@ -22,13 +22,12 @@ from fpg_bench.game.team_rules import (
     MOST_ALLIES,
     MOST_JAMMERS,
     SENSED,
+    SIDES,
+    TEAM_OBSERVATION_SIZE,
     TeamRules,
     check_playable,
 )
-from fpg_bench.game.team_step import TEAM_OBSERVATION_SIZE
 
-SIDES = ("ally", "opponent")
-TEAM_REWARDS = {"ally": ("own", "team"), "opponent": ("own", "team", "difference")}
 _CURVE = 14  # numbers that the state has of each ally's flight
 TEAM_STATE_SIZE = (MOST_ALLIES + MOST_JAMMERS) * TEAM_OBSERVATION_SIZE + MOST_ALLIES * _CURVE + 1
 
@@ -158,6 +157,10 @@ class TeamBatch:
             self._no_waypoints,
             self._records,
         )
+
+    def received(self, side: str) -> np.ndarray:
+        """Return a side's actions of the last step, ``(G, K, 9)`` float32 within [-1, 1]; a buffer."""
+        return self._ally_actions if side == "ally" else self._opponent_actions
 
     def playing(self, side: str) -> np.ndarray:
         """Return ``(G, N)`` or ``(G, M)`` bool: the seats that play in these rounds."""

@@ -5,8 +5,8 @@ Phases of different senders are unrelated, so powers add. A mate is a sender, to
 beam of its own, over the path and the fading of the ally that hears it, so only the beam separates them.
 
 Assumptions, beside those of :mod:`fpg_bench.game.link`: every beam has the whole power (rules such as FCC
-90.1321(b)(3) let overlapping beams share a limit; for that, lower ``base_power_dbm``); a mate's spectrum is a
-rectangle of its symbol or chip rate; paths between jammers do not fade.
+90.1321(b)(3) let overlapping beams share a limit; for that, lower ``base_power_dbm``); paths between jammers
+do not fade.
 ``tests/game/test_team_waveforms.py`` checks the sums and the codes against waveforms.
 """
 
@@ -144,10 +144,11 @@ def gather(i: int, seats: Seats, book: Book) -> float:
             power *= team.overlap_of_codes
         own = radio.channel_width[int(spreading)]
         work.power[c] = power
-        work.passed[c] = _between(offset, width, -math.inf, math.inf, own, radio.rolloff) + radio.stopband
+        work.passed[c] = _sent(offset, width, -math.inf, math.inf, own, radio.rolloff) + radio.stopband
         if has_notch and not mate.spreading:
-            work.cut[c], work.echoes[c], work.removed[c, c] = notched(width, 1.0 / width, offset, radio)
+            work.cut[c], work.echoes[c], _ = notched(width, 1.0 / width, offset, radio)
             low, high = notch_edges(width, offset, radio)
+            work.removed[c, c] = _sent(offset, width, low, high, own, radio.rolloff)
             _remove(c, low, high, i, seats, book)
     return signal
 
@@ -161,6 +162,18 @@ def _between(
     if low >= high:
         return 0.0
     return (passed_mhz(high, width, rolloff) - passed_mhz(low, width, rolloff)) / band_mhz
+
+
+@compiled
+def _sent(offset_mhz: float, band_mhz: float, low: float, high: float, width: float, rolloff: float) -> float:
+    """Return the share of a mate's signal that passes the receive filter between two edges.
+
+    Its spectrum, a raised cosine, counts as two rectangles: a third of the skirts narrower and wider.
+    """
+    narrow, wide = (1.0 - rolloff / 3.0) * band_mhz, (1.0 + rolloff / 3.0) * band_mhz
+    inner = narrow * _between(offset_mhz, narrow, low, high, width, rolloff)
+    outer = wide * _between(offset_mhz, wide, low, high, width, rolloff)
+    return 0.5 * (inner + outer) / band_mhz
 
 
 @compiled
@@ -184,7 +197,7 @@ def _remove(c: int, low: float, high: float, i: int, seats: Seats, book: Book) -
         sender = m + k - (k > i)
         if k != i and sender != c:
             band, offset = radio.channel_width[int(allies[k].spreading)], allies[k].frequency_mhz - f
-            work.removed[c, sender] = _between(offset, band, low, high, width, rolloff)
+            work.removed[c, sender] = _sent(offset, band, low, high, width, rolloff)
 
 
 @compiled

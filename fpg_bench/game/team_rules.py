@@ -2,20 +2,38 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
 from fpg_bench.common.checks import flag, one_of
 from fpg_bench.common.errors import UserError, shown
-from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.state import OBSERVATION_SIZE
 
 MOST_ALLIES, MOST_JAMMERS = 5, 3
 MOST = {"allies": MOST_ALLIES, "jammers": MOST_JAMMERS}
 FORMATIONS = ("convoy", "separate")
 MATES = ("none", "place", "full")
+TEAM_ID = "FPG/team_v0"
+SIDES = ("ally", "opponent")
+TEAM_REWARDS = {"ally": ("own", "team"), "opponent": ("own", "team", "difference")}
+ALLIES_OF_TEAMS = (
+    "random-hops", "allotment", "listen", "cdma", "greedy-blind", "greedy", "greedy-own-points"
+)  # fmt: skip
+JAMMERS_OF_TEAMS = ("split-band", "assign", "herd-pair", "combs")
+TEAM_SCRIPTS = {
+    "ally": ALLIES_OF_TEAMS,
+    "opponent": ("tone", "watchful", *JAMMERS_OF_TEAMS),
+}  # two of the duel
+
+# Blocks of an observation behind the duel's numbers: an ally's of further jammers and of mates, a jammer's of
+# further allies and of mates. There is room for the largest teams, and both sides have the same width.
+FURTHER_JAMMERS, FURTHER_ALLIES = MOST_JAMMERS - 1, MOST_ALLIES - 1
+RIVAL_SIZE, MATE_SIZE = 10, 8
+FOUND_SIZE, JAMMER_MATE_SIZE = 7, 12
+TEAM_OBSERVATION_SIZE = OBSERVATION_SIZE + FURTHER_JAMMERS * RIVAL_SIZE + FURTHER_ALLIES * MATE_SIZE
+assert FURTHER_ALLIES * (MATE_SIZE - FOUND_SIZE) == FURTHER_JAMMERS * (JAMMER_MATE_SIZE - RIVAL_SIZE)
 PATHS_OF_TEAMS = ("pursuit", "learned")
 
 # What ally i knows of jammer j, the last second's, and the fading of the path between them.
@@ -72,11 +90,6 @@ class TeamRules:
             object.__setattr__(self, name, _checked_number(name, getattr(self, name), high))
         flag(self.share_findings, "share_findings")
 
-    def to_dict(self) -> JsonObject:
-        """Return the values that differ from the defaults."""
-        given = {each.name: (getattr(self, each.name), each.default) for each in dataclasses.fields(self)}
-        return {name: value for name, (value, default) in given.items() if value != default}
-
     @property
     def counts(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """The fewest and the most allies, and jammers."""
@@ -99,6 +112,18 @@ class TeamRules:
         row["convoy"], row["spacing"] = self.formation == "convoy", self.spacing_m
         row["overlap_of_codes"], row["share_findings"] = 1 - self.code_orthogonality, self.share_findings
         return team
+
+
+def told(side: str, mates: str) -> np.ndarray:
+    """Return ``(67,)`` bool, the numbers of an observation that a seat sees if its mates tell so much."""
+    first, size, count, last = (
+        (FURTHER_JAMMERS * RIVAL_SIZE, MATE_SIZE, FURTHER_ALLIES, 6)
+        if side == "ally"
+        else (FURTHER_ALLIES * FOUND_SIZE, JAMMER_MATE_SIZE, FURTHER_JAMMERS, 10)
+    )
+    of_mate = np.full(size, mates != "none")
+    of_mate[3:last] = mates == "full"  # beside place, order and presence
+    return np.concatenate([np.ones(OBSERVATION_SIZE + first, bool), np.tile(of_mate, count)])
 
 
 def check_playable(scenario: Scenario) -> None:

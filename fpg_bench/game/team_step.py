@@ -47,15 +47,16 @@ from fpg_bench.game.team_link import (
     pair_key,
     seat_key,
 )
-from fpg_bench.game.team_rules import MATES, MOST_ALLIES, MOST_JAMMERS
+from fpg_bench.game.team_rules import (
+    FOUND_SIZE,
+    FURTHER_ALLIES,
+    FURTHER_JAMMERS,
+    JAMMER_MATE_SIZE,
+    MATE_SIZE,
+    MATES,
+    RIVAL_SIZE,
+)
 
-# Blocks behind the duel's numbers: an ally's of further jammers and of mates, a jammer's of further allies
-# and of mates. There is room for the largest teams, and both sides have the same width.
-FURTHER_JAMMERS, FURTHER_ALLIES = MOST_JAMMERS - 1, MOST_ALLIES - 1
-RIVAL_SIZE, MATE_SIZE = 10, 8
-FOUND_SIZE, JAMMER_MATE_SIZE = 7, 12
-TEAM_OBSERVATION_SIZE = OBSERVATION_SIZE + FURTHER_JAMMERS * RIVAL_SIZE + FURTHER_ALLIES * MATE_SIZE
-assert FURTHER_ALLIES * (MATE_SIZE - FOUND_SIZE) == FURTHER_JAMMERS * (JAMMER_MATE_SIZE - RIVAL_SIZE)
 NO_MATES, PLACE, FULL = range(len(MATES))
 TEAM_ALLIES, TEAM_JAMMERS = 27, 28  # purposes of a round's draws, beside those of `rng`
 

@@ -19,6 +19,7 @@ from fpg_bench.common.products import load
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.players.card import FILE, AgentCard
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise, unplayable
 from fpg_bench.players.player import SIDES, Memory, Player
@@ -48,13 +49,14 @@ class OnnxPlayer(SeededPolicy):
     If the operators do not show that games are independent of each other, the policy is called for one game
     at a time. The same holds if ``onnx`` (extra ``evaluate``), which reads the operators, is not installed.
 
-    Inputs ``observation`` (n, 15), optional ``state`` (n, S), optional ``noise`` (n, k), standard normal
-    numbers of the round's own stream; outputs ``action`` (n, 9) and, with a state, ``next_state``
-    (n, S); float32.
+    Inputs ``observation`` (n, 15), of a seat of a team as many as its game has, optional ``state`` (n, S),
+    optional ``noise`` (n, k), standard normal numbers of the round's own stream; outputs ``action`` (n, 9)
+    and, with a state, ``next_state`` (n, S); float32.
 
     Args:
         model: the bytes of ``policy.onnx``.
         card: the agent's card; None for a policy without one.
+        size: how many numbers it observes; None: as many as the card's game has.
 
     Attributes:
         state_size, noise_size: 0 where the policy has none.
@@ -64,10 +66,13 @@ class OnnxPlayer(SeededPolicy):
         UserError: not an ONNX file, one that onnxruntime cannot read, or one with other inputs or outputs.
     """
 
-    def __init__(self, model: bytes, card: AgentCard | None = None) -> None:
+    def __init__(self, model: bytes, card: AgentCard | None = None, size: int | None = None) -> None:
         import onnxruntime
 
         self.model, self.card = model, card
+        self.size = size or (OBSERVATION_SIZE if card is None else card.game.observation_size)
+        if card is not None and (skills := card.skills):
+            self.sees, self.skills = "team", skills
         read, self.row_wise = _read(model) if has("onnx") else (model, False)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -79,7 +84,7 @@ class OnnxPlayer(SeededPolicy):
             raise UserError(f"policy.onnx: onnxruntime cannot read it: {first_line(error)}") from error
         inputs = {i.name: i.shape for i in self._session.get_inputs()}
         outputs = {o.name: o.shape for o in self._session.get_outputs()}
-        check_signature(inputs, outputs)
+        check_signature(inputs, outputs, self.size)
         self.state_size = inputs["state"][1] if "state" in inputs else 0
         self.noise_size = inputs["noise"][1] if "noise" in inputs else 0
         self._outputs = ["action", "next_state"] if self.state_size else ["action"]
@@ -120,8 +125,8 @@ class OnnxPlayer(SeededPolicy):
         fill_noise(noise, self.keys(len(steps)), steps)
         return noise
 
-    def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, AgentCard | None]]:
-        return type(self), (self.model, self.card)
+    def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, AgentCard | None, int]]:
+        return type(self), (self.model, self.card, self.size)
 
     def __repr__(self) -> str:
         return "OnnxPlayer()" if self.card is None else f"OnnxPlayer({self.card})"
@@ -157,6 +162,11 @@ def load_agent(
     if trusted is None:
         is_shipped = baselines_folder().resolve() in folder.resolve().parents
         trusted = is_shipped or is_exported_here(card.policy_sha256)
+    if not trusted and card.skills:
+        raise UserError(
+            f"{where}: plays a seat of a team, and agents of others play the duel alone, in a sandbox; if "
+            "you trust it, load_agent(..., trusted=True)"
+        )
     try:
         if trusted:
             return OnnxPlayer(model, card)

@@ -13,6 +13,7 @@ import pydantic
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS
+from fpg_bench.common.products import offered
 from fpg_bench.common.schema import Expected, NonNegativeInt, Strict, parse
 from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.game.scenario import PRESETS, STANDARD, Scenario, as_scenario
@@ -41,6 +42,7 @@ _Name = Annotated[
 _Steps = Annotated[
     int, pydantic.Field(ge=0, le=MOST_STEPS), Expected(f"a whole number from 0 to {MOST_STEPS:,}")
 ]
+_Ends = Annotated[list[NonNegativeInt], pydantic.Field(min_length=2, max_length=2)]
 _Sha256 = Annotated[str, pydantic.Field(pattern=r"^[0-9a-f]{64}$"), Expected("a SHA-256 hash")]
 
 
@@ -75,6 +77,10 @@ class AgentCard(Strict):
         training_seed: training seed; None where there was none.
         training_steps: training budget in environment steps, of offline algorithms in gradient steps.
         policy_sha256: hash of ``policy.onnx``.
+        seats: of an agent of a team, the fewest and most ``allies`` and ``jammers`` that it plays among; by
+            default those of its training, as ``mates``.
+        mates: of an agent of a team, what its mates must tell.
+        sample: whether it draws its actions by its noise.
         command: the command that made it.
         suite: the suites that scored it during training.
         options: options of the run beside those of the game.
@@ -89,6 +95,9 @@ class AgentCard(Strict):
     model_config = pydantic.ConfigDict(extra="allow")
 
     format: Literal[1, 2] = AGENT_FORMAT
+    seats: dict[str, _Ends] | None = None
+    mates: str | None = None
+    sample: bool = False
     command: str | None = None
     algorithm: _Name
     game: Game
@@ -121,7 +130,7 @@ class AgentCard(Strict):
             _check_id(game.get("id"))
             game = GameSpec.from_dict(game, "game")
         if isinstance(game, GameSpec):
-            content = content | {"game": game}
+            content = game.skills | content | {"game": game}
             if not game.is_duel:  # the id says the side
                 content["side"] = game.sides[0]
         return content
@@ -213,6 +222,11 @@ class AgentCard(Strict):
         return f"{self.game.id}, {self.algorithm}"
 
     @property
+    def skills(self) -> JsonObject:
+        """The teams that an agent plays in, and what its mates must tell; empty for one of the duel."""
+        return {} if self.seats is None else {"seats": self.seats, "mates": self.mates}
+
+    @property
     def flies(self) -> str:
         """``learned`` if the opponent chose its own flight path in the training, otherwise ``pursuit``."""
         path = self.scenario_fields.get("opponent_path")
@@ -239,7 +253,7 @@ def _from_first_format(content: JsonObject) -> JsonObject:
 
 
 def _check_id(env_id: object) -> None:
-    if env_id not in (DUEL, *ENVS):
+    if env_id not in (DUEL, *ENVS, *offered("game")):
         raise UserError(f"made for the id {env_id!r:.60}, which this version does not have")
 
 

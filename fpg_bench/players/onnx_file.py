@@ -91,16 +91,19 @@ def quoted(text: str) -> str:
     return repr(text if len(text) <= 40 else f"{text[:37]}...")
 
 
-def check_signature(inputs: dict[str, list[Any]], outputs: dict[str, list[Any]]) -> None:
+def check_signature(
+    inputs: dict[str, list[Any]], outputs: dict[str, list[Any]], size: int = OBSERVATION_SIZE
+) -> None:
     """Raise UserError if the inputs and outputs of a policy do not fit the contract.
 
     Args:
         inputs, outputs: their shapes by name; a free size is not an int.
+        size: how many numbers it observes.
 
     Raises:
         UserError: a name, shape or size that does not fit.
     """
-    wanted_in = {"observation": OBSERVATION_SIZE, "state": None, "noise": None}
+    wanted_in = {"observation": size, "state": None, "noise": None}
     wanted_out = {"action": ACTION_SIZE, "next_state": None}
     for shapes, wanted, what in ((inputs, wanted_in, "input"), (outputs, wanted_out, "output")):
         for name, shape in shapes.items():

@@ -39,14 +39,16 @@ Layer = type | str  # the class of a wrapper, or its name if it is in another pr
 
 @dataclass(frozen=True)
 class Preprocessing:
-    """Preprocessing of a side's 15 numbers for a model, with the memory of a batch of games.
+    """Preprocessing of a side's numbers for a model, with the memory of a batch of games.
 
     Attributes:
+        size: how many numbers the side sees, 15, or those of a seat of a team.
         frames: number of stacked observations, 1 for none.
         waterfall: None for the 15 numbers.
         before, after: ``VecNormalize`` wrappers, of each frame before stacking and of the whole stack.
     """
 
+    size: int = OBSERVATION_SIZE
     frames: int = 1
     waterfall: Waterfall | None = None
     before: tuple[Any, ...] = ()
@@ -60,13 +62,13 @@ class Preprocessing:
     def pushed(self, stack: np.ndarray | None, seen: np.ndarray, starts: np.ndarray | None) -> np.ndarray:
         """Return the stack with the frames of a step added; None begins with an empty one."""
         if stack is None:
-            shape = (self.frames * OBSERVATION_SIZE,) if self.waterfall is None else self.waterfall.shape
+            shape = (self.frames * self.size,) if self.waterfall is None else self.waterfall.shape
             stack = np.zeros((len(seen), *shape), np.float32)
         if self.waterfall is not None:
             return self.waterfall.pushed(stack, seen, starts)
         for normalize in self.before:
             seen = normalize.normalize_obs(seen)
-        kept = stack[:, OBSERVATION_SIZE:]
+        kept = stack[:, self.size :]
         if starts is not None:
             kept = np.where(np.asarray(starts)[:, None], np.float32(0), kept)
         return np.concatenate((kept, seen), axis=1)
@@ -91,6 +93,7 @@ def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preproce
     """
     name, env, core = type(model).__name__, games_of(model), core_of(model)
     _check_weights(name, model)
+    size = OBSERVATION_SIZE if core is None else core.game_spec.observation_size
     frames, before, after = 1, [], []
     for wrapper in reversed(list(_vec_wrappers(env))):
         kinds = {kind.__name__ for kind in type(wrapper).__mro__}
@@ -109,14 +112,14 @@ def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preproce
         rest = space.shape[0] % OBSERVATION_SIZE if len(space.shape) == 1 else 1
         if core is None and frames == 1 and waterfall is None and not rest:
             frames = space.shape[0] // OBSERVATION_SIZE  # all that is known of a model without its games
-        expected = (frames * OBSERVATION_SIZE,) if waterfall is None else waterfall.shape
+        expected = (frames * size,) if waterfall is None else waterfall.shape
         if space.shape != expected:
             behind = f" behind {', '.join(unknown(model))}" if unknown(model) else ""
             raise UserError(
                 f"{name}: it sees observations of shape {space.shape}{behind}, not {expected}, frames of "
-                f"the {OBSERVATION_SIZE} numbers of a side; {_INSTEAD}"
+                f"the {size} numbers of a side; {_INSTEAD}"
             )
-    return Preprocessing(frames, waterfall, tuple(before), tuple(after))
+    return Preprocessing(size, frames, waterfall, tuple(before), tuple(after))
 
 
 def games_of(model: Any) -> Any:
@@ -175,7 +178,7 @@ def difference_in_own_games(
     games.seed(0)
     seen = games.reset()
     cores = games.get_attr("core")
-    batches = [(core.side, core.duel.batch) for core in (cores[:1] if cores[0].count > 1 else cores)]
+    batches = [(core.side, core.batch) for core in (cores[:1] if cores[0].count > 1 else cores)]
     starts, model_state, player_state, differences = np.ones(games.num_envs, bool), None, None, []
     for _ in range(steps):
         if starts.any() and (reset := Abilities.of(player).reset) is not None:

@@ -16,6 +16,7 @@ from fpg_bench.common.ids import ALL_TACTICS, NAMED, SCRIPTS, action_modes, othe
 from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.learners import Learner
@@ -52,8 +53,17 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         scenario: the rules of the game.
 
     Raises:
-        UserError: no such player, one that cannot be made, not one of this side, or a model of other choices.
+        UserError: no such player, one that cannot be made, not one of this side, one of a team, or a model of
+            other choices.
     """
+    player = any_player(spec, side, scenario)
+    if getattr(player, "sees", "") == "team":
+        raise UserError(f"{side} {player_name(spec)}: plays a seat of a team, not a duel")
+    return player
+
+
+def any_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
+    """Return the player that ``spec`` names, also one of a seat of a team; else as :func:`as_player`."""
     if not isinstance(spec, str | os.PathLike):
         if callable(getattr(spec, "predict", None)):
             return _adapted(spec, side, scenario)
@@ -193,6 +203,11 @@ def _adapted(player: Player, side: str, scenario: Scenario) -> Player:
     """Return a player of the 15 numbers and nine floats: the player, or a wrapper of it."""
     choices = _choices(player, side, scenario)
     preprocessing = preprocessing_of(player, _waterfall(player, side, scenario))
+    if preprocessing.size != OBSERVATION_SIZE:
+        raise UserError(
+            f"{side} {type(player).__name__}: plays a seat of a team, which draws its actions; make it an "
+            "agent with fpg_bench.export_agent"
+        )
     if unknown(player):
         check_difference(player, _difference_in_own_games(player))
     if choices is None and not preprocessing.is_needed:

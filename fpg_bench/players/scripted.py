@@ -322,8 +322,8 @@ def fill_noise(noise: np.ndarray, keys: np.ndarray, steps: np.ndarray) -> None:
             noise[i, j], _ = rng.gaussians(keys[i], steps[i], rng.PLAYER_DRAW + j)
 
 
-def player_noise(keys: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Return ``(n, 1)`` float32, the first number of an agent's ``noise`` for its seeds at these steps."""
-    noise = np.empty((len(keys), 1), np.float32)
+def player_noise(keys: np.ndarray, steps: np.ndarray, size: int = 1) -> np.ndarray:
+    """Return ``(n, size)`` float32, the first of an agent's ``noise`` for its seeds at these steps."""
+    noise = np.empty((len(keys), size), np.float32)
     fill_noise(noise, keys, steps)
     return noise

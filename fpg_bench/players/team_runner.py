@@ -11,13 +11,18 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import other_side
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.team_batch import TeamBatch
-from fpg_bench.game.team_step import TEAM_OBSERVATION_SIZE
+from fpg_bench.game.team_rules import MATES, MOST, TEAM_OBSERVATION_SIZE, told
 from fpg_bench.players.player import Abilities, Player
 from fpg_bench.players.policy_runner import PolicyRunner
 
 
-class _Rows:
-    """The seats of one side as games of their own, row by row: what a runner reads of a batch."""
+class SeatRows:
+    """The seats of one side as games of their own, row by row: what runners and cores read of a batch.
+
+    Args:
+        side: ``ally`` or ``opponent``.
+        batch: the games.
+    """
 
     def __init__(self, side: str, batch: TeamBatch) -> None:
         self.side, self.batch, self.scenario = side, batch, batch.scenario
@@ -30,18 +35,17 @@ class _Rows:
         return (self.batch.allies if self.side == "ally" else self.batch.opponents).reshape(-1)
 
     @property
-    def team_observations(self) -> np.ndarray:
-        """``(G K, 67)`` float32."""
+    def ally_observations(self) -> np.ndarray:
+        """``(G K, 67)`` float32, of whichever side this is."""
         batch = self.batch
         seen = batch.ally_observations if self.side == "ally" else batch.opponent_observations
         return seen.reshape(self.count, TEAM_OBSERVATION_SIZE)
 
-    @property
-    def ally_observations(self) -> np.ndarray:
-        """``(G K, 15)`` float32: the numbers of the duel, of whichever side this is."""
-        return self.team_observations[:, :OBSERVATION_SIZE]
-
     opponent_observations = ally_observations
+
+    def received(self, side: str) -> np.ndarray:
+        """Return the seats' actions of the last step, ``(G K, 9)`` float32; a buffer."""
+        return self.batch.received(side).reshape(self.count, -1)
 
     def pursue(self, mask: np.ndarray) -> None:
         """Make jammers of these rows pursue their allies."""
@@ -53,7 +57,8 @@ class TeamRunner(PolicyRunner):
 
     Row ``g K + k`` of what players get is seat k of game g. Each seat has draws and a memory of its own, so a
     player that acts at random does not act alike in two seats. A player of the duel sees the first 15 numbers
-    of its seat; one with ``sees = "team"`` sees all 67. A player with a method ``join(batch)`` is handed the
+    of its seat; one with ``sees = "team"`` sees all 67, and a trained one no more of its mates than in its
+    training. A player with a method ``join(batch)`` is handed the
     :class:`fpg_bench.game.team_batch.TeamBatch` first, as bounds need it, and one with ``foresee(actions)``
     the rivals' actions of each step.
 
@@ -64,13 +69,14 @@ class TeamRunner(PolicyRunner):
         is_by_seat: seat k is played by player k instead, all rounds.
 
     Raises:
-        UserError: an oracle of the duel, or not as many players as seats.
+        UserError: an oracle of the duel, not as many players as seats, or an agent of other sizes of teams
+            or of mates that tell more.
     """
 
     def __init__(
         self, side: str, players: Sequence[Player], batch: TeamBatch, is_by_seat: bool = False
     ) -> None:
-        self._rows = _Rows(side, batch)
+        self._rows = SeatRows(side, batch)
         games, seats = self._rows.shape
         if is_by_seat and len(players) != seats:
             raise UserError(f"{side}: expected {seats} players, one per seat, got {len(players)}")
@@ -79,6 +85,7 @@ class TeamRunner(PolicyRunner):
                 raise UserError(f"{side}: {type(player).__name__} sees the state of a duel, which teams lack")
             if join := getattr(player, "join", None):
                 join(batch)
+        self._told = [self._seen_by(player) for player in players]
         super().__init__(side, players, self._rows)  # type: ignore[arg-type]
         self._seat_of_row = np.tile(np.arange(seats), games) if is_by_seat else None
 
@@ -108,6 +115,27 @@ class TeamRunner(PolicyRunner):
         first = np.ascontiguousarray(self._rows.batch.games["round_key"])
         return np.repeat(super()._drawn(first), self._rows.shape[1])
 
+    def _seen_by(self, player: Player) -> np.ndarray | None:
+        """Return ``(67,)`` bool, the numbers that a player sees; None for one of the duel."""
+        side, batch = self._rows.side, self._rows.batch
+        if getattr(player, "sees", "") != "team":
+            return None
+        if not (skills := getattr(player, "skills", None)):
+            return told(side, "full")
+        for name, ends in zip(MOST, batch.team.counts, strict=True):
+            low, high = skills["seats"][name]
+            if not low <= ends[0] <= ends[1] <= high:
+                here, known = (" to ".join(map(str, sorted({*of}))) for of in (ends, (low, high)))
+                raise UserError(f"{side} {player}: was trained with {known} {name}, here are {here}")
+        if MATES.index(skills["mates"]) > MATES.index(batch.mates[side]):
+            raise UserError(
+                f"{side} {player}: was trained with mates={skills['mates']!r}, here they tell "
+                f"{batch.mates[side]!r}"
+            )
+        return told(side, skills["mates"])
+
     def _seen(self, index: int) -> np.ndarray:
-        is_of_teams = getattr(self.players[index], "sees", "") == "team"
-        return self._rows.team_observations if is_of_teams else self._rows.ally_observations
+        seen, numbers = self._rows.ally_observations, self._told[index]
+        if numbers is None:
+            return seen[:, :OBSERVATION_SIZE]
+        return seen if numbers.all() else seen * numbers.astype(np.float32)

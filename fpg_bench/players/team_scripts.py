@@ -39,20 +39,25 @@ from fpg_bench.game.sensing import (
 from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TYPES, Record
 from fpg_bench.game.team_batch import TeamBatch
 from fpg_bench.game.team_link import WORK, Book, Seats, gather, link_under
-from fpg_bench.game.team_rules import FOUND, MOST_ALLIES, MOST_JAMMERS, SENSED, TeamRules
-from fpg_bench.game.team_step import (
+from fpg_bench.game.team_rules import (
+    ALLIES_OF_TEAMS,
+    FOUND,
     FOUND_SIZE,
     FURTHER_ALLIES,
     FURTHER_JAMMERS,
     JAMMER_MATE_SIZE,
+    JAMMERS_OF_TEAMS,
     MATE_SIZE,
+    MOST_ALLIES,
+    MOST_JAMMERS,
     RIVAL_SIZE,
+    SENSED,
     TEAM_OBSERVATION_SIZE,
-    measure_paths,
-    seats_of,
+    TeamRules,
 )
+from fpg_bench.game.team_step import measure_paths, seats_of
 from fpg_bench.players.player import Memory, Player, PlayerSpec
-from fpg_bench.players.registry import as_player
+from fpg_bench.players.registry import any_player
 from fpg_bench.players.scripted import (
     BROADBAND,
     COMB,
@@ -67,13 +72,10 @@ from fpg_bench.players.scripted import (
 )
 from fpg_bench.players.seeded import Batched, SeededPolicy
 
-_ALLIES = ("random-hops", "allotment", "listen", "cdma", "greedy-blind", "greedy", "greedy-own-points")
-_OPPONENTS = ("split-band", "assign", "herd-pair", "combs")
-_OWN = {"ally": _ALLIES, "opponent": _OPPONENTS}
+_OWN = {"ally": ALLIES_OF_TEAMS, "opponent": JAMMERS_OF_TEAMS}
 BOUNDS = ("joint", "genie")  # of allies
-TEAM_SCRIPTS = {"ally": _ALLIES, "opponent": ("tone", "watchful", *_OPPONENTS)}  # two are the duel's
-RANDOM_HOPS, ALLOTMENT, LISTEN, CDMA, GREEDY_BLIND, GREEDY, GREEDY_OWN_POINTS = range(len(_ALLIES))
-SPLIT_BAND, ASSIGN, HERD_PAIR, COMBS = range(len(_OPPONENTS))
+RANDOM_HOPS, ALLOTMENT, LISTEN, CDMA, GREEDY_BLIND, GREEDY, GREEDY_OWN_POINTS = range(len(ALLIES_OF_TEAMS))
+SPLIT_BAND, ASSIGN, HERD_PAIR, COMBS = range(len(JAMMERS_OF_TEAMS))
 
 HERD_S = 4  # time that a herd pair stays on one half of the band
 FRESH_S = 3.0  # finds older than the newest by more are no longer jammed
@@ -590,4 +592,4 @@ def as_team_player(spec: PlayerSpec, side: str, scenario: Scenario, team: TeamRu
         return JointAllies(name, scenario, team)
     if name in _OWN[other_side(side)] or name in BOUNDS:
         raise UserError(f"{name!r} plays the {other_side(side)}; name a player of the {side}")
-    return as_player(spec, side, scenario)
+    return any_player(spec, side, scenario)

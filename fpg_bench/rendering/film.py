@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -15,7 +16,6 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.envs.screen import FRAMES_PER_SECOND
-from fpg_bench.game.recording import Recording
 from fpg_bench.rendering.picture import HEIGHT, WIDTH, Picture
 
 
@@ -34,15 +34,24 @@ def check_mp4() -> None:
         raise UserError(f"mp4: {error}") from error
 
 
-def write_gif(recordings: Sequence[Recording], path: Path, title: str = "", every: int = 1) -> None:
-    """Write each ``every``-th step of the rounds, and the last step of each, as an animated GIF."""
+def write_gif(
+    recordings: Sequence[Any],
+    path: Path,
+    title: str = "",
+    every: int = 1,
+    picture: Callable[[Any, str], Any] = Picture,
+) -> None:
+    """Write each ``every``-th step of the rounds, and the last step of each, as an animated GIF.
+
+    ``picture`` draws a recording, as :class:`fpg_bench.rendering.picture.Picture` draws that of a duel.
+    """
     from PIL import Image
 
-    last = Image.fromarray(Picture(recordings[-1], title).draw())
+    last = Image.fromarray(picture(recordings[-1], title).draw())
     palette = last.quantize(128)  # one palette for all frames prevents flicker
     frames = (
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
-        for frame in _frames(recordings, title, every)
+        for frame in _frames(recordings, title, every, picture)
     )
     film = io.BytesIO()
     duration_ms = 1000 // FRAMES_PER_SECOND
@@ -50,7 +59,13 @@ def write_gif(recordings: Sequence[Recording], path: Path, title: str = "", ever
     write_whole(path, film.getvalue())
 
 
-def write_mp4(recordings: Sequence[Recording], path: Path, title: str = "", every: int = 1) -> None:
+def write_mp4(
+    recordings: Sequence[Any],
+    path: Path,
+    title: str = "",
+    every: int = 1,
+    picture: Callable[[Any, str], Any] = Picture,
+) -> None:
     """Write the same frames as :func:`write_gif` as an MP4 (H.264).
 
     Raises:
@@ -63,13 +78,15 @@ def write_mp4(recordings: Sequence[Recording], path: Path, title: str = "", ever
         film = Path(folder) / "film.mp4"
         writer = write_frames(str(film), (WIDTH, HEIGHT), fps=FRAMES_PER_SECOND, quality=7)
         writer.send(None)
-        for frame in _frames(recordings, title, every):
+        for frame in _frames(recordings, title, every, picture):
             writer.send(frame)
         writer.close()
         write_whole(path, film.read_bytes())
 
 
-def _frames(recordings: Sequence[Recording], title: str, every: int) -> Iterator[np.ndarray]:
+def _frames(
+    recordings: Sequence[Any], title: str, every: int, picture: Callable[[Any, str], Any]
+) -> Iterator[np.ndarray]:
     """Yield the pictures in order, with a progress bar on a terminal."""
     steps = [
         (recording, step)
@@ -78,10 +95,10 @@ def _frames(recordings: Sequence[Recording], title: str, every: int) -> Iterator
         if step % every == 0 or step == len(recording.frames) - 1
     ]
     console = Console(stderr=True)
-    picture = Picture(recordings[0], title)
+    drawn = picture(recordings[0], title)
     for recording, step in track(
         steps, "drawing", console=console, transient=True, disable=not console.is_terminal
     ):
-        if picture.recording is not recording:
-            picture = Picture(recording, title)
-        yield picture.draw(step)
+        if drawn.recording is not recording:
+            drawn = picture(recording, title)
+        yield drawn.draw(step)

@@ -1,4 +1,4 @@
-"""Deterministic policy of an SB3 model as one module: normalization, memory, networks and squashing."""
+"""Policy of an SB3 model as one module: normalization, memory, networks, and squashing or sampling."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fpg_bench.envs.core import action_space
 from fpg_bench.game.actions import PREFERENCE
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.sensing import RELATIVE_POSITION
-from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
 from fpg_bench.players.player import Memory
 from fpg_bench.players.preprocessing import core_of, preprocessing_of
@@ -31,6 +31,7 @@ from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.seeded import Seeded
 
 FORBIDDEN = np.float32(-1e30)  # value of a forbidden choice
+LEAST_SHARE = 1e-7  # of a draw, above the probability of a forbidden choice
 Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
 
 
@@ -51,15 +52,17 @@ class Normalization(nn.Module):
 
 
 class Actor(nn.Module):
-    """The computation of ``predict``, from ``observation`` (n, 15), a flat ``state`` (n, S) and ``noise``.
+    """The computation of ``predict``, from ``observation`` (n, size), a flat ``state`` (n, S) and ``noise``.
 
     The state is zero at the start of a round. With stacked frames it holds the last k - 1 observations, or
     rows of a waterfall, oldest first; then come the hidden and the cell state of an LSTM, layer by layer.
-    Choices with a drawn point need ``noise`` (n, 1).
+    Of the ``noise``, one number is for choices with a drawn point; behind it a policy that samples draws each
+    choice from its probabilities by one number, or the nine floats from their normal distributions.
 
     Args:
         model: a trained model; its weights are copied.
         choices: the choices of a discrete model; None takes those of its games.
+        samples: whether it draws its actions, as a seat of a team does; None: as the model's games say.
 
     Attributes:
         choices: None where actions are continuous.
@@ -67,13 +70,17 @@ class Actor(nn.Module):
         before, after: normalizations, of each frame before it is stacked and of the whole stack.
         frame_size, frames_size: size of one frame, and of all frames in the state.
         penalty: ``(choices,)`` float32, added to the values of the choices so that no forbidden one is best.
-        has_noise: true if points are drawn by the input ``noise``.
+        size: how many numbers it observes.
+        samples: true if it draws its actions.
+        noise_size: how many numbers of ``noise`` it needs.
 
     Raises:
         UserError: an unsupported policy, or one with another list of choices.
     """
 
-    def __init__(self, model: BaseAlgorithm, choices: Choices | None = None) -> None:
+    def __init__(
+        self, model: BaseAlgorithm, choices: Choices | None = None, samples: bool | None = None
+    ) -> None:
         super().__init__()
         policy = model.policy
         self.choices = _choices(model, choices)
@@ -81,7 +88,11 @@ class Actor(nn.Module):
             penalty = np.where(self.choices.mask, np.float32(0), FORBIDDEN)
             self.penalty = nn.Buffer(torch.as_tensor(penalty))
             self.tables = [torch.from_numpy(each.rows) for each in self.choices.lists]
-        self.has_noise = self.choices is not None and self.choices.is_drawn
+        self.samples = getattr(core_of(model), "samples", False) if samples is None else samples
+        self.noise_size = int(self.choices is not None and self.choices.is_drawn)
+        if self.samples:
+            self.noise_size += ACTION_SIZE if self.choices is None else len(self.choices.sizes)
+            self.deviation = nn.Buffer(_deviation(policy))
         self.features, self.lstm, self.networks = copy.deepcopy(_networks(policy))
         # TD3's networks already end in a tanh.
         has_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
@@ -90,7 +101,7 @@ class Actor(nn.Module):
         preprocessing = preprocessing_of(model, self.waterfall)
         self.before = nn.Sequential(*map(Normalization, preprocessing.before))
         self.after = nn.Sequential(*map(Normalization, preprocessing.after))
-        self.frame_size = OBSERVATION_SIZE
+        self.size = self.frame_size = preprocessing.size
         if self.waterfall is not None:
             self.frame_size = self.waterfall.shape[1]
             self.table = Table(*map(torch.from_numpy, self.waterfall.table))
@@ -138,6 +149,9 @@ class Actor(nn.Module):
         action: torch.Tensor = self.networks(latent)
         if self.choices is not None:
             return self._chosen(action + self.penalty, self.choices, observation, noise)
+        if self.samples:
+            assert noise is not None
+            action = action + self.deviation * noise
         return torch.tanh(action) if self.squash else action.clamp(-1.0, 1.0)
 
     def _chosen(
@@ -147,8 +161,14 @@ class Actor(nn.Module):
         observation: torch.Tensor,
         noise: torch.Tensor | None,
     ) -> torch.Tensor:
-        """Return the actions of the choices with the highest values, as ``Choices.decode`` does."""
-        best = [part.argmax(1) for part in torch.split(values, list(choices.sizes), 1)]
+        """Return the actions of the choices with the highest values, or drawn ones, as ``Choices.decode``."""
+        parts = torch.split(values, list(choices.sizes), 1)
+        if self.samples:
+            assert noise is not None
+            draws = torch.split(noise[:, self.noise_size - len(parts) :], 1, 1)
+            best = [draw_choices(part, draw) for part, draw in zip(parts, draws, strict=True)]
+        else:
+            best = [part.argmax(1) for part in parts]
         action = self.tables[0].index_select(0, best[0])
         for table, chosen in zip(self.tables[1:], best[1:], strict=True):
             action = action + table.index_select(0, chosen)
@@ -161,12 +181,35 @@ class Actor(nn.Module):
             action = action + velocity @ torch.eye(ACTION_SIZE)[-3:]
         if choices.is_drawn:
             assert noise is not None
-            below = noise < torch.from_numpy(choices.quantiles)  # ONNX 1.17 infers no shape of >=
+            below = noise[:, :1] < torch.from_numpy(choices.quantiles)  # ONNX 1.17 infers no shape of >=
             point = len(choices.quantiles) - below.sum(1)
             preference = torch.from_numpy(choices.preferences).index_select(0, point)
             drawn = torch.from_numpy(choices.lists[0].drawn).index_select(0, best[0])
             action = action + (drawn * preference).unsqueeze(1) @ torch.eye(ACTION_SIZE)[[PREFERENCE]]
         return action
+
+
+def draw_choices(values: torch.Tensor, noise: torch.Tensor) -> torch.Tensor:
+    """Return choices ``(n,)`` of the probabilities softmax(values), drawn by normal numbers ``(n, 1)``."""
+    reached = torch.softmax(values, 1) @ torch.ones(values.shape[1], values.shape[1]).triu()
+    share = (0.5 * (1 + torch.erf(noise * math.sqrt(0.5)))).clamp(min=LEAST_SHARE)
+    return (reached < share * reached[:, -1:]).sum(1)
+
+
+def _deviation(policy: BasePolicy) -> torch.Tensor:
+    """Return the deviations of a policy's actions, ``(9,)``; of choices nothing.
+
+    Raises:
+        UserError: the policy has no distribution of its own.
+    """
+    has_own = isinstance(policy, ActorCriticPolicy | MaskableActorCriticPolicy)
+    if not has_own or getattr(policy, "use_sde", False):
+        raise UserError(
+            f"export: a seat of a team draws its actions from a distribution, which {type(policy).__name__} "
+            "does not have; train ppo, maskable-ppo or recurrent-ppo, without use_sde"
+        )
+    log_std = getattr(policy, "log_std", None)
+    return torch.zeros(0) if log_std is None else log_std.detach().exp()
 
 
 def waterfall_of(model: BaseAlgorithm) -> Waterfall | None:
@@ -266,6 +309,8 @@ class ActorPlayer(Seeded):
 
     def __init__(self, model: BaseAlgorithm) -> None:
         self._actor = Actor(model)
+        if (core := core_of(model)) is not None and (skills := core.game_spec.skills):
+            self.sees, self.skills = "team", skills
 
     def _answer(
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
@@ -275,7 +320,9 @@ class ActorPlayer(Seeded):
         memory, steps = (None, np.zeros(count, np.int64)) if state is None else state
         if starts is not None:
             steps = np.where(starts, 0, steps)
-        noise = torch.from_numpy(player_noise(self.keys(count), steps)) if actor.has_noise else None
+        size, noise = actor.noise_size, None
+        if size:
+            noise = torch.from_numpy(player_noise(self.keys(count), steps, size))
         with torch.inference_mode():
             if not actor.state_size:
                 return actor(observation, None, noise).numpy(), (None, steps + 1)

@@ -39,7 +39,7 @@ from fpg_bench.game.actions import PREFERENCE
 from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.agent import OnnxPlayer, stripped
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Player
@@ -54,7 +54,7 @@ from fpg_bench.players.preprocessing import (
 )
 from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.trust import remember_exported
-from fpg_bench.training.actor import Actor, Normalization, waterfall_of
+from fpg_bench.training.actor import LEAST_SHARE, Actor, Normalization, waterfall_of
 
 OPSET = 20
 
@@ -62,9 +62,10 @@ OPSET = 20
 def export_onnx(model: BaseAlgorithm) -> bytes:
     """Return the model's deterministic policy as ONNX: ``observation`` (n, 15) to ``action`` (n, 9), float32.
 
-    A policy with memory also has an input ``state`` (n, S) and an output ``next_state``, and one that draws
-    points an input ``noise`` (n, 1); see :class:`fpg_bench.training.actor.Actor`. The file of a discrete
-    policy includes its list of choices. PyTorch's exporter writes custom layers and waterfalls.
+    A policy with memory also has an input ``state`` (n, S) and an output ``next_state``. One that draws
+    points has an input ``noise``, and so has that of a seat of a team, which draws its actions and observes
+    more numbers; see :class:`fpg_bench.training.actor.Actor`. The file of a discrete policy includes its
+    list of choices. PyTorch's exporter writes custom layers and waterfalls.
 
     Args:
         model: a trained model.
@@ -84,11 +85,11 @@ def _onnx_of(actor: Actor, model: BaseAlgorithm) -> bytes:
 def _torch_export(kind: str, actor: Actor) -> bytes:
     """Return the ONNX of an actor from PyTorch's exporter; ``kind`` names the policy in errors."""
     _use_thread_lock_in_tqdm()
-    examples = {"observation": torch.zeros(2, OBSERVATION_SIZE)}
+    examples = {"observation": torch.zeros(2, actor.size)}
     if actor.state_size:
         examples["state"] = torch.zeros(2, actor.state_size)
-    if actor.has_noise:
-        examples["noise"] = torch.zeros(2, 1)
+    if actor.noise_size:
+        examples["noise"] = torch.zeros(2, actor.noise_size)
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
@@ -177,7 +178,7 @@ def export_agent(
             "export: the model has no games of fpg_bench of one side; give the game that it was trained in, "
             "as game=GameSpec('FPG/AllyVsScripted-v0', scenario='standard')"
         )
-    scenario = spec.resolve() if core is None else core.duel.scenario
+    scenario = spec.resolve() if core is None else core.scenario
     choices = action_choices(spec.config.side, spec.action_mode, scenario) if core is None else None
     description = {
         "algorithm": algorithm or type(model).__name__.lower(),
@@ -202,7 +203,8 @@ def write_exported(
         choices: the choices of a discrete model without games.
 
     Returns:
-        The largest difference of any action from the model's own ``predict``.
+        The largest difference of any action from the model's own ``predict``; of a policy that draws its
+        actions, that of its mode.
 
     Raises:
         UserError: an unsupported policy, or one that plays differently once exported.
@@ -213,8 +215,10 @@ def write_exported(
     if actor.choices is not None:
         game.setdefault("actions", actor.choices.mode)
     content = {**about, "game": game, "policy_sha256": hashlib.sha256(data).hexdigest()}
+    if actor.samples:
+        content["sample"] = True
     card = AgentCard.parse(content, f"agent {folder}")
-    difference = _checked(largest_difference(model, OnnxPlayer(data, card), actor.choices), model)
+    difference = _difference(actor, model)
     remember_exported(card.policy_sha256)
     card.model_copy(update={"largest_difference": difference}).write(folder, data)
     return difference
@@ -222,12 +226,14 @@ def write_exported(
 
 def check_exportable(model: BaseAlgorithm) -> None:
     """Raise UserError if the model's policy cannot be exported."""
-    actor = Actor(model)
-    player = OnnxPlayer(_onnx_of(actor, model))
-    _checked(largest_difference(model, player, actor.choices, steps=20), model)
+    _difference(Actor(model), model, steps=20)
 
 
-def _checked(difference: float, model: BaseAlgorithm) -> float:
+def _difference(actor: Actor, model: BaseAlgorithm, steps: int = 200) -> float:
+    """Return how far the export of an actor, playing its mode, plays from the model; refuse too far."""
+    mode = Actor(model, actor.choices, samples=False) if actor.samples else actor
+    player = OnnxPlayer(_onnx_of(mode, model), size=mode.size)
+    difference = largest_difference(model, player, mode.choices, steps)
     if not difference <= GREATEST_DIFFERENCE:
         kind = type(model.policy).__name__
         raise UserError(
@@ -267,7 +273,7 @@ def largest_difference(
     if choices is not None and takes_masks(model) and not choices.mask.all():
         masks["action_masks"] = np.tile(choices.mask, (games, 1))
     for _ in range(steps):
-        observation = rng.uniform(-1, 1, (games, OBSERVATION_SIZE)).astype(np.float32)
+        observation = rng.uniform(-1, 1, (games, preprocessing.size)).astype(np.float32)
         stack = preprocessing.pushed(stack, observation, starts)
         expected, model_state = model.predict(preprocessing.shown(stack), model_state, starts, True, **masks)
         if choices is not None:
@@ -289,7 +295,7 @@ def plain_onnx(actor: Actor) -> bytes | None:
     if actor.waterfall is not None or not all(_is_plain(module) for module in actor.modules()):
         return None
     graph = _Graph()
-    inputs = [_rows("observation", OBSERVATION_SIZE)]
+    inputs = [_rows("observation", actor.size)]
     outputs = [_rows("action", ACTION_SIZE)]
     obs, next_state = _layer(graph, actor.before, "observation"), []
     if actor.frames_size:
@@ -302,12 +308,15 @@ def plain_onnx(actor: Actor) -> bytes | None:
     latent = _layer(graph, actor.networks, latent)
     if actor.choices is not None:
         _chosen(graph, actor, actor.choices, latent)
+    elif actor.samples:
+        spread = graph.add("Mul", "noise", graph.constant(actor.deviation))
+        graph.clip(graph.add("Add", latent, spread), -1.0, 1.0, to="action")
     elif actor.squash:
         graph.add("Tanh", latent, to="action")
     else:
         graph.clip(latent, -1.0, 1.0, to="action")
-    if actor.has_noise:
-        inputs.append(_rows("noise", 1))
+    if actor.noise_size:
+        inputs.append(_rows("noise", actor.noise_size))
     if next_state:
         inputs.append(_rows("state", actor.state_size))
         outputs.append(_rows("next_state", actor.state_size))
@@ -367,7 +376,7 @@ def _normalized(graph: _Graph, layer: Normalization, x: str) -> str:
 
 
 def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
-    """Add the action of the choices with the highest values, looked up in their tables."""
+    """Add the action of the choices with the highest values, or drawn, looked up in their tables."""
     if not choices.mask.all():
         values = graph.add("Add", values, graph.constant(actor.penalty))
     ends = np.cumsum(choices.sizes)
@@ -375,7 +384,14 @@ def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
         values if len(choices.lists) == 1 else graph.columns(values, end - size, end)
         for size, end in zip(choices.sizes, ends, strict=True)
     ]
-    best = [graph.add("ArgMax", part, axis=1, keepdims=0) for part in parts]
+    if actor.samples:
+        first = actor.noise_size - len(parts)
+        best = [
+            _drawn(graph, part, size, first + k)
+            for k, (part, size) in enumerate(zip(parts, choices.sizes, strict=True))
+        ]
+    else:
+        best = [graph.add("ArgMax", part, axis=1, keepdims=0) for part in parts]
     rows = [
         graph.add("Gather", graph.constant(of.rows), chosen, axis=0)
         for of, chosen in zip(choices.lists, best, strict=True)
@@ -383,8 +399,28 @@ def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
     if choices.is_homing:
         rows.append(_velocity(graph, choices, best[-1]))
     if choices.is_drawn:
-        rows.append(_preference(graph, choices, best[0]))
+        normal = "noise" if actor.noise_size == 1 else graph.columns("noise", 0, 1)
+        rows.append(_preference(graph, choices, best[0], normal))
     graph.add("Sum", *rows, to="action")
+
+
+def _drawn(graph: _Graph, values: str, size: int, column: int) -> str:
+    """Add the choices that :func:`fpg_bench.training.actor.draw_choices` draws by a column of the noise."""
+    sums = graph.constant(np.triu(np.ones((size, size), np.float32)))
+    reached = graph.add("MatMul", graph.add("Softmax", values, axis=1), sums)
+    normal = graph.columns("noise", column, column + 1)
+    error = graph.add("Erf", graph.add("Mul", normal, graph.constant(np.float32(0.5**0.5))))
+    half = graph.constant(np.float32(0.5))
+    share = graph.add("Mul", graph.add("Add", error, graph.constant(np.float32(1))), half)
+    share = graph.add("Max", share, graph.constant(np.float32(LEAST_SHARE)))
+    share = graph.add("Mul", share, graph.columns(reached, size - 1, size))
+    return _counted(graph, graph.add("Less", reached, share))
+
+
+def _counted(graph: _Graph, is_true: str, of: tuple[int, int] = (1, 0)) -> str:
+    """Add the number of columns that are true, or with ``(0, 1)`` false."""
+    counted = graph.add("Where", is_true, *(graph.constant([each]) for each in of))
+    return graph.add("ReduceSum", counted, graph.constant([1]), keepdims=0)
 
 
 def _velocity(graph: _Graph, choices: Choices, chosen: str) -> str:
@@ -398,11 +434,10 @@ def _velocity(graph: _Graph, choices: Choices, chosen: str) -> str:
     return graph.add("MatMul", velocity, graph.constant(np.eye(3, ACTION_SIZE, ACTION_SIZE - 3, np.float32)))
 
 
-def _preference(graph: _Graph, choices: Choices, chosen: str) -> str:
-    """Add the preferred frequency that a choice with a drawn point adds to its action."""
-    below = graph.add("Less", "noise", graph.constant(choices.quantiles))  # ONNX 1.17 infers no shape of >=
-    counted = graph.add("Where", below, graph.constant([0]), graph.constant([1]))
-    point = graph.add("ReduceSum", counted, graph.constant([1]), keepdims=0)
+def _preference(graph: _Graph, choices: Choices, chosen: str, normal: str) -> str:
+    """Add the preferred frequency that a choice with a point drawn by ``normal`` adds to its action."""
+    below = graph.add("Less", normal, graph.constant(choices.quantiles))  # ONNX 1.17 infers no shape of >=
+    point = _counted(graph, below, (0, 1))
     actions = np.zeros((len(choices.preferences), ACTION_SIZE), np.float32)
     actions[:, PREFERENCE] = choices.preferences
     drawn = graph.add("Gather", graph.constant(choices.lists[0].drawn[:, None]), chosen, axis=0)

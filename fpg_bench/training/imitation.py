@@ -18,6 +18,7 @@ from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.player import Player
 from fpg_bench.players.policy_runner import PolicyRunner
+from fpg_bench.players.preprocessing import core_of
 from fpg_bench.players.registry import as_player
 from fpg_bench.training.hyperparameters import ImitationConfig
 from fpg_bench.training.interrupts import StopRequest
@@ -31,6 +32,8 @@ def teacher_of(config: ImitationConfig, model: BaseAlgorithm, side: str, scenari
     Raises:
         UserError: no such player, a player of the other side, or a model that is not PPO or the like.
     """
+    if getattr(core_of(model), "samples", False):
+        raise UserError("imitate: seats of a team learn without a teacher")
     if not isinstance(model.policy, ActorCriticPolicy) or hasattr(model.policy, "lstm_actor"):
         raise UserError(
             f"imitate: only PPO and the like without an LSTM can imitate, not {type(model).__name__}"

@@ -135,10 +135,14 @@ def train(
         raise UserError("resume continues a run, restart starts it over; give only one of them")
     if log_rounds:
         require_extra("video", "PIL")
+        if config.spec.skills:
+            raise UserError("log_rounds: a round of teams is not drawn; omit it")
     run = _Run(config, RunFolder(Path(out)), evaluations)
     run.setup()
     evaluators = {
-        side: PolicyEvaluator(suite, scenario=run.games.core.scenario, side=side, allow=config.allow)
+        side: PolicyEvaluator(
+            suite, scenario=run.games.core.scenario, side=side, allow=config.allow, game=config.spec
+        )
         for side, suite in zip(run.sides, run.suites, strict=True)
         if evaluations
     }
@@ -455,7 +459,7 @@ class _Run:
         """Export the agent, save the model, and remove the checkpoints."""
         steps = self.model.num_timesteps
         made: Row = {"steps_done": steps, "seconds": round(self.seconds, 1)}
-        if isinstance(planner := self.games.core.duel.planner, CountsPlans):
+        if isinstance(planner := self.games.core.planner, CountsPlans):
             made["plans"] = dict(planner.flown)  # of this part of the run
         about = self.about.model_copy(update=made)
         difference = max(

@@ -19,9 +19,11 @@ with warnings.catch_warnings():  # importing PettingZoo's tests warns of Petting
 import fpg_bench
 from fpg_bench import make_duel, make_sb3_team, make_team
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.team import TeamSpec
 from fpg_bench.envs.team_pettingzoo import aec_env, parallel_env
 from fpg_bench.game.scenario import as_scenario
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.team_rules import TEAM_SCRIPTS
+from fpg_bench.game.team_spec import TeamSpec
 
 from .playing import STEPS, tape
 
@@ -239,7 +241,7 @@ def test_a_specification_is_written_down_and_opens_the_same_game():
         scenario=SHORT, allies=[2, 4], spacing_m=10, path="learned", rivals=["tone", "comb"], side="ally",
         actions="discrete", mates={"ally": "none"}, reward="team",
     )  # fmt: skip
-    again = TeamSpec.from_dict(spec.to_dict())
+    again = GameSpec.from_dict(spec.to_dict())
     assert again.to_dict() == spec.to_dict()
     assert again.hash == spec.hash != TeamSpec.of(spec, spacing_m=11).hash
     team = make_team(2, game=again)
@@ -248,10 +250,18 @@ def test_a_specification_is_written_down_and_opens_the_same_game():
     assert team.game_spec.of_side("reward", "opponent") == "team"
     assert team.batch.mates == {"ally": "none", "opponent": "full"}
     assert TeamSpec().to_dict() == {"id": "FPG/team_v0"}
-    with pytest.raises(UserError, match="rivals: Marked is an object, which cannot be written down"):
+    with pytest.raises(UserError, match="opponent: Marked is an object of this program, which cannot be"):
         TeamSpec.of(side="ally", rivals=Marked()).to_dict()
-    with pytest.raises(UserError, match=r"agent\.json: got an unexpected keyword argument 'mate'.*mates"):
-        TeamSpec.from_dict({"mate": "none"}, "agent.json")
+    with pytest.raises(UserError, match=r"agent\.json: unknown key 'mate'.*mates"):
+        GameSpec.from_dict({"id": "FPG/team_v0", "mate": "none"}, "agent.json")
+    assert GameSpec.of("FPG/team_v0", side="ally", against="tone") == TeamSpec.of(side="ally", rivals="tone")
+
+
+def test_without_a_name_the_rivals_are_the_scripts_of_teams():
+    game = TeamSpec.of(side="opponent")
+    assert game.others == TEAM_SCRIPTS["ally"]
+    assert game.to_dict() == {"id": "FPG/team_v0", "side": "opponent"}
+    assert TeamSpec().others == ()
 
 
 @pytest.mark.parametrize(
@@ -265,7 +275,10 @@ def test_a_specification_is_written_down_and_opens_the_same_game():
         ({"jammers": (0, 2)}, "jammers: expected a whole number from 1 to 3"),
         ({"path": "circle"}, "teams: opponent_path 'circle'"),
         ({"rivals": "tone"}, "rivals: say which side you play"),
-        ({"side": "ally"}, "side: name the rivals of the ally"),
+        ({"opponent": "tone"}, "rivals: say which side you play"),
+        ({"side": "ally", "ally": "greedy"}, "ally: you play this side; name the opponent"),
+        ({"side": "ally", "rivals": "tone", "opponent": "comb"}, "against: names the opponent, and so does"),
+        ({"planner": "interceptor"}, "unexpected keyword argument 'planner': teams do not have it"),
         ({"side": "planner", "rivals": "tone"}, "side: expected one of ally, opponent"),
         ({"side": "ally", "rivals": "expert"}, "expert"),
         ({"side": "ally", "rivals": "oracle"}, "opponent: OracleOpponent sees the state of a duel"),
@@ -309,7 +322,7 @@ def test_actions_of_other_agents_are_refused_in_one_line(actions, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "rivals: a VecEnv has the seats of one side"),
+        ({}, "rivals: say which side you play"),
         ({"side": "ally", "rivals": "tone", "allies": (1, 3)}, "allies: .* give one number, not 1 to 3"),
     ],
 )

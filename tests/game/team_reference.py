@@ -86,7 +86,9 @@ class ReferenceTeams:
                 if me.spreading and mate.spreading and me.point == mate.point:
                     power *= 1 - self.team.code_orthogonality
                 band = self._band(mate)
-                senders.append(Sender(power, [band], None if mate.spreading else band))
+                third = s.filter_rolloff / 3 * (band[1] - band[0]) / 2  # of its skirts
+                both = [(band[0] + side * third, band[1] - side * third) for side in (-1, 1)]
+                senders.append(Sender(power, both, None if mate.spreading else band))
         return senders
 
     def _snr(self, i: int, jamming: set[int]) -> float:

@@ -1,0 +1,156 @@
+"""Measure who earns what from whom between teams, and what clones earn that choose alike.
+
+python scripts/measure_team_payoffs.py [--matches 100] [--page docs/results/teams.md]
+
+Pay-offs: scripts of teams meet in convoy, three allies against two jammers and, as a contrast, against
+one. Bounds know more than allies may, so the equilibrium is without them. Clones: an agent of the duel in all
+three seats, in convoy and on curves of their own. All on evaluation seeds. The tables are put into the page
+between their marks; a CSV beside it has all pairs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from marks import fill
+from measure_payoffs import answers_note, as_csv, equilibrium_note
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.evaluation.payoffs import Payoffs
+from fpg_bench.evaluation.statistics import MATCHES, mean_interval
+from fpg_bench.evaluation.table import markdown_table
+from fpg_bench.evaluation.team_match import play_teams
+from fpg_bench.game.scenario import preset
+from fpg_bench.game.team_rules import TeamRules
+from fpg_bench.players.player import SIDES
+from fpg_bench.players.team_scripts import BOUNDS, TEAM_SCRIPTS
+
+GAMES = {"3 v 2": TeamRules(), "3 v 1": TeamRules(jammers=1), "separate": TeamRules(formation="separate")}
+CLONES = [f"ally-link{kind}/ppo-stack8/seed_0" for kind in ("-population", "")]
+BESIDE = ["random-hops", "greedy-own-points"]  # scripts in the table of clones
+COUNTS = ("clashes", "spreading", "heard")
+KEY = ("game", *SIDES, "matches")
+
+
+class Results:
+    """Results of pairs, which are played once and kept in a file.
+
+    Args:
+        path: the file of rows; it need not exist. An agent that has changed needs a new one.
+        matches: rounds of each pair.
+    """
+
+    def __init__(self, path: Path, matches: int) -> None:
+        self._file, self._matches = RowFile(path, {"rewards": list}), matches
+        self._rows = {tuple(row[key] for key in KEY): row for row in self._file.read()}
+
+    def of(self, game: str, ally: str, opponent: str) -> Row:
+        """Return the row of a pair of players in a game of ``GAMES``."""
+        key = game, ally, opponent, self._matches
+        if key not in self._rows:
+            played = play_teams([ally], [opponent], preset("link"), GAMES[game], self._matches)
+            counts = {name: getattr(played, name) for name in COUNTS}
+            row = dict(zip(KEY, key, strict=True)) | counts | {"rewards": played.rewards.tolist()}
+            self._file.append([row])
+            self._rows[key] = row
+            print(f"{game}: {ally} against {opponent}: {played.rewards.mean():.2f}", flush=True)
+        return self._rows[key]
+
+    def payoffs(self, game: str, allies: Mapping[str, str], opponents: Mapping[str, str]) -> Payoffs:
+        """Return the pay-offs of players by their labels."""
+        samples = tuple(
+            np.array([self.of(game, ally, name)["rewards"] for name in opponents.values()]).T
+            for ally in allies.values()
+        )
+        return Payoffs(tuple(allies), tuple(opponents), samples, (MATCHES,) * len(allies))
+
+    def csv(self, labels: Mapping[str, str]) -> str:
+        """Return all pairs, players by their labels, with half of the 95 % interval of each reward."""
+        lines = [["game", *SIDES, "reward", "half", *COUNTS]]
+        for (game, ally, opponent, matches), row in sorted(self._rows.items()):
+            if matches == self._matches and {ally, opponent} <= set(labels):
+                reward = mean_interval(np.array(row["rewards"]), MATCHES)
+                values = (reward.value, reward.half, *(row[name] for name in COUNTS))
+                lines.append([game, labels[ally], labels[opponent], *(f"{value:.3f}" for value in values)])
+        return as_csv(lines)
+
+
+def payoff_table(payoffs: Payoffs) -> str:
+    """Return the rewards of allies against each jammer, the worst and the mean."""
+    lines = [["allies", *payoffs.rivals, "worst", "mean"]]
+    for name, row in zip(payoffs.players, payoffs.values, strict=True):
+        label = f"{name} (a bound)" if name in BOUNDS else name
+        lines.append([label, *(f"{value:.2f}" for value in (*row, row.min(), row.mean()))])
+    return markdown_table(lines)
+
+
+def without_bounds(payoffs: Payoffs) -> Payoffs:
+    """Return the pay-offs of players that know what an ally may."""
+    kept = [k for k, name in enumerate(payoffs.players) if name not in BOUNDS]
+    players, samples, over = (
+        tuple(of[k] for k in kept) for of in (payoffs.players, payoffs.samples, payoffs.over)
+    )
+    return Payoffs(players, payoffs.rivals, samples, over)
+
+
+def clone_table(results: Results, opponents: Mapping[str, str]) -> str:
+    """Return what players earn in all three seats, over all jammers, in convoy and on separate curves."""
+    lines = [["in all seats", "fly", "reward", "worst", "clashes per step", "spreading"]]
+    for ally in (*CLONES, *BESIDE):
+        for game, formation in (("3 v 2", "convoy"), ("separate", "separate curves")):
+            rows = [results.of(game, ally, name) for name in opponents.values()]
+            rewards = [np.mean(row["rewards"]) for row in rows]
+            counts = [np.mean([row[name] for row in rows]) for name in ("clashes", "spreading")]
+            values = (np.mean(rewards), min(rewards), *counts)
+            lines.append([ally, formation, *(f"{value:.2f}" for value in values)])
+    return markdown_table(lines)
+
+
+def main() -> int:
+    """Print the tables, and put them into a page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--matches", type=int, default=100, help="rounds of each pair")
+    for side in SIDES:
+        text = f"LABEL=FOLDER of one more {side}, a trained agent for instance"
+        parser.add_argument(f"--{side}", action="append", default=[], metavar="LABEL=FOLDER", help=text)
+    text = "file of the pairs' rows, which are not played again"
+    parser.add_argument(
+        "--rows", type=Path, default=Path("runs/team-payoffs.jsonl"), metavar="FILE", help=text
+    )
+    parser.add_argument("--page", type=Path, help="page that the tables are put into")
+    options = parser.parse_args()
+    results, parts = Results(options.rows, options.matches), {}
+    players = {side: {name: name for name in TEAM_SCRIPTS[side]} for side in SIDES}
+    players["ally"] |= {name: name for name in BOUNDS}
+    added = {side: dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES}
+    labels = {name: name for name in (*CLONES, *BESIDE)}
+    labels |= {spec: label for side in SIDES for label, spec in (players[side] | added[side]).items()}
+    for game in ("3 v 2", "3 v 1"):
+        scripts = without_bounds(results.payoffs(game, *players.values()))
+        every = results.payoffs(game, *(players[side] | added[side] for side in SIDES))
+        notes = [f"Scripts: {equilibrium_note(scripts)} {answers_note(scripts)}"]
+        if any(added.values()):
+            every_note = without_bounds(every)
+            notes.append(
+                f"With those that learned: {equilibrium_note(every_note)} {answers_note(every_note)}"
+            )
+        parts[game] = "\n\n".join([payoff_table(every), *notes])
+    parts["clones"] = clone_table(results, players["opponent"])
+    print(*(f"\n{title}\n\n{text}" for title, text in parts.items()), sep="\n")
+    if options.page:
+        write_whole(options.page.with_name(f"{options.page.stem}-payoffs.csv"), results.csv(labels))
+        fill(options.page, parts)
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except UserError as error:
+        sys.exit(f"measure_team_payoffs: {error}")

@@ -1,0 +1,55 @@
+"""The measured pay-offs of teams: rows that are kept, bounds that stay out, and marks of pages."""
+
+from __future__ import annotations
+
+import measure_team_payoffs
+import numpy as np
+import pytest
+from marks import fill
+from measure_team_payoffs import Results, clone_table, payoff_table, without_bounds
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.payoffs import Payoffs
+
+JAMMERS = {"tone": "tone"}
+
+
+def test_pairs_are_played_once_and_kept(tmp_path, monkeypatch):
+    results = Results(tmp_path / "rows.jsonl", 2)
+    first = results.payoffs("3 v 1", {"all spread": "cdma"}, JAMMERS)
+    assert first.samples[0].shape == (2, 1)
+    monkeypatch.delattr(measure_team_payoffs, "play_teams")
+    again = Results(tmp_path / "rows.jsonl", 2)
+    assert np.array_equal(again.payoffs("3 v 1", {"all spread": "cdma"}, JAMMERS).values, first.values)
+    text = again.csv({"cdma": "all spread", "tone": "tone"})
+    assert text.startswith("game,ally,opponent,reward,half,clashes,spreading,heard\n3 v 1,all spread,tone,")
+    with pytest.raises(NameError):  # other matches are others
+        Results(tmp_path / "rows.jsonl", 3).of("3 v 1", "cdma", "tone")
+
+
+def test_bounds_are_shown_and_stay_out_of_the_equilibrium():
+    samples = tuple(np.array([[reward, 1.0], [reward, 3.0]]) for reward in (4.0, 6.0, 9.0))
+    payoffs = Payoffs(("greedy", "cdma", "genie"), ("tone", "combs"), samples, ("matches",) * 3)
+    assert "| genie (a bound) | 9.00 | 2.00 | 2.00 | 5.50 |" in payoff_table(payoffs)
+    assert without_bounds(payoffs).players == ("greedy", "cdma")
+
+
+def test_clones_are_shown_in_both_formations(tmp_path, monkeypatch):
+    monkeypatch.setattr(measure_team_payoffs, "CLONES", [])
+    monkeypatch.setattr(measure_team_payoffs, "BESIDE", ["cdma"])
+    lines = clone_table(Results(tmp_path / "rows.jsonl", 1), JAMMERS).splitlines()
+    assert [line.split(" | ")[:2] for line in lines[2:]] == [
+        ["| cdma", "convoy"],
+        ["| cdma", "separate curves"],
+    ]
+
+
+def test_marks_of_a_page_are_filled_and_missing_ones_refused(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- one -->\nold\n<!-- end -->\nb\n<!-- two -->\n<!-- end -->\n")
+    fill(page, {"two": "2\n", "one": "1"})
+    filled = "a\n<!-- one -->\n\n1\n\n<!-- end -->\nb\n<!-- two -->\n\n2\n\n<!-- end -->\n"
+    assert page.read_text() == filled
+    with pytest.raises(UserError, match="no marks 'three'"):
+        fill(page, {"one": "x", "three": "3"})
+    assert page.read_text() == filled
