@@ -44,7 +44,6 @@ class TeamDuel:
         scenario: the rules of the game.
         team: the rules of teams.
         count: number of games, G.
-        mates: what seats observe of their mates, by side.
     """
 
     plans = ()
@@ -78,18 +77,19 @@ class TeamDuel:
     @property
     def histograms(self) -> np.ndarray:
         """``(G, 2, points)``, sums over the allies."""
-        return self.teams.histograms.sum(axis=1)
+        sums: np.ndarray = self.teams.histograms.sum(axis=1)
+        return sums
 
 
-def make_team_match(
+def two_teams(
     allies: Sequence[PlayerSpec],
     opponents: Sequence[PlayerSpec],
     scenario: Scenario,
     team: TeamRules,
     count: int,
     is_by_seat: Sequence[bool],
-) -> MatchBatch:
-    """Make a batch of games between two teams.
+) -> tuple[TeamDuel, TeamRunner, TeamRunner]:
+    """Make a batch of games, and the policies of both teams.
 
     Args:
         allies, opponents: players as ``as_team_player`` takes them.
@@ -106,7 +106,7 @@ def make_team_match(
     for side, specs, by_seat in zip(SIDES, (allies, opponents), is_by_seat, strict=True):
         players = [as_team_player(spec, side, scenario, team) for spec in specs]
         runners.append(TeamRunner(side, players, duel.teams, by_seat))
-    return MatchBatch(duel, *runners)  # type: ignore[arg-type]
+    return duel, runners[0], runners[1]
 
 
 def suite_match(player: PlayerSpec, suite: Suite, rival: Rival, count: int) -> MatchBatch:
@@ -115,7 +115,8 @@ def suite_match(player: PlayerSpec, suite: Suite, rival: Rival, count: int) -> M
     sides = [[player, *rival.mates], rival.players]
     by_seat = [bool(rival.mates), False]
     order = slice(None, None, 1 if suite.side == "ally" else -1)
-    return make_team_match(*sides[order], rival.scenario, suite.game, count, by_seat[order])
+    match = two_teams(*sides[order], rival.scenario, suite.game, count, by_seat[order])
+    return MatchBatch(*match)  # type: ignore[arg-type]  # games of teams in the place of duels
 
 
 def play_teams(
@@ -141,18 +142,18 @@ def play_teams(
         UserError: an unknown player, or not as many as seats.
     """
     by_seat = [len(players) > 1 for players in (allies, opponents)]
-    match = make_team_match(allies, opponents, scenario, team, matches, by_seat)
-    batch = match.duel.teams
-    match.duel.reset(seeds=evaluation_seeds(matches) if seeds is None else seeds)
-    for runner in (match.ally, match.opponent):
+    duel, ally, opponent = two_teams(allies, opponents, scenario, team, matches, by_seat)
+    batch = duel.teams
+    duel.reset(seeds=evaluation_seeds(matches) if seeds is None else seeds)
+    for runner in (ally, opponent):
         runner.begin(np.ones(matches, bool))
     on_step(batch)
     present, n = batch.playing("ally"), batch.counts[:, 0]
     totals, clashes, spreading, checks, heard = np.zeros(matches), 0.0, 0.0, 0, 0
     steps = scenario.steps_per_round
     for _ in range(steps):
-        actions = {"opponent": match.opponent.act()}
-        batch.step(match.ally.act(actions), actions["opponent"])
+        actions = {"opponent": opponent.act()}
+        batch.step(ally.act(actions), actions["opponent"])
         on_step(batch)
         totals += batch.allies["ally_reward"].sum(axis=1) / n
         clashes += _clashes(batch.allies, present)

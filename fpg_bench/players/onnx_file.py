@@ -109,12 +109,12 @@ def check_signature(
         for name, shape in shapes.items():
             if name not in wanted:
                 raise UserError(f"policy.onnx: unknown {what} {name!r}; known: {', '.join(wanted)}")
-            size = wanted[name]
+            columns = wanted[name]
             fixed = len(shape) == 2 and isinstance(shape[1], int) and not isinstance(shape[0], int)
-            if not fixed or shape[1] < 1 or (size is not None and shape[1] != size):
+            if not fixed or shape[1] < 1 or (columns is not None and shape[1] != columns):
                 raise UserError(
                     f"policy.onnx: {what} {name!r} has shape {shape}, "
-                    f"expected [n, {size or 'a fixed size of at least 1'}]"
+                    f"expected [n, {columns or 'a fixed size of at least 1'}]"
                 )
     if "observation" not in inputs or "action" not in outputs:
         raise UserError("policy.onnx: needs the input 'observation' and the output 'action'")

@@ -187,8 +187,10 @@ def _signature(graph: GraphProto) -> Iterator[str]:
     weights = {tensor.name for tensor in graph.initializer}
     inputs = [value for value in graph.input if value.name not in weights]
     try:
-        declared = ({value.name: _declared_shape(value) for value in side} for side in (inputs, graph.output))
-        check_signature(*declared)
+        taken, given = (
+            {value.name: _declared_shape(value) for value in side} for side in (inputs, graph.output)
+        )
+        check_signature(taken, given)
     except UserError as error:
         yield str(error).removeprefix("policy.onnx: ")
 
