@@ -95,6 +95,13 @@ def watch_team(
 
     Both show who jams whom, points over time with a colour for each ally, the jammers' bands, and rewards.
 
+    >>> import tempfile
+    >>> import fpg_bench
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     played = fpg_bench.watch_team(["allotment"], ["tone", "assign"], f"{folder}/round.png", seed=7)
+    >>> played.frames.shape, played.jammers.shape
+    ((301, 3), (301, 2))
+
     Args:
         allies, opponents: players as :func:`fpg_bench.players.team_scripts.as_team_player` takes them: one in
             all seats, or one for each seat.

@@ -182,7 +182,7 @@ class GameSpec:
 
     @property
     def observation_size(self) -> int:
-        """How many numbers a player observes."""
+        """Size of a player's observation."""
         return OBSERVATION_SIZE
 
     @property
@@ -196,7 +196,7 @@ class GameSpec:
 
     @property
     def skills(self) -> JsonObject:
-        """What an agent's card says of its training in this game, beside the game; of the duel nothing."""
+        """Entries of an agent's card that its training in this game implies; of the duel none."""
         return {}
 
     def resolve(self) -> Scenario:

@@ -101,7 +101,7 @@ class TeamSpec(TeamRules, GameSpec):
 
     @property
     def config(self) -> EnvConfig:
-        """What an id of one side has; raises UserError if the caller plays both sides."""
+        """Configuration of an id of one side; raises UserError if the caller plays both sides."""
         if self.side is None:
             raise self._sideless()
         return EnvConfig(TEAM_ID, self.side, "", scripted=False)
@@ -138,7 +138,7 @@ class TeamSpec(TeamRules, GameSpec):
 
     @property
     def observation_size(self) -> int:
-        """How many numbers a seat observes."""
+        """Size of a seat's observation."""
         return TEAM_OBSERVATION_SIZE
 
     @property

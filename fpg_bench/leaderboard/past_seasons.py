@@ -1,4 +1,4 @@
-"""What is left of a season once the next one has replaced its results: a row for each entry."""
+"""Past seasons: a row for each entry, kept before the next season replaces the results."""
 
 from __future__ import annotations
 
