@@ -27,9 +27,9 @@ from fpg_bench.evaluation.statistics import MATCHES, mean_interval
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.evaluation.team_match import play_teams
 from fpg_bench.game.scenario import preset
-from fpg_bench.game.team_rules import TeamRules
+from fpg_bench.game.team_rules import TEAM_SCRIPTS, TeamRules
 from fpg_bench.players.player import SIDES
-from fpg_bench.players.team_scripts import BOUNDS, TEAM_SCRIPTS
+from fpg_bench.players.team_scripts import BOUNDS
 
 GAMES = {"3 v 2": TeamRules(), "3 v 1": TeamRules(jammers=1), "separate": TeamRules(formation="separate")}
 CLONES = [f"ally-link{kind}/ppo-stack8/seed_0" for kind in ("-population", "")]

@@ -9,8 +9,8 @@ from fpg_bench import make_team
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.team_match import play_teams
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.game.team_rules import TeamRules
-from fpg_bench.players.team_scripts import BOUNDS, TEAM_SCRIPTS, as_team_player
+from fpg_bench.game.team_rules import TEAM_SCRIPTS, TeamRules
+from fpg_bench.players.team_scripts import BOUNDS, as_team_player
 
 SHORT = as_scenario("link", steps_per_round=20)
 TEAM = TeamRules()
