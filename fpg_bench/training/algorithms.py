@@ -81,7 +81,8 @@ class Algorithm:
         """Raise UserError if it trains both sides and the id has one, or the other way round."""
         if self.joint != (len(sides) == 2):
             scope = "both sides, in" if self.joint else "one side, not both, as in"
-            raise UserError(f"{self.name}: trains {scope} {DUEL}; got {env_id}")
+            got = env_id if self.joint or env_id == DUEL else f"{env_id} without a side"
+            raise UserError(f"{self.name}: trains {scope} {DUEL}; got {got}")
 
 
 def find_algorithm(name: str | type[Any]) -> Algorithm:

@@ -170,7 +170,7 @@ def test_choices_are_drawn_by_their_probabilities_and_forbidden_ones_never():
         ("ppo", {"mates": "all"}, "mates of the ally: expected one of none, place, full"),
         ("ppo", {"opponent": "split-bnd"}, "unknown opponent 'split-bnd'"),
         ("ppo", {"opponent": "greedy"}, "'greedy' plays the ally; name a player of the opponent"),
-        ("ppo", {"side": None, "opponent": None}, "ppo: trains one side, not both"),
+        ("ppo", {"side": None, "opponent": None}, "got FPG/team_v0 without a side"),
     ],
 )
 def test_what_cannot_be_trained_is_refused_in_one_line(algorithm, options, message, tmp_path):
