@@ -2,11 +2,11 @@
 
 python scripts/measure_payoffs.py [--scenario link] [--matches 100] [--page docs/results/link.md]
 
-Pay-offs: scripts and the zoo's agents of the scenario meet in pursuit. The equilibrium is that of the
-zero-sum game whose pay-off is the ally's reward per step. Levers: the zoo's best agents among the unseen play
-their public suite with one of their choices replaced by a constant. Transfer: agents of ``standard`` play
-these suites as they are. All on evaluation seeds. The equilibrium and the agents' levers are put into the
-page between their marks; pay-offs, scripts' levers and transfer are CSV files beside it.
+Pay-offs: scripts, the zoo's agents and the champions of the scenario meet in pursuit. The equilibrium is that
+of the zero-sum game whose pay-off is the ally's reward per step. Levers: the zoo's best agents among the
+unseen play their public suite with one of their choices replaced by a constant. Transfer: agents of
+``standard`` play these suites as they are. All on evaluation seeds. The equilibrium and the agents' levers
+are put into the page between their marks; pay-offs, scripts' levers and transfer are CSV files beside it.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ from fpg_bench.game.actions import (
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.game.state import TYPES
+from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.player import SIDES, Memory, Player, PlayerSpec
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import Batched
@@ -207,6 +208,13 @@ def agents_of(side: str, groups: str) -> list[str]:
     ]
 
 
+def champions_of(side: str, scenario: str) -> list[str]:
+    """Return the first training seeds of a side's champions of a scenario."""
+    agents = baselines_folder() / "agents"
+    folders = sorted(agents.glob(f"{side}-{scenario}-champion*/*/seed_0"))
+    return [folder.relative_to(agents).as_posix() for folder in folders]
+
+
 def best_agents(side: str, groups: str) -> list[str]:
     """Return the zoo's best agents of a side, all training seeds of one algorithm, among groups of a name.
 
@@ -243,7 +251,8 @@ def main() -> int:
     first = {side: [name for name in own[side] if name.endswith("seed_0")] for side in SIDES}
     best = {side: best_agents(side, groups[side]) for side in SIDES}
     names = " and ".join(f"`{agents[0].rpartition('/')[0]}`" for agents in best.values())
-    shipped = [{name: name for name in (*SCRIPTS[side], *first[side])} for side in SIDES]
+    champions = {side: champions_of(side, options.scenario) for side in SIDES}
+    shipped = [{name: name for name in (*SCRIPTS[side], *first[side], *champions[side])} for side in SIDES]
     added = [dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
     games = {"Shipped players": shipped}
