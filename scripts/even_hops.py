@@ -1,7 +1,7 @@
 """A shipped ally whose hops go to an evenly drawn point, with nothing trained: is the hole *where* it hops?
 
 fpg-bench best-response scripts.even_hops:EvenHops --side ally --algorithm ppo-stack8 --actions discrete
-    --steps 1500000 --n-seeds 2 --out runs/even_hops                     on one line; about 2 minutes a seed
+    --steps 1500000 --n-seeds 1 --out runs/even_hops                     on one line; about 2 minutes a seed
 """
 
 from __future__ import annotations
