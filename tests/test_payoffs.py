@@ -13,6 +13,7 @@ from measure_payoffs import (
     agents_of,
     answers_note,
     best_agents,
+    champions_of,
     equilibrium_note,
     lever_table,
     levers,
@@ -54,8 +55,10 @@ def test_the_committed_pay_offs_are_those_of_the_zoos_agents_and_its_best_have_t
     best = {side: best_agents(side, f"{side}-link(-population)?") for side in listed}
     for side, names in listed.items():
         firsts = [name for name in agents_of(side, f"{side}-link(-population)?") if name.endswith("/seed_0")]
-        assert [name for name in names if not name.startswith("response to ")] == [*SCRIPTS[side], *firsts]
-        assert f"fpg-bench best-response {best[side][0]} " in page
+        shipped = [*SCRIPTS[side], *firsts, *champions_of(side, "link")]
+        assert [name for name in names if not name.startswith("response to ")] == shipped
+        entry = best[side][0].rpartition("/")[0].replace("/", "-")
+        assert f"=leaderboard/responses/{side}/{entry}/recipe-0" in page
         group = best[side][0].partition("/")[0]
         assert f"response to {group}" in listed["opponent" if side == "ally" else "ally"]
     agents = " and ".join(f"`{names[0].rpartition('/')[0]}`" for names in best.values())

@@ -32,6 +32,7 @@ FAST = "not (browser or llama or postgres or process or ray or slow)"
 TESTS = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in (ROOT / "tests").rglob("*.py")
 }
+SCRIPTS = {path.stem: path for path in (ROOT / "scripts").glob("*.py")}  # which tests import, too
 
 
 def owner(module):
@@ -52,16 +53,16 @@ def crossings():
 
 @cache
 def needs_product(test):
-    """Whether a module of tests, or one that it imports, imports a product."""
+    """Whether a module of tests or a script, or one that it imports, imports a product."""
     found, package = set(), test.rpartition(".")[0]
-    for node in ast.walk(ast.parse(TESTS[test].read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse((TESTS | SCRIPTS)[test].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             home = resolve_name("." * node.level + (node.module or ""), package)
             found |= {home, *(f"{home}.{alias.name}" for alias in node.names)}
     found |= {test, *(f"tests.{name}" for name in found)}
-    return any(map(owner, found)) or any(map(needs_product, found & set(TESTS) - {test}))
+    return any(map(owner, found)) or any(map(needs_product, found & {*TESTS, *SCRIPTS} - {test}))
 
 
 def test_the_core_imports_no_product():

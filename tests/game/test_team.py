@@ -10,8 +10,8 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.batch import ActionError, GameBatch
 from fpg_bench.game.scenario import PRESETS, RADIOMETER, preset
-from fpg_bench.game.team_batch import TEAM_REWARDS, TEAM_STATE_SIZE, TeamBatch
-from fpg_bench.game.team_rules import TeamRules
+from fpg_bench.game.team_batch import TEAM_STATE_SIZE, TeamBatch
+from fpg_bench.game.team_rules import TEAM_REWARDS, TeamRules
 
 from .playing import wander
 from .team_reference import ReferenceTeams

@@ -43,7 +43,7 @@ def entry(suite, slug, *plays, shipped=True):
     parts = tuple(
         Part(slug, None, p)
         if isinstance(p, str)
-        else Part(slug, p, Policy(p, {}, policy(p), str(p)), shipped)
+        else Part(slug, p, Policy(p, None, policy(p), str(p)), shipped)
         for p in plays
     )
     scenario = suite.rivals[0].scenario

@@ -25,7 +25,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, read_json, write_json
 from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.common.strict_json import JsonObject
+from fpg_bench.common.strict_json import JsonObject, read_object
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.play import play
@@ -375,7 +375,7 @@ class _DoubleOracle:
         }
         last = self.run(stage).agent
         named = _OWN_AGENT.sub(r'"\1"', json.dumps(read_card(last).to_dict()))
-        card = AgentCard.parse(json.loads(named), str(last))
+        card = AgentCard.parse(read_object(named), str(last))
         card.model_copy(update=update).write(self.folder / "agent", (last / "policy.onnx").read_bytes())
 
 
