@@ -116,7 +116,7 @@ def suite_match(player: PlayerSpec, suite: Suite, rival: Rival, count: int) -> M
     by_seat = [bool(rival.mates), False]
     order = slice(None, None, 1 if suite.side == "ally" else -1)
     match = two_teams(*sides[order], rival.scenario, suite.game, count, by_seat[order])
-    return MatchBatch(*match)  # type: ignore[arg-type]  # games of teams in the place of duels
+    return MatchBatch(*match)
 
 
 def play_teams(
