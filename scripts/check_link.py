@@ -15,13 +15,13 @@ import dataclasses
 import io
 import itertools
 import math
-import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from marks import fill
 from waveforms import SAMPLES_MHZ, Link, Transmission, array_gain, energy_rate, qam_rate
 
 from fpg_bench.game import link
@@ -309,12 +309,7 @@ def main() -> int:
     print(f"{cases(comparisons)}\n{text}\n{sight_note(preset('link-city'), 300)}")
     if options.page:
         options.page.with_suffix(".csv").write_text(cases(comparisons), encoding="utf-8")
-        page = options.page.read_text(encoding="utf-8")
-        marks = r"(<!-- check_link -->\n).*(<!-- end -->)"
-        options.page.write_text(
-            re.sub(marks, lambda found: f"{found[1]}\n{text}\n{found[2]}", page, flags=re.DOTALL),
-            encoding="utf-8",
-        )
+        fill(options.page, {"check_link": text})
     failed = []
     for title, rows in bounded.items():
         errors = np.array([row.error for row in rows])

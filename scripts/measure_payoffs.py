@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from marks import fill
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
@@ -280,13 +281,7 @@ def main() -> int:
     if options.page:
         for title, text in files.items():
             write_whole(options.page.with_name(f"{options.page.stem}-{title}.csv"), text)
-        page = options.page.read_text(encoding="utf-8")
-        for title, text in tables.items():
-            marks = rf"(<!-- {title} -->\n).*?(<!-- end -->)"
-            page = re.sub(
-                marks, lambda found, text=text: f"{found[1]}\n{text}\n\n{found[2]}", page, flags=re.DOTALL
-            )
-        write_whole(options.page, page)
+        fill(options.page, tables)
     return 0
 
 

@@ -18,13 +18,12 @@ from fpg_bench.common.output import print_messages
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.league.champions import (
     OracleConfig,
-    keep_search,
     load_champions,
     search_folder,
     ship_champion,
     train_champion,
 )
-from fpg_bench.training.league.double_oracle import ROWS
+from fpg_bench.training.league.double_oracle import ROWS, keep_search
 
 SEEDS = (0, 1, 2)
 
@@ -53,7 +52,7 @@ def main() -> None:
             ship_champion(agent, folder, config, seed, command)
             if isinstance(config, OracleConfig):
                 search = search_folder(config, seed, options.runs)
-                keep_search(search, folder.with_name(ROWS), seed)
+                keep_search(search, folder.with_name(ROWS))
             print(f"shipped: {folder}", flush=True)
 
 

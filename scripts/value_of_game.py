@@ -10,8 +10,6 @@ python scripts/value_of_game.py docs/results/value.md --search both=runs/both   
 from __future__ import annotations
 
 import argparse
-import json
-import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,21 +17,21 @@ from pathlib import Path
 
 import numpy as np
 from make_diagrams import write
+from marks import fill
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fpg_bench.common.canvas import ALLY, OPPONENT, Style, blank_figure
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_yaml, write_whole
+from fpg_bench.common.files import read_yaml
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.leaderboard.exploited import OWN, RECIPE, ResponseResult, read_results
 from fpg_bench.leaderboard.folders import submission_folders
 from fpg_bench.leaderboard.tracks import SCENARIOS
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.training.league.double_oracle import ROWS, search_rows
+from fpg_bench.training.league.double_oracle import ROWS, keep_search
 
-MARKS = re.compile(r"(<!-- value -->\n).*?(<!-- end -->)", re.DOTALL)
 OTHERS = "searches.jsonl"
 EVEN = "uniform-hop"  # the mode without the points by name, which are the best answer to some mixtures
 
@@ -202,14 +200,6 @@ def _lines(axes: Axes, rows: Sequence[Row]) -> None:
     )
 
 
-def keep(name: str, folder: Path, file: Path) -> None:
-    """Put the rows of a finished search into a file, in the place of those of its name and seed."""
-    rows = [{"search": name, **row} for row in search_rows(folder)]
-    others = [row for row in RowFile(file).read() if (row["search"], row["seed"]) != (name, rows[0]["seed"])]
-    rows = sorted([*others, *rows], key=lambda row: (row["search"], row["seed"], row["stage"]))
-    write_whole(file, "".join(json.dumps(row) + "\n" for row in rows))
-
-
 def main() -> None:
     """Keep searches, put the tables into the page, and draw the figure."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -221,7 +211,7 @@ def main() -> None:
     options = parser.parse_args()
     for word in options.search:
         name, _, folder = word.partition("=")
-        keep(name, Path(folder), options.page.with_name(OTHERS))
+        keep_search(Path(folder), options.page.with_name(OTHERS), name)
     rows = read_searches(options.agents or baselines_folder() / "agents", options.page)
     kept = list(kept_by_policies(rows, options.board))
     parts = [markdown_table(bracket(rows, kept)), markdown_table(answered(kept))]
@@ -232,9 +222,7 @@ def main() -> None:
             f"![Low and high over the stages of each search]({picture.name})",
             markdown_table(curve(rows)),
         ]
-    page = options.page.read_text(encoding="utf-8")
-    text = "\n\n".join(parts)
-    write_whole(options.page, MARKS.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", page))
+    fill(options.page, {"value": "\n\n".join(parts)})
 
 
 if __name__ == "__main__":

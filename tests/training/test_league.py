@@ -549,7 +549,7 @@ def test_a_champion_of_a_double_oracle_is_shipped_from_a_finished_search_whereve
     assert str(tmp_path) not in json.dumps(card)
     file = tmp_path / "scores.jsonl"
     file.write_text('{"seed": 3, "stage": 5}\n{"seed": 4, "stage": 0}\n')
-    championing.keep_search(agent.parent, file, 3)
+    searching.keep_search(agent.parent, file)
     *rows, other = RowFile(file).read()
     assert other == {"seed": 4, "stage": 0}
     assert [row["confirmed"] for row in rows] == [made["confirmed"].get(str(row["stage"])) for row in rows]
@@ -562,7 +562,7 @@ def test_a_champion_of_a_double_oracle_is_shipped_from_a_finished_search_whereve
 def test_a_search_that_is_not_finished_is_not_kept(tmp_path):
     (tmp_path / "double_oracle.json").write_text("{}")
     with pytest.raises(UserError, match="the search is not finished; run its command again"):
-        championing.keep_search(tmp_path, tmp_path / "scores.jsonl", 0)
+        searching.keep_search(tmp_path, tmp_path / "scores.jsonl")
 
 
 def test_the_hardest_player_is_drawn_most_often():

@@ -6,7 +6,6 @@ The others come from a double oracle, which stops once no stage keeps more again
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,10 +15,9 @@ from pydantic import Field as Constraint
 
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import read_json, read_yaml, write_json, write_whole
+from fpg_bench.common.files import read_json, read_yaml, write_json
 from fpg_bench.common.ids import find_env, policy_env
 from fpg_bench.common.imports import check_allowed
-from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import tuning_seeds
@@ -27,7 +25,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.population import expand_suites, member_folder
 from fpg_bench.training.config import RunConfig
-from fpg_bench.training.league.double_oracle import double_oracle, search_rows
+from fpg_bench.training.league.double_oracle import double_oracle
 from fpg_bench.training.league.evaluation import evaluate_against
 from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.train import train
@@ -287,14 +285,3 @@ def ship_champion(
         update["training_steps"] = sum(stage.steps for stage in config.stages)
     assert trained.card is not None
     trained.card.model_copy(update=update).write(folder, trained.model)
-
-
-def keep_search(folder: Path, file: Path, seed: int) -> None:
-    """Put the stages of a seed's double oracle into a file of rows, in the place of the seed's former ones.
-
-    Raises:
-        UserError: the search is not finished, or the file cannot be read.
-    """
-    rows = [row for row in RowFile(file, {"seed": int, "stage": int}).read() if row["seed"] != seed]
-    rows = sorted([*rows, *search_rows(folder)], key=lambda row: (row["seed"], row["stage"]))
-    write_whole(file, "".join(json.dumps(row) + "\n" for row in rows))

@@ -22,7 +22,7 @@ from typing import Any, TypedDict
 
 from fpg_bench.common.checks import integer, one_of
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import check_own_folder, read_json, write_json
+from fpg_bench.common.files import check_own_folder, read_json, write_json, write_whole
 from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import JsonObject, read_object
@@ -214,6 +214,29 @@ def search_rows(folder: Path) -> list[Row]:
     }
     confirmed = result["confirmed"]
     return [{**settings, **row, "confirmed": confirmed.get(str(row["stage"]))} for row in result["rows"]]
+
+
+def keep_search(folder: Path, file: Path, search: str | None = None) -> None:
+    """Put the rows of a finished search into a file, in the place of those of its name and seed.
+
+    Args:
+        folder: the search's folder.
+        file: a file of rows, which need not exist.
+        search: the search's name, in a file of several.
+
+    Raises:
+        UserError: the search is not finished, or the file cannot be read.
+    """
+    named = {} if search is None else {"search": search}
+    rows = [{**named, **row} for row in search_rows(folder)]
+    key = search, rows[0]["seed"]
+    others = [
+        row
+        for row in RowFile(file, {"seed": int, "stage": int}).read()
+        if (row.get("search"), row["seed"]) != key
+    ]
+    rows = sorted([*others, *rows], key=lambda row: (row.get("search", ""), row["seed"], row["stage"]))
+    write_whole(file, "".join(json.dumps(row) + "\n" for row in rows))
 
 
 @dataclass(frozen=True)
