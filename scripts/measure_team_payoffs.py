@@ -28,7 +28,7 @@ from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.evaluation.team_match import play_teams
 from fpg_bench.game.scenario import preset
 from fpg_bench.game.team_rules import TEAM_SCRIPTS, TeamRules
-from fpg_bench.players.player import SIDES
+from fpg_bench.players.player import SIDES, PlayerSpec
 from fpg_bench.players.team_scripts import BOUNDS
 
 GAMES = {"3 v 2": TeamRules(), "3 v 1": TeamRules(jammers=1), "separate": TeamRules(formation="separate")}
@@ -50,11 +50,12 @@ class Results:
         self._file, self._matches = RowFile(path, {"rewards": list}), matches
         self._rows = {tuple(row[key] for key in KEY): row for row in self._file.read()}
 
-    def of(self, game: str, ally: str, opponent: str) -> Row:
-        """Return the row of a pair of players in a game of ``GAMES``."""
+    def of(self, game: str, ally: str, opponent: str, player: PlayerSpec | None = None) -> Row:
+        """Return the row of a pair in a game of ``GAMES``; ``player`` plays as ``ally``, if given."""
         key = game, ally, opponent, self._matches
         if key not in self._rows:
-            played = play_teams([ally], [opponent], preset("link"), GAMES[game], self._matches)
+            allies = [ally if player is None else player]
+            played = play_teams(allies, [opponent], preset("link"), GAMES[game], self._matches)
             counts = {name: getattr(played, name) for name in COUNTS}
             row = dict(zip(KEY, key, strict=True)) | counts | {"rewards": played.rewards.tolist()}
             self._file.append([row])

@@ -15,19 +15,18 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from marks import fill
 from measure_payoffs import Frozen, Values, levers
+from measure_team_payoffs import Results
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
-from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.statistics import MATCHES, Interval, mean_interval
+from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.table import markdown_table
-from fpg_bench.evaluation.team_match import play_teams
 from fpg_bench.game.scenario import preset
 from fpg_bench.game.team_rules import MATES, TEAM_SCRIPTS, TeamRules
 from fpg_bench.game.team_spec import TeamSpec
@@ -53,13 +52,8 @@ class Teams:
     """
 
     def __init__(self, folder: Path, seeds: int, matches: int) -> None:
-        self.folder, self.seeds, self.matches = folder, range(seeds), matches
-        self._file = RowFile(folder / "rows.jsonl", {"rewards": list})
-        self._known = {self._key(row): np.array(row["rewards"]) for row in self._file.read()}
-
-    @staticmethod
-    def _key(row: dict[str, Any]) -> tuple[Any, ...]:
-        return tuple(row[name] for name in ("ally", "opponent", "frozen", "matches"))
+        self.folder, self.seeds = folder, range(seeds)
+        self._results = Results(folder / "rows.jsonl", matches)
 
     def agents(self, name: str) -> list[str]:
         """Return the agents of a group, a training seed each."""
@@ -79,15 +73,11 @@ class Teams:
 
     def rewards(self, ally: str, opponent: str, frozen: str = "", values: Values | None = None) -> np.ndarray:
         """Return the allies' mean reward per step in each match, ``(matches,)``, with some floats frozen."""
-        row = {"ally": ally, "opponent": opponent, "frozen": frozen, "matches": self.matches}
-        if (key := self._key(row)) not in self._known:
-            player: PlayerSpec = ally
-            if values:
-                player = FrozenSeats(as_team_player(ally, "ally", SCENARIO, TEAM), values)
-            played = play_teams([player], [opponent], SCENARIO, TEAM, self.matches)
-            self._known[key] = played.rewards
-            self._file.append([row | {"rewards": [round(value, 5) for value in played.rewards.tolist()]}])
-        return self._known[key]
+        label, player = ally, cast(PlayerSpec, ally)
+        if values:
+            label = f"{ally}, {frozen}"
+            player = FrozenSeats(as_team_player(ally, "ally", SCENARIO, TEAM), values)
+        return np.array(self._results.of("3 v 2", label, opponent, player)["rewards"])
 
     def over_seeds(
         self,
@@ -97,7 +87,7 @@ class Teams:
     ) -> Interval:
         """Return the interval over training seeds, each given by its pairs, of the mean or worst."""
         values = [of(np.array([self.rewards(*pair, **frozen).mean() for pair in pairs])) for pairs in seeds]
-        return mean_interval(np.array(values), "seeds")
+        return mean_interval(np.array(values), TRAINING_SEEDS)
 
     def over_matches(self, pairs: Sequence[tuple[str, str]]) -> Interval:
         """Return the interval over matches of the mean over pairs."""
