@@ -1,4 +1,4 @@
-"""A shipped ally whose hops go to an evenly drawn point, with nothing trained: does *where* it hops give it away?
+"""A shipped ally whose hops go to an evenly drawn point, with nothing trained: what it then keeps.
 
 fpg-bench best-response scripts.even_hops:EvenHops --side ally --algorithm ppo-stack8 --actions discrete
     --steps 1500000 --n-seeds 1 --out runs/even_hops                     on one line; about 2 minutes a seed
