@@ -74,6 +74,10 @@ GROUPS = {
         "opponent on a link, of a population",
         "nine scripted allies and those of the public population training-link-1, drawn anew every round",
     ),
+    "opponent-link-strangers": (
+        "opponent on a link that met many",
+        "nine scripted allies, the population training-link-1 and the members of season 2; pupil of narrowband",
+    ),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),
 }
