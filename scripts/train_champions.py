@@ -25,14 +25,12 @@ from fpg_bench.training.league.champions import (
 )
 from fpg_bench.training.league.double_oracle import ROWS, keep_search
 
-SEEDS = (0, 1, 2)
-
 
 def main() -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", help="name of one champion")
-    parser.add_argument("--seed", type=int, help="one training seed; default: 0, 1 and 2")
+    parser.add_argument("--seed", type=int, help="one training seed; default: all of the configuration")
     parser.add_argument("--file", type=Path, help="default: baselines/champions.yml")
     parser.add_argument("--runs", type=Path, default=Path("runs/champions"), help="the runs' folders")
     parser.add_argument("--agents", type=Path, help="folder of the shipped agents; default: baselines/agents")
@@ -45,7 +43,7 @@ def main() -> None:
     agents = options.agents or baselines_folder() / "agents"
     for name in [options.only] if options.only else list(configs):
         config = configs[name]
-        for seed in SEEDS if options.seed is None else (options.seed,):
+        for seed in range(config.seeds) if options.seed is None else (options.seed,):
             agent = train_champion(config, seed, options.runs, progress=options.progress)
             folder = agents / name / config.algorithm / f"seed_{seed}"
             command = f"python scripts/train_champions.py --only {name} --seed {seed}"

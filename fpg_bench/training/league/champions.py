@@ -64,6 +64,7 @@ class ChampionConfig(Strict):
             population.
         priority: how much more often the hardest player is drawn than the easiest, after the first stage.
         options: options of the games, attributes of :class:`fpg_bench.game.spec.GameSpec`.
+        seeds: number of training seeds; not part of an agent's recipe.
     """
 
     name: str
@@ -75,6 +76,7 @@ class ChampionConfig(Strict):
     responders: Items[Responder] = ()
     priority: PositiveInt = 4
     options: JsonObject = Constraint(default_factory=dict)
+    seeds: Annotated[PositiveInt, Constraint(exclude=True)] = 3
 
     @property
     def game(self) -> GameSpec:
@@ -98,6 +100,7 @@ class OracleConfig(Strict):
     Attributes:
         name: folder of the agents.
         options: options of the game, attributes of :class:`fpg_bench.game.spec.GameSpec`.
+        seeds: number of training seeds; not part of an agent's recipe.
         others: arguments of :func:`fpg_bench.training.league.double_oracle.double_oracle`.
     """
 
@@ -114,6 +117,7 @@ class OracleConfig(Strict):
     weight: PositiveInt
     patience: PositiveInt
     options: JsonObject = Constraint(default_factory=dict)
+    seeds: Annotated[PositiveInt, Constraint(exclude=True)] = 3
 
     @property
     def id(self) -> str:
