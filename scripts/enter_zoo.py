@@ -76,7 +76,7 @@ GROUPS = {
     ),
     "opponent-link-strangers": (
         "opponent on a link that met many",
-        "nine scripted allies, the population training-link-1 and the members of season 2; pupil of narrowband",
+        "nine scripted allies, training-link-1 and the members of season 2; pupil of narrowband",
     ),
     "duel-ally": ("ally of a duel", "only the opponent that learned with it, from its first step on"),
     "duel-opponent": ("opponent of a duel", "only the ally that learned with it, from its first step on"),

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from marks import fill
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.rows import RowFile
 from fpg_bench.datasets.make import make_dataset
@@ -37,7 +37,6 @@ from fpg_bench.training.train import parse_seeds, train
 
 ROWS = baselines_folder() / "scores" / "offline" / "scores.jsonl"
 PAGE = baselines_folder().parent / "docs" / "guides" / "offline.md"
-BEGIN, END = "<!-- scores -->\n", "<!-- end -->"
 BEHAVIOUR = "behaviour"
 # Each data set, and the zoo's group that was trained online in the same game.
 DATASETS = {
@@ -109,7 +108,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         best = next(each for each in summarise(zoo.read_records(group, suite), suite) if each.trained)
         cells = [_cell(scores.get(algorithm, [])) for algorithm in (BEHAVIOUR, *algorithms)]
         lines.append([f"`{name}`", suite.name, *cells, f"{number(best.score.value)} (`{best.entry}`)"])
-    return markdown_table(lines) + "\n"
+    return markdown_table(lines)
 
 
 def _cell(scores: list[float]) -> str:
@@ -118,13 +117,6 @@ def _cell(scores: list[float]) -> str:
         return ", ".join(map(number, scores)) or "-"
     interval = mean_interval(np.array(scores), "training seeds")
     return f"{number(interval.value)} {bounds(interval)}"
-
-
-def write_table(rows: list[dict[str, Any]]) -> None:
-    """Write the table into its page."""
-    head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    tail = rest.partition(END)[2]
-    write_whole(PAGE, f"{head}{BEGIN}{table(rows)}{END}{tail}")
 
 
 def main() -> int:
@@ -152,7 +144,7 @@ def main() -> int:
                 head = {"dataset": name, "algorithm": algorithm, "training_seed": seed}
                 rows.append([head | row])
                 print(f"{name} {algorithm} {seed}: {row['score']}", flush=True)
-    write_table(rows.read())
+    fill(PAGE, {"scores": table(rows.read())})
     print(f"written: {PAGE}")
     return 0
 
