@@ -13,7 +13,7 @@ from fpg_bench.common.rows import RowFile
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
-    (tmp_path / "page.md").write_text(f"before\n\n{script.BEGIN}old\n{script.END}\n\nafter\n")
+    (tmp_path / "page.md").write_text(f"before\n\n<!-- scores -->\nold\n<!-- end -->\n\nafter\n")
     for name, value in {
         "ROWS": tmp_path / "scores.jsonl",
         "PAGE": tmp_path / "page.md",
@@ -54,7 +54,7 @@ def test_agents_are_trained_and_scored_once_and_stand_in_the_table(here, monkeyp
 @pytest.mark.slow
 def test_the_table_of_the_guide_is_that_of_the_rows():
     rows = RowFile(script.ROWS).read()
-    table = script.PAGE.read_text().split(script.BEGIN)[1].split(script.END)[0]
-    assert table == script.table(rows)
+    table = script.PAGE.read_text().split("<!-- scores -->")[1].split("<!-- end -->")[0]
+    assert table.strip() == script.table(rows).strip()
     trained = [row for row in rows if row["algorithm"] != script.BEHAVIOUR]
     assert all(re.fullmatch(r"[0-9a-f]{64}", row["policy_sha256"]) for row in trained)
