@@ -185,7 +185,7 @@ def test_a_stronger_response_of_an_earlier_search_stays(
     monkeypatch.setattr(module, "TARGETS", ("ally/linear",))
     script("ally/linear")
     policy = small_suites / "suites/responses-v2/ally/linear/policy.onnx"
-    stronger = split(rows_of(board))[1][0] | {"steps": 800, "return": -100.0}
+    stronger = split(rows_of(board))[1][0] | {"steps": 800, "return": -100.0, "seconds": 90.0}
     (board / "results/best_responses.jsonl").write_text(json.dumps(stronger) + "\n")
     policy.write_bytes(b"stronger")
     script("ally/linear")
@@ -195,7 +195,7 @@ def test_a_stronger_response_of_an_earlier_search_stays(
     script("--table")
     head, _, line = capsys.readouterr().out.splitlines()[:3]
     assert head == "| entry | strongest script | ppo, 800 steps | ppo, 400 steps | lowest known |"
-    assert "| -100.0 (0.0) | -" in line
+    assert "| -100.0 (1.5) | -" in line
 
 
 def test_a_published_response_names_no_path_of_this_machine(
@@ -232,15 +232,17 @@ def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(
     head, _, line, *opponents = capsys.readouterr().out.splitlines()
     assert head == "| entry | strongest script | ppo, 400 steps | lowest known |"
     (met,), responses = split(rows_of(board))
-    by_script, lowest = f"{met['return']:.1f}", f"{min(row['return'] for row in responses):.1f}"
+    by_script, strongest = f"{met['return']:.1f}", min(responses, key=lambda row: row["return"])
+    lowest = f"{strongest['return']:.1f} ({strongest['seconds'] / 60:.1f})"
     known = min((met, *responses), key=lambda row: row["return"])["return"]
-    assert line == f"| `linear` | {by_script} (`{met['script']}`) | {lowest} (0.0) | **{known:.1f}** |"
+    assert line == f"| `linear` | {by_script} (`{met['script']}`) | {lowest} | **{known:.1f}** |"
     assert opponents[-1] == "| `flying` | - | - | - | - |"
     keep = module.keep
 
     def keep_much_spite(*given):
         *others, rows = given
-        keep(*others, [row | {"return": -99.0} if row["reward"] == "zero_sum" else row for row in rows])
+        spite = {"return": -99.0, "seconds": 90.0}
+        keep(*others, [row | spite if row["reward"] == "zero_sum" else row for row in rows])
 
     monkeypatch.setattr(module, "keep", keep_much_spite)
     script("opponent/flying")
@@ -251,4 +253,4 @@ def test_the_table_has_the_lowest_return_of_each_kind_and_of_all(
     head, _, line = capsys.readouterr().out.splitlines()[-3:]
     assert head.endswith("| ppo, 400 steps | paid for the loss: ppo discrete, 400 steps | lowest known |")
     rows = [row for row in rows_of(board) if row["slug"] == "flying" and row["reward"] == "own"]
-    assert line.endswith(f"| -99.0 (0.0) | **{min(row['return'] for row in rows):.1f}** |")
+    assert line.endswith(f"| -99.0 (1.5) | **{min(row['return'] for row in rows):.1f}** |")
