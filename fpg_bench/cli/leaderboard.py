@@ -170,7 +170,7 @@ def crossplay(
     since: SinceOption = None,
     workers: WorkersOption = Workers(1),
 ) -> None:
-    """Play every verified ally against every verified opponent; existing pairs are kept.
+    """Play every verified ally against every verified opponent of its scenario; existing pairs are kept.
 
     Example: fpg-bench leaderboard crossplay
     """
