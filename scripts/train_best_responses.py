@@ -75,6 +75,7 @@ TARGETS = (
     "ally/ally-link-ppo-stack8",
     "opponent/opponent-link-population-dqn-stack8",
     "opponent/opponent-link-ppo-stack8",
+    "opponent/opponent-link-strangers-ppo-stack8",
 )
 # Calls of best_responses by the scenario of the entry.
 SEARCH = {"standard": FULL_SEARCH, "link": (DISCRETE_PPO,)}
