@@ -1,8 +1,8 @@
 """Draw the diagrams of the documentation: ``python scripts/make_diagrams.py docs/pictures``.
 
 ``system.svg``, ``detection.svg`` and ``seasons.svg`` show the rules and the protocol; ``waterfall.svg`` a
-round and what the ally's waterfall shows of it; ``crossplay.svg`` the board's cross-play; ``clones.svg`` a
-round of a team whose allies choose alike. They are dark where the reader's system is.
+round and what the ally's waterfall shows of it; ``crossplay.svg`` the board's cross-play in ``standard``;
+``clones.svg`` a round of a team whose allies choose alike. They are dark where the reader's system is.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from matplotlib.patches import FancyBboxPatch
 
 import fpg_bench  # noqa: F401  registers the ids
 from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, image_of
-from fpg_bench.common.files import write_whole
+from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.rows import RowFile
 from fpg_bench.envs.gymnasium_env import FPGEnv
 from fpg_bench.evaluation.team_watching import record_team
@@ -131,9 +131,17 @@ def waterfall() -> Figure:
 
 
 def crossplay() -> Figure:
-    """Draw the ally's return per step of the best allies against the best opponents in pursuit."""
-    rows = RowFile(ROOT / "leaderboard/results/crossplay.jsonl").read()
-    pairs = {(row["ally"], row["opponent"]): float(np.mean(row["ally_rewards"])) for row in rows}
+    """Draw the ally's return per step of the best allies against the best opponents in ``standard``."""
+    board = ROOT / "leaderboard"
+    scenarios = {
+        file.parent.name: read_yaml(file, "submission").get("scenario", "standard")
+        for file in board.glob("submissions/ally/*/submission.yaml")
+    }
+    pairs = {
+        (row["ally"], row["opponent"]): float(np.mean(row["ally_rewards"]))
+        for row in RowFile(board / "results/crossplay.jsonl").read()
+        if scenarios[row["ally"]] == "standard"
+    }
     allies, opponents = (sorted({pair[side] for pair in pairs}) for side in (0, 1))
     opponents = [name for name in opponents if all((ally, name) in pairs for ally in allies)]
     table = np.array([[pairs[ally, opponent] for opponent in opponents] for ally in allies])

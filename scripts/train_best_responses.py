@@ -3,13 +3,19 @@
 python scripts/train_best_responses.py [ally/ally-champion ...] [--n-jobs 2]     run it again to resume
 python scripts/train_best_responses.py --table                           print the rows as tables
 
-The full search of fpg-bench best-response finds responses to each entry's first training seed: to an ally
-for what it loses, to an opponent for what the response itself earns. One more response to each opponent is
-trained for what the opponent loses ("spite"). Each has a row in leaderboard/results/best_responses.jsonl,
-with its budget, seconds and the entry's return per step against it, and so has the strongest script. The
-strongest response to an entry, spite aside, becomes an agent folder
-baselines/suites/responses-v2/<side>/<entry>, and a rival in the suite of best responses of its track, such
-as baselines/suites/ally-responses-v2.yml.
+The search of an entry's scenario, SEARCH, finds responses to its first training seed: to an ally for what
+it loses, to an opponent for what the response itself earns. One more response to each opponent is trained
+for what the opponent loses ("spite"). Each has a row in leaderboard/results/best_responses.jsonl, with its
+budget, seconds and the entry's return per step against it, and so has the strongest script. The strongest
+response to an entry, spite aside, becomes an agent folder baselines/suites/responses-v2/<side>/<entry>
+(of ``link``: responses-link-v1), and a rival in the suite of best responses of its track, such as
+baselines/suites/ally-responses-v2.yml or ally-link-responses-v1.yml.
+
+In ``standard`` the search is the full one of fpg-bench best-response. In ``link`` it is one of its four
+calls, that of discrete PPO with eight frames from nothing, and no random scripts are tried. So a response
+that is the strongest in ``link`` was looked for less. In ``standard`` this call finds the lowest return of
+each entry among the calls from nothing; the pupil of the strongest response lowers that of the allies by
+another 0.1 to 0.9 per step, and that of the opponents by up to 1.5.
 """
 
 from __future__ import annotations
@@ -22,6 +28,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +42,11 @@ from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.leaderboard.folders import short_path, submission_folders
 from fpg_bench.leaderboard.submission import load_submission
-from fpg_bench.leaderboard.tracks import TRACKS
+from fpg_bench.leaderboard.tracks import RESPONSES, TRACKS, Track
 from fpg_bench.players.agent import read_card, suites_folder
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.league.best_responses import (
+    DISCRETE_PPO,
     FULL_SEARCH,
     RESPONSE_REWARDS,
     best_responses,
@@ -46,7 +54,8 @@ from fpg_bench.training.league.best_responses import (
     response_label,
 )
 
-# The first trained entries of each table, at most five, by what they earned among the unseen of season 2.
+# The first trained entries of each table, at most five in standard and three in link, by what they earned
+# among the unseen of season 2.
 TARGETS = (
     "ally/ally-discrete-ppo-stack8",
     "ally/ally-champion",
@@ -61,7 +70,15 @@ TARGETS = (
     "opponent/opponent-champion-2",
     "opponent/opponent-champion",
     "opponent/opponent-learned-ppo",
+    "ally/ally-link-population-ppo-stack8",
+    "ally/ally-link-champion",
+    "ally/ally-link-ppo-stack8",
+    "opponent/opponent-link-population-dqn-stack8",
+    "opponent/opponent-link-ppo-stack8",
+    "opponent/opponent-link-strangers-ppo-stack8",
 )
+# Calls of best_responses by the scenario of the entry.
+SEARCH = {"standard": FULL_SEARCH, "link": (DISCRETE_PPO,)}
 # One response to each opponent is paid for what the opponent loses, whatever that costs an ally.
 SPITE: dict[str, Any] = {
     "algorithm": "ppo-stack8",
@@ -70,9 +87,7 @@ SPITE: dict[str, Any] = {
     "n_seeds": 1,
     "reward": "zero_sum",
 }
-SCENARIO = "standard"  # the scenario of the entries that responses are trained against
 MATCHES = 25  # per rival in the suites
-FOLDER = "responses-v2"
 _KIND = ("algorithm", "steps", "actions", "start", "reward")  # keys that tell kinds of responses apart
 _ROW_KEYS = (*_KIND, "script", "training_seed", "seconds", "return", "earned")
 SCRIPT = "script"  # algorithm in the row of the strongest script
@@ -85,20 +100,26 @@ class Target:
     """First training seed of a trained entry.
 
     Attributes:
-        track: key of its track.
-        side: its side.
+        track: its track.
         slug: its folder on the board.
         agent: its policy, as a player.
         sha256: hash of its policy.
-        path: flight path of the opponent in its track.
     """
 
-    track: str
-    side: str
+    track: Track
     slug: str
     agent: str
     sha256: str
-    path: str
+
+    @property
+    def side(self) -> str:
+        """Its side."""
+        return self.track.side
+
+    @property
+    def path(self) -> str:
+        """Flight path of the opponent."""
+        return self.track.path or PURSUIT
 
     @property
     def name(self) -> str:
@@ -107,37 +128,37 @@ class Target:
 
     @property
     def response(self) -> str:
-        """Name of the strongest response as a player."""
-        return f"{FOLDER}/{self.side}/{self.slug}"
+        """Name of the strongest response as a player; each scenario has a folder of its own."""
+        scenario, version = self.track.scenario, self.track.public.rpartition("-v")[2]
+        own = "" if scenario == "standard" else f"-{scenario}"
+        return f"{RESPONSES}{own}-v{version}/{self.name}"
+
+    @property
+    def calls(self) -> list[dict[str, Any]]:
+        """Arguments of the calls of best_responses that find responses to it."""
+        search = SEARCH[self.track.scenario]
+        spite = [SPITE] if self.side == "opponent" else []
+        return [*({**call, "reward": RESPONSE_REWARDS[self.side]} for call in search), *spite]
 
     def rows(self, file: RowFile) -> list[Row]:
         """Return the rows of responses to this very policy."""
-        own = {"track": self.track, "slug": self.slug, "policy_sha256": self.sha256, "protocol": PROTOCOL}
+        own = {"track": self.track.key, "slug": self.slug, "policy_sha256": self.sha256, "protocol": PROTOCOL}
         return [row for row in file.read() if own.items() <= row.items()]
 
     def is_done(self, file: RowFile) -> bool:
         """Return True if there is a row for each response, and the strongest agent."""
         rows = Counter(kind_of(row) for row in self.rows(file))
         has_agent = (suites_folder() / self.response / "agent.json").is_file()
-        return has_agent and all(rows[kind_of(call)] >= call["n_seeds"] for call in calls_of(self.side))
+        return has_agent and all(rows[kind_of(call)] >= call["n_seeds"] for call in self.calls)
 
 
 def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
-    """Yield the targets of these entries of a board, or of all; those of other scenarios are none."""
+    """Yield the targets of these entries of a board, or of all; scripts and planners are none."""
     for folder in submission_folders(board, names):
         if folder.parent.name in SIDES:
             entry = load_submission(folder, inspect_onnx=False)
-            if entry.policies and entry.scenario == SCENARIO:
-                agent, sha256 = entry.players[0], entry.policies[0].sha256
-                yield Target(
-                    entry.board_track.key, entry.track, entry.slug, agent, sha256, entry.path or PURSUIT
-                )
-
-
-def calls_of(side: str) -> list[dict[str, Any]]:
-    """Return the arguments of the calls of best_responses that find responses to a side's entries."""
-    spite = [SPITE] if side == "opponent" else []
-    return [*({**call, "reward": RESPONSE_REWARDS[side]} for call in FULL_SEARCH), *spite]
+            if entry.policies:
+                yield Target(entry.board_track, entry.slug, entry.players[0], entry.policies[0].sha256)
 
 
 def kind_of(response: Row) -> tuple[Any, ...]:
@@ -148,12 +169,12 @@ def kind_of(response: Row) -> tuple[Any, ...]:
 def train_responses(target: Target, out: Path) -> list[Row]:
     """Train the missing responses to a target; return their results, and that of the strongest script."""
     results: dict[str, Row] = {}
-    for call in calls_of(target.side):  # each result of a reward includes the former ones
+    for call in target.calls:  # each result of a reward includes the former ones
         results[call["reward"]] = best_responses(
             target.agent,
             out / call["reward"],
             side=target.side,
-            scenario=SCENARIO,
+            scenario=target.track.scenario,
             path=target.path,
             progress=False,
             **call,
@@ -183,12 +204,12 @@ def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> 
             imitation["teacher"] = "/".join(Path(imitation["teacher"]).parts[-3:-1])
         command = f"python scripts/train_best_responses.py {target.name}"
         card.model_copy(update={"command": command}).write(published, (agent / "policy.onnx").read_bytes())
-    own = (target.track, target.slug)
+    own = (target.track.key, target.slug)
     rows = [row for row in file.read() if (row["track"], row["slug"]) != own or kind_of(row) not in made]
     for response in responses:
         rows.append(
             {
-                "track": target.track,
+                "track": target.track.key,
                 "slug": target.slug,
                 "agent": target.agent,
                 **{key: response[key] for key in _ROW_KEYS if key in response},
@@ -210,36 +231,46 @@ def write_suites(board: Path) -> Iterator[Path]:
     """Write the suite of each track that has responses to entries of the board; yields the paths."""
     answered = [target for target in targets(board, ()) if (suites_folder() / target.response).is_dir()]
     for track in TRACKS.values():
-        if own := [target for target in answered if target.track == track.key]:
+        if own := [target for target in answered if target.track == track]:
             public = load_suite(track.public)
             content = {
                 "side": public.side,
-                "scenario": SCENARIO,
+                "scenario": track.scenario,
                 "matches": MATCHES,
                 "scale": {"zero": public.scale.zero, "top": public.scale.top},
-                "rivals": [_rival(target, public.other_side) for target in own],
+                "rivals": [
+                    {
+                        "name": f"response to {target.slug}",
+                        public.other_side: target.response,
+                        "path": target.path,
+                    }
+                    for target in own
+                ],
             }
-            path = suites_folder() / f"{track.public.rpartition('-v')[0]}-{FOLDER}.yml"
+            path = suites_folder() / f"{track.suite_name(RESPONSES)}.yml"
             write_whole(path, _HEAD + yaml.safe_dump(content, sort_keys=False, width=110))
             yield path
 
 
-def _rival(target: Target, other_side: str) -> dict[str, str]:
-    """Return a response as a rival, on the flight path of its training."""
-    path = read_card(suites_folder() / target.response).scenario_fields.get("opponent_path", PURSUIT)
-    return {"name": f"response to {target.slug}", other_side: target.response, "path": path}
+def tables(board: Path, file: RowFile) -> Iterator[str]:
+    """Yield a table for each scenario and side with targets."""
+    shown = list(targets(board, TARGETS))
+    for of in product(SEARCH, SIDES):
+        if own := [target for target in shown if (target.track.scenario, target.side) == of]:
+            yield "\n".join(table(own, file))
 
 
-def table(side: str, board: Path, file: RowFile) -> Iterator[str]:
-    """Yield the lines of a table of a side's targets: the lowest return by kind of response and overall.
+def table(own: Sequence[Target], file: RowFile) -> Iterator[str]:
+    """Yield the lines of a table of targets: the lowest return by kind of response and overall.
 
-    In brackets are the script's name, or the minutes of the training. Kinds of responses that an earlier
-    search has left have a column, too.
+    All targets are of one scenario and side. In brackets are the script's name, or the minutes of the
+    training. Kinds of responses that an earlier search has left have a column, too.
     """
-    found = {target.slug: target.rows(file) for target in targets(board, TARGETS) if target.side == side}
+    side, calls = own[0].side, own[0].calls
+    found = {target.slug: target.rows(file) for target in own}
     trained = [row for rows in found.values() for row in rows if row["algorithm"] != SCRIPT]
     titles = {kind_of({"algorithm": SCRIPT, "reward": RESPONSE_REWARDS[side]}): "strongest script"}
-    titles |= {kind_of(each): _title(each, side) for each in (*trained, *calls_of(side))}
+    titles |= {kind_of(each): _title(each, side) for each in (*trained, *calls)}
     yield f"| entry | {' | '.join(titles.values())} | lowest known |"
     yield "| --- |" + " --- |" * (len(titles) + 1)
     for slug, rows in found.items():
@@ -280,7 +311,7 @@ def main() -> int:
     options = parser.parse_args()
     file = RowFile(options.board / "results" / "best_responses.jsonl")
     if options.table:
-        print("\n\n".join("\n".join(table(side, options.board, file)) for side in SIDES))
+        print("\n\n".join(tables(options.board, file)))
         return 0
     jobs = [
         Job(

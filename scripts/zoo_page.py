@@ -42,7 +42,7 @@ agent again and compares. This page and its pictures are made by `{COMMAND}`.
 
 A score is the mean over a suite's rivals of the return per step, on the scale of the track
 ([protocol](../docs/benchmark/protocol.md#suites-and-scores)), and a number is comparable with others of its
-column only. The first suite is the one that `fpg-bench zoo` shows; with `@season-2` it is played on the
+column only. The first suite is the one that `fpg-bench zoo` shows; with `@season-3` it is played on the
 seeds of that season, as the leaderboard plays it, and the scores are the leaderboard's. Agents may be trained
 against all rivals but those of a season suite, which were trained after the entries of that season had been
 closed. The last columns are of the first suite.

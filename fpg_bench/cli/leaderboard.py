@@ -170,7 +170,7 @@ def crossplay(
     since: SinceOption = None,
     workers: WorkersOption = Workers(1),
 ) -> None:
-    """Play every verified ally against every verified opponent; existing pairs are kept.
+    """Play every verified ally against every verified opponent of its scenario; existing pairs are kept.
 
     Example: fpg-bench leaderboard crossplay
     """
@@ -295,7 +295,7 @@ def close_season(
 ) -> None:
     """Close a season: train candidates with a seed derived from the entries, and select the suite from them.
 
-    Example: fpg-bench leaderboard close-season 3 --work runs/season-3
+    Example: fpg-bench leaderboard close-season 4 --work runs/season-4
     """
     require_extra("train", "torch")
     from fpg_bench.leaderboard.season import closing as seasons
@@ -318,7 +318,7 @@ def close_season(
 @leaderboard.command()
 @with_fields
 def audit_season(
-    name: Annotated[str, typer.Argument(help="A shipped season (season-2), or its folder.")],
+    name: Annotated[str, typer.Argument(help="A shipped season (season-3), or its folder.")],
     work: Annotated[Path, typer.Option(help="Folder to train in.")],
     folder: FolderOption = Path("leaderboard"),
     member: Annotated[list[str] | None, typer.Option(help="Member to train again; can be repeated.")] = None,
@@ -329,7 +329,7 @@ def audit_season(
 ) -> None:
     """Train members of a season again, and compare the entries' returns against old and new members.
 
-    Example: fpg-bench leaderboard audit-season season-2 --work runs/audit
+    Example: fpg-bench leaderboard audit-season season-3 --work runs/audit
     """
     require_extra("train", "torch")
     from fpg_bench.leaderboard.season import audit

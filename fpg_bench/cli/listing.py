@@ -222,7 +222,7 @@ def suites(
 ) -> None:
     """List the suites with their rivals, or describe one of them or a season.
 
-    Example: fpg-bench suites season-2
+    Example: fpg-bench suites season-3
     """
     from fpg_bench.evaluation.suite import read_suite, suite_names
     from fpg_bench.players.agent import suites_folder

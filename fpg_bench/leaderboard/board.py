@@ -35,6 +35,7 @@ from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import (
     PUBLIC,
     PUBLIC_SEEDS,
+    SCENARIOS,
     SHIFTED,
     TRACKS,
     UNSEEN,
@@ -337,9 +338,10 @@ class NashMixture:
 
 @dataclass(frozen=True)
 class CrossPlay:
-    """Figures of all pairs of entries that have played all entries of the other side.
+    """Figures of all pairs of entries of a scenario that have played all entries of the other side.
 
     Attributes:
+        season: the number of the season on whose seeds it was played; None before the first.
         allies, opponents: rows and columns of all matrices.
         same_player: opponents that are left out, each with the opponent that is shown instead.
         missing: by side, the entries that have not played all others.
@@ -348,6 +350,7 @@ class CrossPlay:
         rounds: per pair.
     """
 
+    season: int | None
     allies: tuple[str, ...]
     opponents: tuple[str, ...]
     same_player: Mapping[str, str]
@@ -364,9 +367,9 @@ class Board:
     """Everything that the site shows.
 
     Attributes:
-        season: the number of the newest closed season; None before the first.
+        season: the number of the newest closed season of ``standard``; None before the first.
         built: date of the build.
-        crossplay: None if no entry has played all entries of the other side.
+        crossplay: by scenario; without those in which no entry has played all entries of the other side.
     """
 
     version: str
@@ -374,7 +377,7 @@ class Board:
     season: int | None
     built: str
     tracks: tuple[BoardTrack, ...]
-    crossplay: CrossPlay | None
+    crossplay: Mapping[str, CrossPlay]
 
     def names(self, side: str) -> dict[str, str]:
         """Return the entries' names by slug on a side."""
@@ -401,14 +404,17 @@ def make_board(
         entries: see :func:`fpg_bench.leaderboard.entries.load_entries`.
         replays: by track and entry, the files of the rounds that its page shows.
     """
-    season = entries.suites.seasons.get("standard")
+    seasons = {scenario: key.number for scenario, key in entries.suites.seasons.items()}
+    crossplay = {
+        scenario: _make_crossplay(entries.pairs.of(scenario), seasons.get(scenario)) for scenario in SCENARIOS
+    }
     return Board(
         version=__version__,
         protocol=PROTOCOL,
-        season=None if season is None else season.number,
+        season=seasons.get("standard"),
         built=datetime.datetime.now(datetime.UTC).date().isoformat(),
         tracks=tuple(_make_track(entries, track, replays) for track in TRACKS.values()),
-        crossplay=_make_crossplay(entries.pairs),
+        crossplay={scenario: played for scenario, played in crossplay.items() if played is not None},
     )
 
 
@@ -700,7 +706,7 @@ def _make_profiles(ranking: Sequence[Summary]) -> Profiles:
     )
 
 
-def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
+def _make_crossplay(pairs: Pairs, season: int | None) -> CrossPlay | None:
     allies, opponents = fully_played(pairs)
     if not allies or not opponents:
         return None
@@ -722,6 +728,7 @@ def _make_crossplay(pairs: Pairs) -> CrossPlay | None:
         return [[row[column] for column in shown] for row in matrix]
 
     return CrossPlay(
+        season=season,
         allies=tuple(entry.slug for entry in allies),
         opponents=tuple(shares),
         same_player={slugs[column]: slugs[first] for column, first in left_out.items()},

@@ -1,4 +1,4 @@
-"""Cross-play: every verified ally of the board against every verified opponent, on the same seeds."""
+"""Cross-play: every verified ally against every verified opponent of its scenario, on the same seeds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import random
 import secrets
 import shutil
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated
@@ -29,12 +29,14 @@ from fpg_bench.evaluation.play import LOST_SCORE, lost_rounds
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
 from fpg_bench.evaluation.suite import Scale
+from fpg_bench.game.flight import rotary_wing_w
+from fpg_bench.game.rules import radio_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.folders import at_work, crossplay_file, submission_folders, work_folder
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, running_player
 from fpg_bench.leaderboard.result import round_finite
-from fpg_bench.leaderboard.tracks import PUBLIC
+from fpg_bench.leaderboard.tracks import PUBLIC, SCENARIOS
 from fpg_bench.leaderboard.verification import Case, board_reader, check_share, load_case
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.registry import as_player
@@ -59,16 +61,18 @@ class CrossplayEntry:
     """A verified entry that plays a side.
 
     Attributes:
-        slug: its name in its track.
+        slug: its name, which is unique on its side.
         side: ``ally`` or ``opponent``.
+        preset: the scenario of its track; both of a pair have the same.
         parts: its training seeds, or its script.
-        scenario: the game that it plays; a pair plays the opponent's.
+        scenario: the preset with the path of its track; a pair plays the opponent's.
         scale: the scale of its track.
         season: the seed of the season, from which the evaluation seeds follow.
     """
 
     slug: str
     side: str
+    preset: str
     parts: tuple[Part, ...]
     scenario: Scenario
     scale: Scale
@@ -89,7 +93,7 @@ class Pair(Strict):
     """Result of a pair.
 
     Attributes:
-        ally, opponent: their names in their tracks.
+        ally, opponent: their names.
         key: see :func:`pair_key`.
         rounds: number of rounds.
         ally_rewards, opponent_rewards: return per step of each training seed of a side.
@@ -123,28 +127,47 @@ class Pair(Strict):
     def is_possible(self, ally: CrossplayEntry, opponent: CrossplayEntry) -> bool:
         """Return True if rounds of these two entries can have this result (Eq. 5 and 6).
 
-        The ally earns at most the capped SNR above the threshold. The opponent earns at most the drop of the
-        ally's SNR below the cap, plus the reward for being near. Neither earns less than the costs of the
+        The ally earns at most the greatest worth of its link. The opponent earns at most what the ally's link
+        is worth less than that, plus the reward for being near. Neither earns less than the costs of the
         whole round, or than a lost round counts. What the opponent took in a round that the ally lost is not
         in the ally's return.
         """
         scenario, lost_by_ally = opponent.scenario, self.lost[0] / self.rounds
         if self.rounds != ROUNDS or max(self.lost) > self.rounds:
             return False
-        if scenario.snr_cap_db is None:
+        worth = _worth(scenario)
+        if worth is None:
             return True
-        most = scenario.snr_cap_db - scenario.snr_threshold_db
-        costs = scenario.hop_cost + max(scenario.spread_cost_per_s) * scenario.steps_per_round
-        least = min(_LEAST_SNR_DB - scenario.snr_threshold_db - costs, ally.scale.reward(LOST_SCORE))
-        left = most - self.reward("ally") + lost_by_ally * (scenario.snr_cap_db - _LEAST_SNR_DB)
+        lowest, most = worth
+        least = min(lowest - _highest_costs(scenario), ally.scale.reward(LOST_SCORE))
+        left = most - self.reward("ally") + lost_by_ally * (most - lowest)
         near = max(scenario.distance_reward, 0.0)
         tolerance = _UNEVEN * (max(self.ally_rewards) - min(self.ally_rewards)) + WITHIN
         return (
-            least <= min(self.ally_rewards)
+            least - WITHIN <= min(self.ally_rewards)
             and max(self.ally_rewards) <= most + WITHIN
             and min(0.0, opponent.scale.reward(LOST_SCORE)) - WITHIN <= min(self.opponent_rewards)
             and self.reward("opponent") <= near + scenario.snr_drop_weight * (left + tolerance) + WITHIN
         )
+
+
+def _worth(scenario: Scenario) -> tuple[float, float] | None:
+    """Return the least and the greatest that a step's link is worth; None where the SNR has no cap."""
+    radio = radio_record(scenario)
+    if radio is not None:
+        return 0.0, float(radio[0]["top_utility"].max())
+    if scenario.snr_cap_db is None:
+        return None
+    return _LEAST_SNR_DB - scenario.snr_threshold_db, scenario.snr_cap_db - scenario.snr_threshold_db
+
+
+def _highest_costs(scenario: Scenario) -> float:
+    """Return a bound of an ally's costs per step: a hop, spreading all the time, the most power."""
+    radio, flight = radio_record(scenario), 0.0
+    if radio is not None:
+        power = max(map(rotary_wing_w, scenario.ally_speed_m_s)) - radio[0]["least_power"]
+        flight = float(radio[0]["flight_cost_per_w"] * power)
+    return scenario.hop_cost + max(scenario.spread_cost_per_s) * scenario.steps_per_round + flight
 
 
 def read_pair(row: Row) -> Pair | None:
@@ -156,7 +179,7 @@ def read_pair(row: Row) -> Pair | None:
 
 
 def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
-    """Return the verified allies and opponents of a board, by name; others are left out."""
+    """Return the verified allies and opponents of a board; see :func:`players_of`."""
     reader, cases = board_reader(board), []
     for folder in submission_folders(board):
         if folder.parent.name in SIDES:
@@ -166,15 +189,13 @@ def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayE
 
 
 def players_of(cases: Iterable[Case]) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
-    """Return the allies and opponents of preset ``standard`` among cases whose results are verified."""
+    """Return the allies and opponents among cases whose results are verified, scenario by scenario."""
     entries = [
         _board_entry(case)
         for case in cases
-        if case.result is not None
-        and case.result.verified
-        and case.submission.track in SIDES
-        and case.submission.scenario == "standard"
+        if case.result is not None and case.result.verified and case.submission.track in SIDES
     ]
+    entries.sort(key=lambda entry: SCENARIOS.index(entry.preset))
     allies, opponents = ([entry for entry in entries if entry.side == side] for side in SIDES)
     return allies, opponents
 
@@ -182,8 +203,15 @@ def players_of(cases: Iterable[Case]) -> tuple[list[CrossplayEntry], list[Crossp
 def _board_entry(case: Case) -> CrossplayEntry:
     public, submission = case.suites[PUBLIC], case.submission
     scenario = public.rivals[0].scenario  # the rivals of an opponent all play on one path
-    parts = tuple(parts_of(submission))
-    return CrossplayEntry(submission.slug, submission.track, parts, scenario, public.scale, public.season)
+    return CrossplayEntry(
+        submission.slug,
+        submission.track,
+        submission.scenario,
+        tuple(parts_of(submission)),
+        scenario,
+        public.scale,
+        public.season,
+    )
 
 
 def pair_key(ally: CrossplayEntry, opponent: CrossplayEntry) -> str:
@@ -194,10 +222,10 @@ def pair_key(ally: CrossplayEntry, opponent: CrossplayEntry) -> str:
 
 @dataclass(frozen=True)
 class Pairs:
-    """The allies and opponents of a board, by name, and the results of their pairs.
+    """The allies and opponents of a board, and the results of their pairs.
 
     Attributes:
-        allies, opponents: the entries.
+        allies, opponents: the entries, in each scenario by name.
         results: by :func:`pair_key`.
         is_clean: true if the file holds nothing else.
     """
@@ -208,10 +236,19 @@ class Pairs:
     is_clean: bool = True
 
     def every(self) -> Iterator[tuple[str, CrossplayEntry, CrossplayEntry]]:
-        """Yield all pairs with their keys, ally by ally."""
+        """Yield all pairs with their keys, ally by ally; those of a pair play the same scenario."""
         for ally in self.allies:
             for opponent in self.opponents:
-                yield pair_key(ally, opponent), ally, opponent
+                if ally.preset == opponent.preset:
+                    yield pair_key(ally, opponent), ally, opponent
+
+    def of(self, preset: str) -> Pairs:
+        """Return the entries of a scenario, and all results."""
+        allies, opponents = (
+            [entry for entry in entries if entry.preset == preset]
+            for entries in (self.allies, self.opponents)
+        )
+        return replace(self, allies=allies, opponents=opponents)
 
 
 def read_pairs(board: Path, players: tuple[list[CrossplayEntry], list[CrossplayEntry]]) -> Pairs:
@@ -239,7 +276,10 @@ def read_pairs(board: Path, players: tuple[list[CrossplayEntry], list[CrossplayE
 
 
 def fully_played(pairs: Pairs) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
-    """Remove the player with the largest share of missing pairs until no pair is missing."""
+    """Return the entries of a scenario, but for those with the largest shares of missing pairs.
+
+    They are removed one by one, until no pair is missing.
+    """
     allies, opponents = list(pairs.allies), list(pairs.opponents)
     keys = [[pair_key(a, o) for o in opponents] for a in allies]
     there = np.array([[key in pairs.results for key in row] for row in keys], bool)
@@ -277,14 +317,15 @@ def play_missing(
     results = {
         key: pair for key, pair in pairs.results.items() if trusted_pairs is None or pair in trusted_pairs
     }
-    missing = [(a, o) for key, a, o in pairs.every() if key not in results]
-    _logger.info(f"crossplay: {len(missing)} of {len(pairs.allies) * len(pairs.opponents)} pairs to play")
+    every = list(pairs.every())
+    missing = [(a, o) for key, a, o in every if key not in results]
+    _logger.info(f"crossplay: {len(missing)} of {len(every)} pairs to play")
     with at_work(board):
         played, failed = _play(board, missing, workers)
         results |= {pair.key: pair for pair in played}
         failed += [f"{record}; replaced, commit this one" for record in _differences(played, pairs)]
         if missing or not pairs.is_clean:
-            rows = [results[key].model_dump() for key, _, _ in pairs.every() if key in results]
+            rows = [results[key].model_dump() for key, _, _ in every if key in results]
             records = [json.dumps(row, separators=(",", ":")) + "\n" for row in rows]
             write_whole(crossplay_file(board), "".join(records))
         shutil.rmtree(_work(board), ignore_errors=True)  # all that was played is on the board now

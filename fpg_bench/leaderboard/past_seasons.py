@@ -63,7 +63,7 @@ def season_rows(board: Board, numbers: Mapping[str, int]) -> list[SeasonRow]:
             rank=figures.rank,
             score=_written(figures.scores[UNSEEN]),
             by_group={group: round(score.value, _DIGITS) for group, score in figures.by_group.items()},
-            share=_share(board.crossplay, track.side, entry.slug),
+            share=_share(board.crossplay.get(TRACKS[track.key].scenario), track.side, entry.slug),
         )
         for track in board.tracks
         if TRACKS[track.key].scenario in numbers

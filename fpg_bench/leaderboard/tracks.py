@@ -37,6 +37,11 @@ class Track:
     public: str
     scenario: str = "standard"
 
+    def suite_name(self, role: str) -> str:
+        """Return the name of its suite of a role: ``ally-v2`` becomes ``ally-shifted-v2``."""
+        stem, _, version = self.public.rpartition("-v")
+        return f"{stem}-{role}-v{version}"
+
 
 class TrackSuites:
     """Loader of the suites of tracks, which loads each of them once."""
@@ -88,8 +93,7 @@ class TrackSuites:
                 public, matches=min(public.matches, PUBLIC_SEEDS_MATCHES)
             )
             others[UNSEEN] = season.suite_name(track.public)
-        stem, _, version = track.public.rpartition("-v")
-        others |= {role: f"{stem}-{role}-v{version}" for role in (SHIFTED, RESPONSES)}
+        others |= {role: track.suite_name(role) for role in (SHIFTED, RESPONSES)}
         for role, name in others.items():
             if (suites_folder() / f"{name}.yml").is_file():
                 suites[role] = dataclasses.replace(self._load(name), season=seeds)

@@ -113,7 +113,7 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert "fpg-bench play --ally hf://me/mine" in text
     records = [json.loads(line) for line in files["records.jsonl"].splitlines()]
     assert {record["fingerprint"] for record in records} == {about["policy_sha256"][:16]}
-    assert {record["suite"] for record in records} == {"ally-v2@season-2", "ally-v1", "ally-season-2"}
+    assert {record["suite"] for record in records} == {"ally-v2@season-3", "ally-v1", "ally-season-3"}
     assert files["replay.html"].startswith(b"<!DOCTYPE html>")
     assert "curve.png" not in files
     assert TOKEN.encode() not in b"".join(files.values())

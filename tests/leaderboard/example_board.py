@@ -91,7 +91,35 @@ def example_board(
                 profiles=_profiles(slugs),
             )
         )
-    return Board("0.1.0", "2", season, "2026-01-01", tuple(tracks), _crossplay(rng, tracks))
+    return Board(
+        "0.1.0", "2", season, "2026-01-01", tuple(tracks), {"standard": _crossplay(rng, tracks, season)}
+    )
+
+
+def with_link(board: Board, season: int) -> Board:
+    """Return a board with its tracks and cross-play in ``link``, too; an ally is missing there."""
+
+    def renamed(entry: BoardEntry) -> BoardEntry:
+        return dataclasses.replace(entry, slug=f"{entry.slug}-link", name=f"{entry.name} on a link")
+
+    tracks = tuple(
+        dataclasses.replace(track, key=f"{track.side}-link", entries=tuple(map(renamed, track.entries)))
+        for track in board.tracks
+    )
+    crossplay = board.crossplay["standard"]
+    allies, opponents = (
+        tuple(f"{slug}-link" for slug in slugs) for slugs in (crossplay.allies, crossplay.opponents)
+    )
+    link = dataclasses.replace(
+        crossplay,
+        season=season,
+        allies=allies,
+        opponents=opponents,
+        missing={"ally": (allies[1],), "opponent": ()},
+        nash=NashMixture({allies[0]: 1.0}, {opponents[0]: 1.0}, 0.5),
+    )
+    both = {"standard": crossplay, "link": link}
+    return dataclasses.replace(board, tracks=(*board.tracks, *tracks), crossplay=both)
 
 
 def past_seasons(board: Board) -> list[SeasonRow]:
@@ -273,11 +301,12 @@ def _profiles(slugs: tuple[str, ...]) -> Profiles:
     )
 
 
-def _crossplay(rng: np.random.Generator, tracks: list[BoardTrack]) -> CrossPlay:
+def _crossplay(rng: np.random.Generator, tracks: list[BoardTrack], season: int | None) -> CrossPlay:
     allies, opponents = (tuple(sorted((e.slug for e in t.entries), key=_number)) for t in tracks)
     shape = len(allies), len(opponents)
     half = [[None if k % 3 == 0 else 1.25 for k in range(len(opponents))] for _ in allies]
     return CrossPlay(
+        season=season,
         allies=allies,
         opponents=opponents,
         same_player={},

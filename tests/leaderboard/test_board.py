@@ -150,10 +150,11 @@ def test_a_bug_takes_no_entry_off_the_board_but_ends_the_build(board, in_process
 
 
 def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, tmp_path):
-    assert make_board(load_entries(entered)).crossplay is None
+    assert make_board(load_entries(entered)).crossplay == {}
     play_missing(entered)
     board = make_board(load_entries(entered))
-    crossplay = board.crossplay
+    crossplay = board.crossplay["standard"]
+    assert list(board.crossplay) == ["standard"]
     assert crossplay.allies == ("few", "linear", "still", "wise")
     assert crossplay.opponents == ("far", "near")
     for matrix in (crossplay.jamming_success_rate, *crossplay.returns.values()):
@@ -162,13 +163,13 @@ def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, 
     assert CROSSPLAY in {figures.worst.where for figures in figures_of(board.tracks[0]).values()}
     content = json.loads(board.to_json(), parse_constant=lambda name: 1 / 0)  # NaN or Infinity
     assert [track["key"] for track in content["tracks"]] == [track.key for track in board.tracks]
-    assert content["crossplay"]["allies"] == ["few", "linear", "still", "wise"]
+    assert content["crossplay"]["standard"]["allies"] == ["few", "linear", "still", "wise"]
     assert_mixtures_fit(crossplay)
     enter(entered, "ally", "new", script="reactive", name="Brand New")
     verify(entered, ["ally/new"])
     board = make_board(load_entries(entered))
     missing = {"ally": ("new",), "opponent": ()}
-    assert board.crossplay == dataclasses.replace(crossplay, missing=missing)
+    assert board.crossplay == {"standard": dataclasses.replace(crossplay, missing=missing)}
     build_site(board, tmp_path / "site")
     page = (tmp_path / "site/crossplay.html").read_text()
     assert "Not in it yet: Brand New." in page
@@ -194,7 +195,7 @@ def test_the_same_player_is_shown_once(board):
     enter(board, "opponent", "other", script="comb")
     verify(board)
     play_missing(board)
-    crossplay = make_board(load_entries(board)).crossplay
+    crossplay = make_board(load_entries(board)).crossplay["standard"]
     assert crossplay.same_player == {"near-tone": "far-tone"}
     assert crossplay.opponents == ("far-random", "far-tone", "near-random", "other")
     assert tuple(crossplay.nash.opponent) == crossplay.opponents
@@ -302,7 +303,7 @@ def test_seeds_that_were_learned_by_heart_are_flagged(season):
 def test_an_empty_board_is_a_board(board):
     empty = make_board(load_entries(board))
     assert not [entry for track in empty.tracks for entry in track.entries]
-    assert (empty.crossplay, empty.season) == (None, None)
+    assert (empty.crossplay, empty.season) == ({}, None)
 
 
 def test_the_command_on_an_entry_s_page_plays_it_again(entered, tmp_path, monkeypatch):

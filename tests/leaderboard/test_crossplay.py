@@ -22,9 +22,12 @@ from fpg_bench.leaderboard.crossplay import (
     pair_key,
     play_missing,
     play_pair,
+    players_of_board,
+    read_pairs,
 )
 from fpg_bench.leaderboard.folders import crossplay_file
 from fpg_bench.leaderboard.playing import Part
+from fpg_bench.leaderboard.tracks import SCENARIOS
 from fpg_bench.leaderboard.verification import verify
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.registry import as_player
@@ -39,7 +42,7 @@ ROUNDS = 6
 
 
 def entry(suite, slug, *plays, shipped=True):
-    suite = load_suite(suite)
+    suite, preset = load_suite(suite), "link" if "link" in suite else "standard"
     parts = tuple(
         Part(slug, None, p)
         if isinstance(p, str)
@@ -47,7 +50,7 @@ def entry(suite, slug, *plays, shipped=True):
         for p in plays
     )
     scenario = suite.rivals[0].scenario
-    return CrossplayEntry(slug, suite.side, parts, scenario, suite.scale, suite.season)
+    return CrossplayEntry(slug, suite.side, preset, parts, scenario, suite.scale, suite.season)
 
 
 def record_of(player, suite, rival):
@@ -70,6 +73,26 @@ def test_a_pair_plays_as_an_evaluation_does(spec, monkeypatch):
     }
     assert {name: getattr(pair, name) for name in expected} == expected
     assert (pair.rounds, pair.lost) == (ROUNDS, (0, 0))
+
+
+@pytest.mark.parametrize(("suffix", "least", "most"), [("v2", -598.0, 22.0), ("link-v1", -0.99, 10.0)])
+def test_a_pair_that_was_played_lies_within_the_bounds_of_its_game(suffix, least, most, monkeypatch):
+    monkeypatch.setattr(crossplay, "ROUNDS", ROUNDS)
+    allies = [entry(f"ally-{suffix}", script, script) for script in ("idle", "expert")]
+    opponents = [entry(f"opponent-{suffix}", script, script) for script in ("random", "adaptive")]
+    for ally in allies:
+        for opponent in opponents:
+            pair = play_pair(ally, opponent)
+            assert pair.is_possible(ally, opponent)
+            left = most - pair.reward("ally") + opponent.scenario.distance_reward
+            for side, earned in (
+                ("ally", most + 0.01),
+                ("ally", least - 0.01),
+                ("opponent", left + 0.02),
+                ("opponent", min(0.0, opponent.scale.reward(LOST_SCORE)) - 0.01),
+            ):
+                forged = pair.model_copy(update={f"{side}_rewards": (earned,)})
+                assert not forged.is_possible(ally, opponent), (side, earned)
 
 
 def test_a_team_plays_each_game_as_its_member_alone_would():
@@ -155,6 +178,31 @@ def test_only_new_pairs_are_played(played):
     assert play_all(entered) == "crossplay: 2 of 6 pairs to play"
     assert rows(entered)[2:] == first
     assert rows(entered)[0]["ally"] == "always-hop"
+
+
+def test_those_who_play_one_scenario_meet_each_other_alone(played, small_suites):
+    before = rows(played)
+    enter(played, "ally", "bold", script="idle", scenario="link")
+    enter(played, "opponent", "apt", script="adaptive", scenario="link")
+    verify(played, ["ally/bold", "opponent/apt"])
+    assert play_all(played) == "crossplay: 1 of 5 pairs to play"
+    *first, new = rows(played)
+    assert first == before
+    assert (new["ally"], new["opponent"]) == ("bold", "apt")
+    assert check_pairs(played, 1.0, seed=0) == []
+    pairs = read_pairs(played, players_of_board(played))
+    names = {
+        scenario: tuple([entry.slug for entry in side] for side in fully_played(pairs.of(scenario)))
+        for scenario in SCENARIOS
+    }
+    assert names == {
+        "standard": (["expert", "idle"], ["adaptive", "linear"]),
+        "link": (["bold"], ["apt"]),
+    }
+    close_season(small_suites)  # of the other scenario
+    verify(played, update=True)
+    assert play_all(played) == "crossplay: 4 of 5 pairs to play"
+    assert rows(played)[-1] == new
 
 
 @pytest.mark.parametrize(
@@ -255,6 +303,7 @@ def test_a_return_that_no_rounds_can_earn_is_left_out(played, forged, messages):
 reward = st.floats(-999_999, 999_999) | st.floats(-50, 50)
 
 
+@pytest.mark.parametrize(("suffix", "most", "taken"), [("v2", 22.0, 1200.0), ("link-v1", 10.0, 135.0)])
 @settings(max_examples=500)
 @given(
     st.lists(reward, min_size=1, max_size=3),
@@ -262,9 +311,9 @@ reward = st.floats(-999_999, 999_999) | st.floats(-50, 50)
     *[st.integers(0, 150)] * 2,
 )
 def test_no_return_beyond_the_game_is_possible_however_many_rounds_are_lost(
-    ally, opponent, lost, lost_by_other
+    suffix, most, taken, ally, opponent, lost, lost_by_other
 ):
-    players = entry("ally-v2", "a", "expert"), entry("opponent-v2", "o", "tone")
+    players = entry(f"ally-{suffix}", "a", "expert"), entry(f"opponent-{suffix}", "o", "tone")
     forged = Pair(
         ally="a",
         opponent="o",
@@ -277,9 +326,9 @@ def test_no_return_beyond_the_game_is_possible_however_many_rounds_are_lost(
     )
     if forged.is_possible(*players):
         assert max(lost, lost_by_other) <= 100
-        assert -1000 < min(ally) <= max(ally) < 22.1
-        assert min(opponent) > -0.1
-        assert forged.reward("opponent") < 1200
+        assert -1000 < min(ally) <= max(ally) < most + 0.1
+        assert min(opponent) > (-0.1 if suffix == "v2" else -1.3)
+        assert forged.reward("opponent") < taken
 
 
 def test_a_new_season_wants_new_pairs(played, small_suites):

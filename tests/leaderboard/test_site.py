@@ -42,13 +42,15 @@ from tests.leaderboard.example_board import (
     small_zoo,
     with_entry,
     with_figures,
+    with_link,
 )
 
 ROOT = Path(__file__).parents[2]
 ROUND = Replay("replays/ally/player-1/ab.js", HOSTILE[0], HOSTILE[1], 'fpgRound({"label":"x"});\n')
 LOADING = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
 FINDINGS = (ROOT / "docs/results/findings.md").read_text()
-SHARED_PAGES = {"index", "ranking", "play", "try", "crossplay", "statistics", "compare", "submit"}
+SHARED_PAGES = {"index", "ranking", "play", "try", "crossplay", "crossplay-link", "statistics", "compare"}
+SHARED_PAGES |= {"submit"}
 
 
 class Page(HTMLParser):
@@ -98,8 +100,8 @@ def plain_site(tmp_path_factory):
     for slug, rank in zip(verified, [(1, 2), (1, 3), (3, 3)], strict=True):
         board = with_figures(board, slug, rank=rank)
     board = with_figures(board, "player-1", scores={PUBLIC: Interval(60.25), UNSEEN: Interval(20.0)})
-    crossplay = dataclasses.replace(board.crossplay, same_player={"player-1": "player-0"})
-    build_site(dataclasses.replace(board, crossplay=crossplay), folder, docs="../site")
+    played = dataclasses.replace(board.crossplay["standard"], same_player={"player-1": "player-0"})
+    build_site(dataclasses.replace(board, crossplay={"standard": played}), folder, docs="../site")
     return folder
 
 
@@ -160,7 +162,7 @@ def test_tables_have_columns_for_what_was_played(site, tmp_path):
 def test_the_best_and_its_gap_are_named(plain_site):
     leader = "Player 3 has the highest score; 1 other may be first as well. Ranked by"  # of those with a rank
     assert leader in Page(plain_site / "ranking.html").text
-    gap = '<td class="num extra" data-v="40.25">+40.2</td>'  # public minus unseen
+    gap = '<td class="extra">+40.2</td>'  # public minus unseen
     assert gap in (plain_site / "ranking.html").read_text()
     assert "+40.2" in (plain_site / entry_file(1)).read_text()
     assert "shown once here: Player 1 as Player 0" in Page(plain_site / "crossplay.html").text
@@ -274,15 +276,38 @@ def test_the_map_of_cross_play_has_each_season_in_which_both_sides_can_be_placed
     gone = [row.model_copy(update={"track": "gone"}) for row in past]
     later = [row.model_copy(update={"season": season}) for row in past for season in (3, 4)]
     for rows in ([], one_kind, unplayed, gone, later):
-        (present,) = page_data.crossplay_data(board, {}, {}, rows)["maps"]
+        (present,) = page_data.crossplay_data(board, "standard", {}, {}, rows)["maps"]
         assert present["season"] == 3
         assert [len(present[side]) for side in SIDES] == [5, 2]
-    before, present = page_data.crossplay_data(board, {}, {}, past)["maps"]
+    before, present = page_data.crossplay_data(board, "standard", {}, {}, past)["maps"]
     assert (before["season"], present["season"]) == (1, 3)
     (ally, *_), (opponent, *_) = (before[side] for side in SIDES)
     assert list(ally["by"]) == ["aimers", "herders"]
     assert (ally["flies"], opponent["flies"]) == (False, False)
-    assert page_data.crossplay_data(example_board(3, season=None), {}, {}, past)["maps"] == []
+    assert page_data.crossplay_data(example_board(3, season=None), "standard", {}, {}, past)["maps"] == []
+
+
+def test_each_scenario_has_a_page_of_cross_play_with_its_own_players(tmp_path):
+    board = example_board(4, season=3)
+    both, past = with_link(board, season=2), past_seasons(board)
+    alone, standard, link = (
+        page_data.crossplay_data(shown, scenario, {}, {}, past)
+        for shown, scenario in ((board, "standard"), (both, "standard"), (both, "link"))
+    )
+    assert standard == alone
+    (present,) = link["maps"]
+    assert present["season"] == 2
+    assert {ally["slug"] for ally in present["ally"]} == {f"player-{k}-link" for k in range(1, 4)}
+    assert link["names"]["opponent"] == {f"player-{k}-link": f"Player {k} on a link" for k in range(2)}
+    assert standard["watch"]["opponent"]
+    assert link["watch"] == {"ally": {}, "opponent": {}}  # the game in the browser is another one
+    build_site(both, tmp_path)
+    pages = {name: Page(tmp_path / f"{name}.html") for name in ("crossplay", "crossplay-link")}
+    for name, page in pages.items():
+        assert {"crossplay.html", "crossplay-link.html"} <= set(page.values("href"))
+        assert f"data/{name}.js" in page.values("src")
+        assert ("A cell that is a link plays" in page.text) == (name == "crossplay")
+        assert ("Not in it yet: Player 1 on a link." in page.text) == (name == "crossplay-link")
 
 
 def test_the_install_box_of_the_front_page_holds_commands_of_the_readme(pages):

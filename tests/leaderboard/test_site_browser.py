@@ -41,9 +41,12 @@ AT_REST = "() => { const before = window.stoodAt; window.stoodAt = scrollY; retu
 
 
 def column(page, index):
-    """The sort keys in a column of the first table, row by row."""
+    """What a column of the first table is sorted by, row by row: a key, an entry's name, or what is shown."""
     rows = page.locator("#ally table.board tbody tr:not([hidden])")
-    return rows.evaluate_all(f"rows => rows.map(row => row.cells[{index}].dataset.v)")
+    return rows.evaluate_all(
+        f"""rows => rows.map(row => row.cells[{index}])
+            .map(cell => cell.dataset.v ?? (cell.querySelector("a") ?? cell).textContent)"""
+    )
 
 
 def test_tables_need_no_javascript(visit):
@@ -72,6 +75,20 @@ def test_a_column_is_sorted_both_ways_by_its_button(visit):
     row = page.locator("#ally tr[data-unverified]")
     assert "not verified: seed_0: outran the limit" in row.inner_text()
     assert row.locator("td").first.inner_text() == "–"
+
+
+def test_numbers_are_sorted_by_what_they_show_and_those_that_are_missing_stand_last(visit):
+    page = visit()
+    page.locator("#columns").select_option("all")
+    page.get_by_role("button", name=f"Show all {ENTRIES}").click()
+    heads = page.locator("#ally thead th")
+    index = next(k for k, text in enumerate(heads.all_inner_texts()) if text.startswith("Gap"))
+    for sign in (1, -1):
+        heads.nth(index).locator("button").click()
+        *shown, last = column(page, index)
+        gaps = [sign * float(text.replace("−", "-")) for text in shown]
+        assert (gaps, last) == (sorted(gaps), "–")
+        assert len(set(gaps)) > 2
 
 
 def test_the_address_keeps_how_a_table_is_shown(visit):

@@ -19,6 +19,7 @@ from fpg_bench.leaderboard.site.entry_page import badge_file, badge_view, entry_
 from fpg_bench.leaderboard.site.findings import finding_cards
 from fpg_bench.leaderboard.site.page_data import Policies, data_files
 from fpg_bench.leaderboard.site.replays import Replay, Replays, label_of
+from fpg_bench.leaderboard.tracks import SCENARIOS
 from fpg_bench.rendering.replay import replay_code, replay_markup, replay_part
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def build_site(
             :mod:`fpg_bench.leaderboard.site.reading_pages` are part of this site, others are named only.
         policies: by track and entry, policies of submitted entries that a visitor can play against; see
             :func:`fpg_bench.leaderboard.site.page_data.submitted_policies`.
-        seasons: what is kept of seasons; those before the board's are on the map of cross-play, too.
+        seasons: what is kept of seasons; those before the present ones are on the maps of cross-play, too.
 
     Returns:
         The files, sorted.
@@ -105,9 +106,13 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {}),
         ("statistics.html", "statistics.html", {"tracks": tracks}),
-        ("crossplay.html", "crossplay.html", {"crossplay": views.crossplay_view(board)}),
         ("submit.html", "submit.html", {}),
     ]
+    scenarios = {scenario: views.crossplay_page(scenario) for scenario in SCENARIOS}
+    for scenario, stem in scenarios.items():
+        view = views.crossplay_view(board, scenario)
+        shown = {"crossplay": view, "scenario": scenario, "scenarios": scenarios}
+        pages.append((f"{stem}.html", "crossplay.html", shown))
     for name, (_, title) in reading_pages.PAGES.items() if not docs else ():
         text = Markup(reading_pages.render_page(name))
         pages.append((f"{name}.html", "reading.html", {"title": title, "text": text}))

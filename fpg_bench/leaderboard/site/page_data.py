@@ -28,12 +28,14 @@ from fpg_bench.leaderboard.past_seasons import SeasonRow, season_rows
 from fpg_bench.leaderboard.site.dataset import dataset_files
 from fpg_bench.leaderboard.site.views import (
     MEASURES,
+    PLAYED_SCENARIO,
     ROLES,
+    crossplay_page,
     entry_page,
     format_rank,
     ordered_suites,
 )
-from fpg_bench.leaderboard.tracks import TRACKS
+from fpg_bench.leaderboard.tracks import SCENARIOS, TRACKS
 from fpg_bench.players.agent import baselines_folder, read_card
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
@@ -60,14 +62,19 @@ def data_files(board: Board, submitted: Policies, seasons: Sequence[SeasonRow] =
         seasons: what is kept of seasons.
     """
     zoo = zoo_policies()
-    crossplay = crossplay_data(board, submitted, zoo, seasons)
+    crossplay = {
+        f"data/{crossplay_page(scenario)}.js": _script(
+            crossplay_data(board, scenario, submitted, zoo, seasons)
+        )
+        for scenario in SCENARIOS
+    }
     board_json = board.to_json()
     return {
         "board.json": board_json,
         **dataset_files(board, board_json),
         **_compare_files(board),
         "data/statistics.js": _script(statistics_data(board)),
-        "data/crossplay.js": _script(crossplay),
+        **crossplay,
         **_play_files(board, submitted, zoo),
     }
 
@@ -183,45 +190,52 @@ def _improvement(track: BoardTrack, order: Sequence[str]) -> Row | None:
     }
 
 
-def crossplay_data(board: Board, submitted: Policies, zoo: Zoo, seasons: Sequence[SeasonRow]) -> Row | None:
-    """Return the matrices of cross-play, its maps, and the players of a pair's round on the page."""
-    crossplay = board.crossplay
+def crossplay_data(
+    board: Board, scenario: str, submitted: Policies, zoo: Zoo, seasons: Sequence[SeasonRow]
+) -> Row | None:
+    """Return the matrices of a scenario's cross-play, its maps, and the players of a pair's round."""
+    crossplay = board.crossplay.get(scenario)
     if crossplay is None:
         return None
+    shown = {"ally": crossplay.allies, "opponent": crossplay.opponents}
+    names = {side: board.names(side) for side in SIDES}
     matrices = {**crossplay.returns, "jamming_success_rate": crossplay.jamming_success_rate}
     return {
-        "names": {side: board.names(side) for side in SIDES},
+        "names": {side: {slug: names[side][slug] for slug in slugs} for side, slugs in shown.items()},
         "allies": crossplay.allies,
         "opponents": crossplay.opponents,
         "matrices": {name: _rounded_matrix(matrix) for name, matrix in matrices.items()},
         "half": {side: _rounded_matrix(matrix) for side, matrix in crossplay.half.items()},
         "rounds": crossplay.rounds,
         "nash": asdict(crossplay.nash),
-        "watch": _watched(board, submitted, zoo),
-        "maps": _maps(board, seasons),
+        "watch": _watched(board, scenario, submitted, zoo),
+        "maps": _maps(board, scenario, crossplay.season, seasons),
     }
 
 
-def _maps(board: Board, seasons: Sequence[SeasonRow]) -> list[Row]:
-    """Return a map for each season of ``standard`` in which players of both sides can be placed.
+def _maps(board: Board, scenario: str, present: int | None, seasons: Sequence[SeasonRow]) -> list[Row]:
+    """Return a map for each season of a scenario in which players of both sides can be placed.
 
-    A map has the season's number, and its players by side. The last one is of the board's own season.
+    A map has the season's number, and its players by side. The last one is of the present season.
     """
-    if board.season is None:
+    if present is None:
         return []
-    present = board.season
-    rows = [row for row in seasons if row.season < present]
-    rows += season_rows(board, {"standard": present})
+    rows = [row for row in seasons if row.season < present and _is_placed(row, scenario)]
+    rows += [row for row in season_rows(board, {scenario: present}) if _is_placed(row, scenario)]
     maps = []
     for number in sorted({row.season for row in rows}):
-        players = {side: [_placed(row) for row in rows if _is_placed(row, number, side)] for side in SIDES}
+        of_season = [row for row in rows if row.season == number]
+        players = {
+            side: [_placed(row) for row in of_season if TRACKS[row.track].side == side] for side in SIDES
+        }
         if all(players.values()):
             maps.append({"season": number, **players})
     return maps
 
 
-def _is_placed(row: SeasonRow, number: int, side: str) -> bool:
-    is_of = row.season == number and row.track in TRACKS and TRACKS[row.track].side == side
+def _is_placed(row: SeasonRow, scenario: str) -> bool:
+    track = TRACKS.get(row.track)
+    is_of = track is not None and track.side in SIDES and track.scenario == scenario
     return is_of and row.share is not None and len(row.by_group) == 2
 
 
@@ -241,11 +255,15 @@ def _rounded_matrix(matrix: Sequence[Sequence[float | None]]) -> list[list[float
     return [[_rounded(value, 4) for value in row] for row in matrix]
 
 
-def _watched(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, dict[str, Row]]:
-    """Return the player that represents an entry on the page, and its path, by side and entry."""
+def _watched(board: Board, scenario: str, submitted: Policies, zoo: Zoo) -> dict[str, dict[str, Row]]:
+    """Return the player that represents an entry on the page, and its path, by side and entry.
+
+    There are none in scenarios other than the one that the page plays.
+    """
     watched: dict[str, dict[str, Row]] = {side: {} for side in SIDES}
     for track in board.tracks:
-        for entry in track.entries if track.side in SIDES else ():
+        is_played = track.side in SIDES and TRACKS[track.key].scenario == scenario == PLAYED_SCENARIO
+        for entry in track.entries if is_played else ():
             if player := _page_player(track, entry, submitted, zoo):
                 path = "learned" if track.key.endswith("-learned") else "pursuit"
                 watched[track.side][entry.slug] = {"player": player, "path": path}

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
-from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTED, UNSEEN
+from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SCENARIOS, SHIFTED, UNSEEN
 from fpg_bench.players.player import SIDES
+
+PLAYED_SCENARIO = "standard"  # by the game in the browser
 
 NONE = "–"
 _TINTS = 9  # of cells in heat maps
@@ -392,21 +394,30 @@ def _heat_cells(figures: Figures, suites: Iterable[BoardSuite], top: float) -> l
 
 @dataclass(frozen=True)
 class CrossPlayView:
-    """Names that the page of cross-play mentions: who is missing, and who is shown as the same player."""
+    """Names that a page of cross-play mentions: who is missing, and who is shown as the same player.
+
+    Attributes:
+        is_watched: rounds of pairs can be watched in the browser.
+    """
 
     missing: list[str]
     same_player: list[tuple[str, str]]
+    is_watched: bool
 
 
-def crossplay_view(board: Board) -> CrossPlayView | None:
-    """Return the view of cross-play; None where it has not been played."""
-    if board.crossplay is None:
+def crossplay_view(board: Board, scenario: str) -> CrossPlayView | None:
+    """Return the view of a scenario's cross-play; None where it has not been played."""
+    crossplay = board.crossplay.get(scenario)
+    if crossplay is None:
         return None
     names = {side: board.names(side) for side in SIDES}
     return CrossPlayView(
-        [names[side][slug] for side in SIDES for slug in board.crossplay.missing[side]],
-        [
-            (names["opponent"][one], names["opponent"][other])
-            for one, other in board.crossplay.same_player.items()
-        ],
+        [names[side][slug] for side in SIDES for slug in crossplay.missing[side]],
+        [(names["opponent"][one], names["opponent"][other]) for one, other in crossplay.same_player.items()],
+        scenario == PLAYED_SCENARIO,
     )
+
+
+def crossplay_page(scenario: str) -> str:
+    """Return the name of the page of a scenario's cross-play, and of its data, without the ending."""
+    return "crossplay" if scenario == SCENARIOS[0] else f"crossplay-{scenario}"

@@ -76,7 +76,7 @@ class BestResponses(_Measured):
 # Calls in a full search. No kind of response finds the lowest return of
 # every player, so the search has four: SAC with few steps, and random scripts; PPO with stacked frames; the
 # same with discrete actions; and that as a pupil of the strongest response of these.
-_DISCRETE: _Kind = {
+DISCRETE_PPO: _Kind = {
     "algorithm": "ppo-stack8",
     "steps": 3_000_000,
     "n_seeds": 2,
@@ -85,8 +85,8 @@ _DISCRETE: _Kind = {
 FULL_SEARCH: tuple[_Kind, ...] = (
     {"algorithm": "sac", "steps": 200_000, "n_seeds": 2, "search": 100},
     {"algorithm": "ppo-stack8", "steps": 3_000_000, "n_seeds": 2},
-    _DISCRETE,
-    {**_DISCRETE, "start": "strongest"},
+    DISCRETE_PPO,
+    {**DISCRETE_PPO, "start": "strongest"},
 )
 
 

@@ -18,10 +18,24 @@
     history.replaceState(null, "", wanted);
   }
 
+  /** What a cell is sorted by: its key, else the name or the number that it shows; empty without a number. */
+  function keyOf(cell) {
+    if ("v" in cell.dataset) return cell.dataset.v;
+    if (cell.matches(".who")) return cell.querySelector("a").textContent.toLowerCase();
+    const shown = parseFloat(cell.textContent.replace("\u2212", "-")); // a minus sign, which parseFloat does not take
+    return Number.isNaN(shown) ? "" : shown;
+  }
+
+  /** What a filter finds: an entry's name, agent, algorithm and authors. */
+  function textOf(row) {
+    const named = [...row.querySelectorAll(".who a, .who code")].map((element) => element.textContent);
+    return [...named, row.dataset.text].join(" ").toLowerCase();
+  }
+
   function sortBy(table, header, up) {
     const column = header.cellIndex;
     const body = table.tBodies[0];
-    const rows = [...body.rows].map((row) => [row, row.cells[column].dataset.v]);
+    const rows = [...body.rows].map((row) => [row, keyOf(row.cells[column])]);
     const numeric = header.classList.contains("num");
     rows.sort(([, a], [, b]) => {
       if (a === "" || b === "") return (a === "") - (b === ""); // what is missing stands last, either way
@@ -58,8 +72,8 @@
       let shown = 0;
       const rows = [...table.tBodies[0].rows];
       for (const row of rows) {
-        const { kind, text } = row.dataset;
-        const fits = wanted.has(kind) && words.every((word) => text.includes(word)) &&
+        const text = textOf(row);
+        const fits = wanted.has(row.dataset.kind) && words.every((word) => text.includes(word)) &&
           (wanted.has(UNVERIFIED) || !("unverified" in row.dataset));
         matching += fits;
         row.hidden = !fits || (!isFull && matching > MOST);
