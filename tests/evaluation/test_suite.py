@@ -33,6 +33,7 @@ rivals: [{ally: idle}, {ally: expert}]
 HASHES = {
     "ally-link-city-v1": "55be68825200e6fe060b6333a33a5219c291368400047fbfb13e3bd3def548c0",
     "ally-link-season-2": "5404dbd7d990dc71da0bd63519048ab77a066a6a61fc0db82a4151db6631da7c",
+    "ally-link-season-3": "edd66de7f55f634b1ccbb4d22fa106a08c6c6d01a3b3d2834c35ccbbda8cec3e",
     "ally-link-shifted-v1": "a4e5096a6d2ac9dec01b2b4fa98134f5383a012899cfad0bf7fca7b5e7f717f2",
     "ally-link-v1": "cc0032c27670051a6d0a8cd494e6cb4d317ea5ebbb5a276f6b8abd4b583c4b9c",
     "ally-paper-v1": "a7be5dd53db0a6f75a04c360701e2abcf13d926a628cace8b63e6322842c1216",
@@ -57,6 +58,7 @@ HASHES = {
     "opponent-learned-v2": "d860ff6d4c1c9c74e0d2ff8e9cc37f0f98423acd258eec1c1877786f022e4f09",
     "opponent-link-city-v1": "12dac8d9086aa4254fdd4a7f62cf084b1d937dbec5a472353a199c23ce842251",
     "opponent-link-season-2": "ed97977d154edf409db1d7816090a6dcdc5002501a0a58da9c469080da3c8086",
+    "opponent-link-season-3": "f04bbc7e3d3bc32754145db93003cab9c5d0694f911599e3c248e2577b09eebb",
     "opponent-link-shifted-v1": "b2da48cf1b5f8abe748ff6422538dacacb77a862d218d363e93b07210965929e",
     "opponent-link-v1": "533224ff028deb56a3beb35df69a68fc95f34aaf5326c0436471d6296051c474",
     "opponent-paper-v1": "de7ba4370ee1e78ed09d5c7e264f71a6195ba0dde2040b633caa18e050c7d81a",
