@@ -90,6 +90,9 @@ def entered_policies(board: Path) -> Iterator[tuple[tuple[str, int | None], tupl
     """Yield each policy of an ally with responses on the board, as its entry's name and its training seed.
 
     With it come its scenario, its returns per step, and whether the recipe has a response to it.
+
+    Raises:
+        UserError: an entry's responses have not played all its training seeds.
     """
     found: dict[str, list[ResponseResult]] = {}
     for result in read_results(board).values():
@@ -99,6 +102,9 @@ def entered_policies(board: Path) -> Iterator[tuple[tuple[str, int | None], tupl
         if results and folder.parent.name == "ally":
             about = read_yaml(folder / "submission.yaml", "submission")
             seeds = (about.get("training") or {}).get("seeds", [None])
+            if any(len(result.rewards) != len(seeds) for result in results):
+                name = f"ally/{folder.name}"
+                raise UserError(f"{name}: it has changed; fpg-bench leaderboard verify --update {name}")
             answered = {
                 number % len(seeds)
                 for number in range(RECIPE.n_responses)

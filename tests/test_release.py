@@ -39,8 +39,10 @@ HASHES = {
 }
 SEASONS = {
     "season-1": "0f8e36742a9772d6a2c0cc26bbff9dff286edc94164772012543dedfd77ee27c",
-    "season-2-link": "731fe7ea33bf95d1681dfb9edaa17273f484f3dd9012bb371cde47659dba014e",
     "season-2": "6467b5a950eeefdfffef475cffc95ae91965d2097dbc8d3fe9834a5038caf44a",
+    "season-2-link": "731fe7ea33bf95d1681dfb9edaa17273f484f3dd9012bb371cde47659dba014e",
+    "season-3": "ff7acc0d09692ff42ba058e564ff18e63a269eb17bd3a606c7fc193c4c7fff7e",
+    "season-3-link": "f657d5e2293b05a0d33250ff82b03b34c54085dfe8c3a0e88168543a43d652be",
 }
 
 

@@ -91,7 +91,9 @@ def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
     folder = SHIPPED.folder / "agents"
     folders = {str(path.parent.relative_to(folder)) for path in folder.glob("*/*/*/agent.json")}
     champions = {
-        name for name in folders if name.split("/")[0] in load_champions(SHIPPED.folder / "champions.yml")
+        f"{config.name}/{config.algorithm}/seed_{seed}"
+        for config in load_champions(SHIPPED.folder / "champions.yml").values()
+        for seed in range(config.seeds)
     }
     assert folders == set(shipped_agents()) | champions
     size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

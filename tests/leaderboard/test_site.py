@@ -307,6 +307,7 @@ def test_each_scenario_has_a_page_of_cross_play_with_its_own_players(tmp_path):
         assert {"crossplay.html", "crossplay-link.html"} <= set(page.values("href"))
         assert f"data/{name}.js" in page.values("src")
         assert ("A cell that is a link plays" in page.text) == (name == "crossplay")
+        assert ("Diamonds are opponents that fly themselves" in page.text) == (name == "crossplay")
         assert ("Not in it yet: Player 1 on a link." in page.text) == (name == "crossplay-link")
 
 

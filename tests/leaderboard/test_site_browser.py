@@ -10,9 +10,11 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from scipy import stats
 
+from fpg_bench.leaderboard.site.build import build_site
 from fpg_bench.leaderboard.site.serve import make_server
 from fpg_bench.players.agent import baselines_folder
-from tests.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds
+from tests.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds, visits
+from tests.leaderboard.example_board import example_board, small_zoo, with_link
 
 pytestmark = pytest.mark.browser
 
@@ -457,6 +459,27 @@ def test_the_slider_of_the_map_leads_to_the_season_before(visit):
     page.keyboard.press("ArrowRight")
     expect(shown).to_have_text("season 2, the present one")
     expect(held).to_have_attribute("transform", there)
+
+
+def test_a_link_leads_to_the_cross_play_of_the_other_scenario_which_the_page_does_not_play(browser, tmp_path):
+    with small_zoo():
+        build_site(with_link(example_board(4, season=2), season=2), tmp_path)
+    with visits(browser, tmp_path) as go:
+        page = go("crossplay.html")
+        expect(page.locator("#heatmap a").first).to_be_visible()
+        page.get_by_role("link", name="link", exact=True).click()
+        page.wait_for_url("**/crossplay-link.html")
+        expect(page.locator("#heatmap td").first).to_be_visible()
+        assert page.locator("#heatmap a").count() == 0
+        labels = page.locator("#heatmap tbody th").all_inner_texts()
+        assert len(labels) == 4
+        assert all(label.endswith(" on a link") for label in labels)
+        page.locator("#map-ally .mark").nth(1).click()
+        expect(page.locator("#chosen")).to_contain_text("on a link against Player")
+        expect(page.locator("#duel")).to_be_hidden()
+        expect(page.locator("#value")).to_have_text("0.50")
+        assert page.locator("nav a[aria-current]").all_inner_texts() == ["Cross-play"]
+        assert not violations(page)
 
 
 def numbers(text: str) -> list[float]:

@@ -13,7 +13,7 @@ from fpg_bench.common.rows import RowFile
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
-    (tmp_path / "page.md").write_text(f"before\n\n<!-- scores -->\nold\n<!-- end -->\n\nafter\n")
+    (tmp_path / "page.md").write_text("before\n\n<!-- scores -->\nold\n<!-- end -->\n\nafter\n")
     for name, value in {
         "ROWS": tmp_path / "scores.jsonl",
         "PAGE": tmp_path / "page.md",

@@ -111,8 +111,8 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     scenarios = {scenario: views.crossplay_page(scenario) for scenario in SCENARIOS}
     for scenario, stem in scenarios.items():
         view = views.crossplay_view(board, scenario)
-        shown = {"crossplay": view, "scenario": scenario, "scenarios": scenarios}
-        pages.append((f"{stem}.html", "crossplay.html", shown))
+        choice: dict[str, object] = {"crossplay": view, "scenario": scenario, "scenarios": scenarios}
+        pages.append((f"{stem}.html", "crossplay.html", choice))
     for name, (_, title) in reading_pages.PAGES.items() if not docs else ():
         text = Markup(reading_pages.render_page(name))
         pages.append((f"{name}.html", "reading.html", {"title": title, "text": text}))

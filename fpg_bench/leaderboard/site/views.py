@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
-from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SCENARIOS, SHIFTED, UNSEEN
+from fpg_bench.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SCENARIOS, SHIFTED, TRACKS, UNSEEN
 from fpg_bench.players.player import SIDES
 
 PLAYED_SCENARIO = "standard"  # by the game in the browser
@@ -398,11 +398,13 @@ class CrossPlayView:
 
     Attributes:
         is_watched: rounds of pairs can be watched in the browser.
+        has_learned_flight: a track of the scenario has opponents that fly themselves.
     """
 
     missing: list[str]
     same_player: list[tuple[str, str]]
     is_watched: bool
+    has_learned_flight: bool
 
 
 def crossplay_view(board: Board, scenario: str) -> CrossPlayView | None:
@@ -415,6 +417,7 @@ def crossplay_view(board: Board, scenario: str) -> CrossPlayView | None:
         [names[side][slug] for side in SIDES for slug in crossplay.missing[side]],
         [(names["opponent"][one], names["opponent"][other]) for one, other in crossplay.same_player.items()],
         scenario == PLAYED_SCENARIO,
+        any(track.path == "learned" for track in TRACKS.values() if track.scenario == scenario),
     )
 
 
