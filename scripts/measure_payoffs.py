@@ -220,6 +220,9 @@ def best_agents(side: str, groups: str) -> list[str]:
     """Return the zoo's best agents of a side, all training seeds of one algorithm, among groups of a name.
 
     The best have the highest mean score on the last suite of their group, whose rivals nobody trained with.
+
+    Raises:
+        UserError: none has records of that suite.
     """
     zoo, scores = load_zoo(), {}
     for group in zoo.groups:
@@ -228,6 +231,8 @@ def best_agents(side: str, groups: str) -> list[str]:
             for summary in summarise(zoo.read_records(group, suite), suite):
                 if summary.trained:
                     scores[f"{group.name}/{summary.entry}"] = summary.score.value
+    if not scores:
+        raise UserError(f"zoo: no {side} of {groups} has records of its last suite; train_zoo.py --tables")
     return [agent.name for agent in zoo.members(max(scores, key=scores.__getitem__)) if agent.shipped]
 
 
