@@ -252,7 +252,7 @@ def main() -> int:
     suites = {
         side: replace(load_suite(f"{side}-{options.scenario}-v1"), matches=options.matches) for side in SIDES
     }
-    groups = {side: f"{side}-{options.scenario}(-population)?" for side in SIDES}
+    groups = {side: f"{side}-{options.scenario}(-population|-strangers)?" for side in SIDES}
     own = {side: agents_of(side, groups[side]) for side in SIDES}
     first = {side: [name for name in own[side] if name.endswith("seed_0")] for side in SIDES}
     best = {side: best_agents(side, groups[side]) for side in SIDES}
