@@ -103,11 +103,11 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert (entry["name"], result["task"]["type"]) == ("mine", "reinforcement-learning")
     assert result["dataset"]["type"] == "FPG/AllyVsScripted-v0"
     assert [(each["type"], each["value"]) for each in result["metrics"]] == [
-        ("score", 45.8),
-        ("mean_reward", 6.32),
+        ("score", 47.9),
+        ("mean_reward", 6.94),
     ]
-    assert "[44.1, 47.4]" in result["metrics"][0]["name"]
-    assert "| 45.8 | [44.1, 47.4]" in text
+    assert "[46.4, 49.4]" in result["metrics"][0]["name"]
+    assert "| 47.9 | [46.4, 49.4]" in text
     about = json.loads(files["agent.json"])
     assert about["command"] in text
     assert "fpg-bench play --ally hf://me/mine" in text
