@@ -19,7 +19,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS, SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, load_suite, suite_names
+from fpg_bench.evaluation.suite import PLANNER, Rival, Scale, Suite, load_suite, suite_names
 from fpg_bench.game.flight import thriftiest_m_s
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
@@ -78,7 +78,7 @@ def main() -> int:
     differ = False
     for suite in (load_suite(name, allow=options.allow) for name in names):
         zero, top = (round(value, DIGITS) for value in scale(suite))
-        is_same = (suite.scale.zero, suite.scale.top) == (zero, top)
+        is_same = suite.scale in (Scale(), Scale(zero, top))
         differ |= not is_same
         note = "" if is_same else f"  (in the file: {suite.scale})"
         print(f"{suite.name}: scale: {{zero: {zero}, top: {top}}}{note}")

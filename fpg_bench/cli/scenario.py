@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _HEADS: tuple[str, ...] = (
     *("jamming", "waveform", "m", "EIRP dBm", "loss dB", "received dBm", "noise dBm", "gain dB"),
-    *("J/S dB", "passes dB", "SNR dB", "Mbit/s"),
+    *("J/S dB", "passes dB", "SINR dB", "Mbit/s"),
 )
 
 app = typer.Typer(help="Show scenarios, and check files of your own.")

@@ -83,10 +83,8 @@ class RunFolder:
                 f"--start {self.path} --out NEW"
             )
         if differing:
-            raise other_content(
-                self.path,
-                f"another run ({state.command}), or this one with other hyper-parameters or agents",
-            )
+            differences = ", ".join(differing).replace("_", " ")
+            raise other_content(self.path, f"another run ({state.command}), which differs in {differences}")
         if state.suite not in (None, about.suite):
             content = f"this run scored on {state.suite}, not on {about.suite}"
             raise other_content(self.path, content, f"keep its suite (--suite {state.suite})")

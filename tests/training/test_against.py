@@ -48,7 +48,7 @@ def test_the_players_met_are_part_of_a_run_s_description(ally, tmp_path):
         respond(tmp_path / "run", agent)
     train_tiny("ppo", tmp_path / "changed", steps=400, seed=1)
     shutil.copytree(tmp_path / "changed" / "agent", agent, dirs_exist_ok=True)
-    with pytest.raises(UserError, match="with other hyper-parameters or agents"):
+    with pytest.raises(UserError, match="which differs in policies;"):
         respond(tmp_path / "run", [agent, "expert"])
 
 

@@ -148,7 +148,7 @@ def test_a_finished_run_is_not_repeated_and_no_other_is_overwritten(run, hyperpa
     assert (run / "run.json").read_text() == before
     with pytest.raises(UserError, match="holds another run"):
         train("ppo", ALLY, run, **options | {"seed": 4})
-    with pytest.raises(UserError, match="other hyper-parameters"):
+    with pytest.raises(UserError, match="which differs in hyperparameters;"):
         train("ppo", ALLY, run, **options | {"hyperparams": settings("ppo", n_timesteps=2400)})
     with pytest.raises(UserError, match=r"with 2,400 steps, and its budget cannot change; .* --start"):
         train("ppo", ALLY, run, steps=4800, resume=True, **options)
