@@ -230,6 +230,11 @@ def _check_link(scenario: Scenario) -> None:
             f"spread_rate_mhz {s.spread_rate_mhz}: a processing gain below 1; "
             f"at most spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
         )
+    if s.spread_rate_mhz > s.bandwidth_mhz:
+        raise ScenarioError(
+            f"spread_rate_mhz {s.spread_rate_mhz}: spreading would be the faster waveform; "
+            f"at most bandwidth_mhz {s.bandwidth_mhz}"
+        )
     if s.notch_width_mhz >= s.spread_bandwidth_mhz:
         raise ScenarioError(
             f"notch_width_mhz {s.notch_width_mhz}: not below spread_bandwidth_mhz {s.spread_bandwidth_mhz}"
