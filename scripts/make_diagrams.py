@@ -20,13 +20,14 @@ from matplotlib.patches import FancyBboxPatch
 
 import fpg_bench  # noqa: F401  registers the ids
 from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, image_of
-from fpg_bench.common.files import read_yaml, write_whole
-from fpg_bench.common.rows import RowFile
+from fpg_bench.common.files import write_whole
 from fpg_bench.envs.gymnasium_env import FPGEnv
 from fpg_bench.evaluation.team_watching import record_team
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.leaderboard.board import make_board
+from fpg_bench.leaderboard.entries import load_entries
 from fpg_bench.rendering.team_picture import TeamPicture
 
 ROOT = Path(__file__).parents[1]
@@ -132,19 +133,9 @@ def waterfall() -> Figure:
 
 def crossplay() -> Figure:
     """Draw the ally's return per step of the best allies against the best opponents in ``standard``."""
-    board = ROOT / "leaderboard"
-    scenarios = {
-        file.parent.name: read_yaml(file, "submission").get("scenario", "standard")
-        for file in board.glob("submissions/ally/*/submission.yaml")
-    }
-    pairs = {
-        (row["ally"], row["opponent"]): float(np.mean(row["ally_rewards"]))
-        for row in RowFile(board / "results/crossplay.jsonl").read()
-        if scenarios[row["ally"]] == "standard"
-    }
-    allies, opponents = (sorted({pair[side] for pair in pairs}) for side in (0, 1))
-    opponents = [name for name in opponents if all((ally, name) in pairs for ally in allies)]
-    table = np.array([[pairs[ally, opponent] for opponent in opponents] for ally in allies])
+    played = make_board(load_entries(ROOT / "leaderboard")).crossplay["standard"]
+    allies, opponents = played.allies, played.opponents
+    table = np.array(played.returns["ally"])
     best = np.argsort(-table.mean(1))[:FIRST], np.argsort(table.mean(0))[:FIRST]
     table = table[np.ix_(*best)]
     figure = blank_figure(8.6, 4.6)

@@ -308,6 +308,7 @@ def test_each_scenario_has_a_page_of_cross_play_with_its_own_players(tmp_path):
         assert f"data/{name}.js" in page.values("src")
         assert ("A cell that is a link plays" in page.text) == (name == "crossplay")
         assert ("Diamonds are opponents that fly themselves" in page.text) == (name == "crossplay")
+        assert ("only which group is nearer" in page.text) == (name == "crossplay-link")
         assert ("Not in it yet: Player 1 on a link." in page.text) == (name == "crossplay-link")
 
 
