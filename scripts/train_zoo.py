@@ -3,7 +3,7 @@
 python scripts/train_zoo.py [--only ally-scripted/ppo] [--n-jobs 2]    trains; run it again to resume
 python scripts/train_zoo.py --list      shows which agents are shipped
 python scripts/train_zoo.py --check     evaluates every shipped agent again and compares the records
-python scripts/train_zoo.py --compact   drops records that repeat a matchup
+python scripts/train_zoo.py --compact   drops records that repeat a matchup, or of suites that no group has
 python scripts/train_zoo.py --tables    adds missing records; writes baselines/README.md and its pictures
 """
 
@@ -148,6 +148,8 @@ def _tell(suite: Suite, entry: EvaluatedPlayer, rival: Rival, rounds: int, *of: 
 def compact(zoo: Zoo) -> int:
     """Keep each record once, the newest of its matchup, and those of scripts in the file of their suite.
 
+    Records of suites that no group has any more are dropped.
+
     Returns:
         The number of rows that are gone.
     """
@@ -158,8 +160,9 @@ def compact(zoo: Zoo) -> int:
     rows = [(path, row) for path in kept for row in RowFile(path).read()]
     for path, row in rows:
         record = read_record(row, f"records {path}")
-        is_script = record.training_seed is None and record.suite in suites
-        kept[zoo.records_file(suites[record.suite]) if is_script else path][record.key] = record
+        if record.suite in suites:
+            is_script = record.training_seed is None
+            kept[zoo.records_file(suites[record.suite]) if is_script else path][record.key] = record
     for path, records in kept.items():
         text = [json.dumps(record.row(), separators=(",", ":")) + "\n" for record in records.values()]
         write_whole(path, "".join(text))

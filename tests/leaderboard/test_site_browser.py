@@ -43,7 +43,7 @@ AT_REST = "() => { const before = window.stoodAt; window.stoodAt = scrollY; retu
 
 
 def column(page, index):
-    """What a column of the first table is sorted by, row by row: a key, an entry's name, or what is shown."""
+    """Return a column of the first table as it is sorted, row by row: keys, entries' names, or what is shown."""
     rows = page.locator("#ally table.board tbody tr:not([hidden])")
     return rows.evaluate_all(
         f"""rows => rows.map(row => row.cells[{index}])

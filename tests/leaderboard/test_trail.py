@@ -33,7 +33,7 @@ def rival_of(suites, track, role, name):
         ("ally", "expert-spread", PUBLIC, "adaptive/circle"),
         ("ally", "ally-population-recurrent-ppo", UNSEEN, "o12"),
         ("ally", "plain-torch", RESPONSES, "response to ally-champion"),
-        ("opponent-learned", "opponent-champion", UNSEEN, "a16"),
+        ("opponent-learned", "opponent-champion", UNSEEN, "a15"),
         ("ally-link", "sulk-link", PUBLIC, "tone/pursuit"),
     ],
 )
@@ -60,8 +60,8 @@ def test_rivals_whose_game_play_does_not_offer_have_no_command(suites):
 
 
 def test_a_season_s_rival_says_how_it_was_trained(suites):
-    _, rival = rival_of(suites, "ally", UNSEEN, "o22")
-    assert training_of(rival) == "TD3, trained against ally-planner/ppo, epsilon-greedy, by-type"
+    _, rival = rival_of(suites, "ally", UNSEEN, "o20")
+    assert training_of(rival) == "TD3, trained against ally-scripted/sac, ucb, ally-scripted-discrete/recurrent-ppo"
     older = load_suite("ally-season-1").named("o04")  # whose agent.json has the names in one text
     assert training_of(older) == (
         "TD3, trained against ally-planner/td3, expert-spread, ally/plain-torch, ally-population/td3, expert"

@@ -121,9 +121,12 @@ def test_each_record_is_kept_once_and_the_newest_of_a_matchup(tmp_path):
     newer, scripts = of_agents.read(), of_scripts.read()
     of_agents.path.unlink()
     of_agents.append([*older, *scripts, *newer])  # as groups held them before, each its own scripts
+    former = {**newer[0], "suite": "ally-v0"}
+    of_agents.append([former])
     with pytest.raises(UserError, match="of the same matchup"):
         zoo.read_records(group, suite)
-    assert script.compact(zoo) == len(older) + len(scripts)
+    assert script.compact(zoo) == len(older) + len(scripts) + len([former])
+    assert former not in of_agents.read()
     assert zoo.read_records(group, suite) == records
     assert script.compact(zoo) == 0
 
