@@ -209,6 +209,11 @@ def agents_of(side: str, groups: str) -> list[str]:
     ]
 
 
+def groups_of(side: str, scenario: str) -> str:
+    """Return a pattern of the names of a side's groups that trained in a scenario."""
+    return f"{side}-{scenario}(-population|-strangers)?"
+
+
 def champions_of(side: str, scenario: str) -> list[str]:
     """Return the first training seeds of a side's champions of a scenario."""
     agents = baselines_folder() / "agents"
@@ -252,7 +257,7 @@ def main() -> int:
     suites = {
         side: replace(load_suite(f"{side}-{options.scenario}-v1"), matches=options.matches) for side in SIDES
     }
-    groups = {side: f"{side}-{options.scenario}(-population|-strangers)?" for side in SIDES}
+    groups = {side: groups_of(side, options.scenario) for side in SIDES}
     own = {side: agents_of(side, groups[side]) for side in SIDES}
     first = {side: [name for name in own[side] if name.endswith("seed_0")] for side in SIDES}
     best = {side: best_agents(side, groups[side]) for side in SIDES}

@@ -15,6 +15,7 @@ from measure_payoffs import (
     best_agents,
     champions_of,
     equilibrium_note,
+    groups_of,
     lever_table,
     levers,
     measure,
@@ -52,9 +53,9 @@ def test_the_committed_pay_offs_are_those_of_the_zoos_agents_and_its_best_have_t
         (_, *opponents), *rows = csv.reader(file)
     page = (folder / "link.md").read_text()
     listed = {"ally": [row[0] for row in rows], "opponent": opponents}
-    best = {side: best_agents(side, f"{side}-link(-population|-strangers)?") for side in listed}
+    best = {side: best_agents(side, groups_of(side, "link")) for side in listed}
     for side, names in listed.items():
-        firsts = [name for name in agents_of(side, f"{side}-link(-population|-strangers)?") if name.endswith("/seed_0")]
+        firsts = [name for name in agents_of(side, groups_of(side, "link")) if name.endswith("/seed_0")]
         shipped = [*SCRIPTS[side], *firsts, *champions_of(side, "link")]
         assert [name for name in names if not name.startswith("response to ")] == shipped
         entry = best[side][0].rpartition("/")[0].replace("/", "-")

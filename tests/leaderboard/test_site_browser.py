@@ -43,7 +43,7 @@ AT_REST = "() => { const before = window.stoodAt; window.stoodAt = scrollY; retu
 
 
 def column(page, index):
-    """Return a column of the first table as it is sorted, row by row: keys, entries' names, or what is shown."""
+    """Return a column of the first table as it is sorted: keys, entries' names, or what is shown."""
     rows = page.locator("#ally table.board tbody tr:not([hidden])")
     return rows.evaluate_all(
         f"""rows => rows.map(row => row.cells[{index}])
