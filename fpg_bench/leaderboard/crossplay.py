@@ -28,14 +28,15 @@ from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.play import LOST_SCORE, lost_rounds
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
-from fpg_bench.evaluation.suite import Scale
+from fpg_bench.evaluation.suite import Scale, Suite
 from fpg_bench.game.flight import rotary_wing_w
 from fpg_bench.game.rules import radio_record
-from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.leaderboard.folders import at_work, crossplay_file, submission_folders, work_folder
 from fpg_bench.leaderboard.playing import FAILED, Part, parts_of, running_player
 from fpg_bench.leaderboard.result import round_finite
+from fpg_bench.leaderboard.submission import Submission
 from fpg_bench.leaderboard.tracks import PUBLIC, SCENARIOS
 from fpg_bench.leaderboard.verification import Case, board_reader, check_share, load_case
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
@@ -77,6 +78,20 @@ class CrossplayEntry:
     scenario: Scenario
     scale: Scale
     season: str
+
+    @classmethod
+    def of(cls, submission: Submission, public: Suite, season: str) -> CrossplayEntry:
+        """Return the entry of a submission that plays this public suite."""
+        scenario = as_scenario(submission.scenario, opponent_path=submission.path or "pursuit")
+        return cls(
+            submission.slug,
+            submission.track,
+            submission.scenario,
+            tuple(parts_of(submission)),
+            scenario,
+            public.scale,
+            season,
+        )
 
     @cached_property
     def identity(self) -> list[str]:
@@ -191,27 +206,13 @@ def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayE
 def players_of(cases: Iterable[Case]) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
     """Return the allies and opponents among cases whose results are verified, scenario by scenario."""
     entries = [
-        _board_entry(case)
+        CrossplayEntry.of(case.submission, case.suites[PUBLIC], case.suites[PUBLIC].season)
         for case in cases
         if case.result is not None and case.result.verified and case.submission.track in SIDES
     ]
     entries.sort(key=lambda entry: SCENARIOS.index(entry.preset))
     allies, opponents = ([entry for entry in entries if entry.side == side] for side in SIDES)
     return allies, opponents
-
-
-def _board_entry(case: Case) -> CrossplayEntry:
-    public, submission = case.suites[PUBLIC], case.submission
-    scenario = public.rivals[0].scenario  # the rivals of an opponent all play on one path
-    return CrossplayEntry(
-        submission.slug,
-        submission.track,
-        submission.scenario,
-        tuple(parts_of(submission)),
-        scenario,
-        public.scale,
-        public.season,
-    )
 
 
 def pair_key(ally: CrossplayEntry, opponent: CrossplayEntry) -> str:
