@@ -150,11 +150,11 @@ class Pair(Strict):
         scenario, lost_by_ally = opponent.scenario, self.lost[0] / self.rounds
         if self.rounds != ROUNDS or max(self.lost) > self.rounds:
             return False
-        worth = _worth(scenario)
-        if worth is None:
+        bounds = _step_bounds(scenario)
+        if bounds is None:
             return True
-        lowest, most = worth
-        least = min(lowest - _highest_costs(scenario), ally.scale.reward(LOST_SCORE))
+        lowest, most, costs = bounds
+        least = min(lowest - costs, ally.scale.reward(LOST_SCORE))
         left = most - self.reward("ally") + lost_by_ally * (most - lowest)
         near = max(scenario.distance_reward, 0.0)
         tolerance = _UNEVEN * (max(self.ally_rewards) - min(self.ally_rewards)) + WITHIN
@@ -166,23 +166,21 @@ class Pair(Strict):
         )
 
 
-def _worth(scenario: Scenario) -> tuple[float, float] | None:
-    """Return the least and the greatest that a step's link is worth; None where the SNR has no cap."""
+def _step_bounds(scenario: Scenario) -> tuple[float, float, float] | None:
+    """Return bounds of a step of an ally: the least and the greatest worth of its link, and its costs.
+
+    The costs are a hop, spreading all the time, and the most power. None where the SNR has no cap.
+    """
+    costs = scenario.hop_cost + max(scenario.spread_cost_per_s) * scenario.steps_per_round
     radio = radio_record(scenario)
     if radio is not None:
-        return 0.0, float(radio[0]["top_utility"].max())
+        power = max(map(rotary_wing_w, scenario.ally_speed_m_s)) - radio[0]["least_power"]
+        costs += float(radio[0]["flight_cost_per_w"] * power)
+        return 0.0, float(radio[0]["top_utility"].max()), costs
     if scenario.snr_cap_db is None:
         return None
-    return _LEAST_SNR_DB - scenario.snr_threshold_db, scenario.snr_cap_db - scenario.snr_threshold_db
-
-
-def _highest_costs(scenario: Scenario) -> float:
-    """Return a bound of an ally's costs per step: a hop, spreading all the time, the most power."""
-    radio, flight = radio_record(scenario), 0.0
-    if radio is not None:
-        power = max(map(rotary_wing_w, scenario.ally_speed_m_s)) - radio[0]["least_power"]
-        flight = float(radio[0]["flight_cost_per_w"] * power)
-    return scenario.hop_cost + max(scenario.spread_cost_per_s) * scenario.steps_per_round + flight
+    threshold = scenario.snr_threshold_db
+    return _LEAST_SNR_DB - threshold, scenario.snr_cap_db - threshold, costs
 
 
 def read_pair(row: Row) -> Pair | None:
