@@ -28,7 +28,7 @@ from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
 from fpg_bench.players.player import Memory
 from fpg_bench.players.preprocessing import core_of, preprocessing_of
 from fpg_bench.players.scripted import player_noise
-from fpg_bench.players.seeded import Seeded
+from fpg_bench.players.seeded import SeededPolicy
 
 FORBIDDEN = np.float32(-1e30)  # value of a forbidden choice
 LEAST_SHARE = 1e-7  # of a draw, above the probability of a forbidden choice
@@ -62,7 +62,8 @@ class Actor(nn.Module):
     Args:
         model: a trained model; its weights are copied.
         choices: the choices of a discrete model; None takes those of its games.
-        samples: whether it draws its actions, as a seat of a team does; None: as the model's games say.
+        samples: whether it draws its actions, as a seat of a team and a learner in self-play do; None: as
+            the model's games say.
 
     Attributes:
         choices: None where actions are continuous.
@@ -205,8 +206,8 @@ def _deviation(policy: BasePolicy) -> torch.Tensor:
     has_own = isinstance(policy, ActorCriticPolicy | MaskableActorCriticPolicy)
     if not has_own or getattr(policy, "use_sde", False):
         raise UserError(
-            f"export: a seat of a team draws its actions from a distribution, which {type(policy).__name__} "
-            "does not have; train ppo, maskable-ppo or recurrent-ppo, without use_sde"
+            "export: a seat of a team, and a learner in self-play, draws its actions from a distribution, which "
+            f"{type(policy).__name__} does not have; train ppo, maskable-ppo or recurrent-ppo, without use_sde"
         )
     log_std = getattr(policy, "log_std", None)
     return torch.zeros(0) if log_std is None else log_std.detach().exp()
@@ -297,17 +298,23 @@ def _lstm(policy: nn.Module) -> nn.LSTM | None:
     return lstm
 
 
-class ActorPlayer(Seeded):
+class ActorPlayer(SeededPolicy):
     """Player that runs a model's policy in torch; plays as its exported agent does.
 
     Args:
-        model: a model of Stable-Baselines3; its weights are copied.
+        model: a model of Stable-Baselines3; its weights are copied. None: :meth:`update` gives one before
+            it plays.
 
     Raises:
         UserError: an unsupported policy.
     """
 
-    def __init__(self, model: BaseAlgorithm) -> None:
+    def __init__(self, model: BaseAlgorithm | None = None) -> None:
+        if model is not None:
+            self.update(model)
+
+    def update(self, model: BaseAlgorithm) -> None:
+        """Play the present policy of a model from here on; raises UserError for an unsupported one."""
         self._actor = Actor(model)
         if (core := core_of(model)) is not None and (skills := core.game_spec.skills):
             self.sees, self.skills = "team", skills
@@ -326,8 +333,8 @@ class ActorPlayer(Seeded):
         with torch.inference_mode():
             if not actor.state_size:
                 return actor(observation, None, noise).numpy(), (None, steps + 1)
-            memory = torch.zeros(count, actor.state_size) if memory is None else memory.clone()
+            memory = np.zeros((count, actor.state_size), np.float32) if memory is None else memory.copy()
             if starts is not None:
-                memory[torch.from_numpy(starts)] = 0
-            action, memory = actor(observation, memory, noise)
-        return action.numpy(), (memory, steps + 1)
+                memory[starts] = 0
+            action, after = actor(observation, torch.from_numpy(memory), noise)
+        return action.numpy(), (after.numpy(), steps + 1)

@@ -13,7 +13,7 @@ import logging
 import platform
 import re
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -41,6 +41,8 @@ from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.planning import LLM_CONTROLS
 from fpg_bench.planning.planner import CountsPlans
 from fpg_bench.players.card import OfflineData
+from fpg_bench.players.player import Player
+from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
@@ -48,6 +50,7 @@ from fpg_bench.training.callbacks import (
     EvalCheckpointCallback,
     GameMeasuresCallback,
     ProgressCallback,
+    RivalCallback,
 )
 from fpg_bench.training.checkpoint import (
     load_checkpoint,
@@ -65,6 +68,7 @@ from fpg_bench.training.models import by_side, is_finite, make_model, tells_dive
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
 
 EVALUATIONS = 20
+RIVAL = "rival"  # folder and option of the rival that learns at the same time
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
 _logger = logging.getLogger(__name__)
 _STOPPING = "stopping as soon as the run can be saved; Ctrl-C again stops at once\n"
@@ -157,6 +161,69 @@ def train(
             run.finish()
             if curve and (figure := draw_run(run.folder.path)) is not None:
                 write_figure(figure, run.folder.curve)
+    return run.folder.agent
+
+
+def train_together(
+    learner: RunConfig, rival: RunConfig, out: str | Path, *, weight: int = 1, progress: bool = True
+) -> Path:
+    """Train two sides at once, each against the other's present policy (self-play), and export both agents.
+
+    The sides take turns, a rollout and an update each. Both play draws from their distributions, and so do
+    their agents: where two policies answer each other, a mode is easily foreseen. An entropy bonus keeps
+    such a training from going round in circles (Sokota et al., "A unified approach to reinforcement learning,
+    quantal response equilibria, and two-player zero-sum games", 2023; for PPO Rudolph et al., "Reevaluating
+    policy gradient methods for imperfect-information games", 2025).
+
+    A stopped training is resumed.
+
+    Args:
+        learner: the run of one side. Players that its game names are met as well.
+        rival: the run of the other side, whose game names nobody.
+        out: folder of the learner's run, as :func:`train` writes it; that of the rival is its ``rival``.
+        weight: how many players of the learner's game the rival counts as; one is drawn for each round.
+        progress: show the progress.
+
+    Returns:
+        The folder of the learner's agent.
+
+    Raises:
+        UserError: as :func:`train`; also for an algorithm that does not learn from rollouts, as PPO does.
+        KeyboardInterrupt: stopped by the user.
+    """
+    torch.set_num_threads(1)
+    players = ActorPlayer(), ActorPlayer()
+    run = _Run(learner, RunFolder(Path(out)), 0, [players[1]] * weight)
+    other = _Run(rival, RunFolder(Path(out) / RIVAL), 0, [players[0]])
+    for one, against, count in ((run, other, weight), (other, run, 1)):
+        one.make()
+        if not isinstance(one.model, OnPolicyAlgorithm):
+            raise UserError(f"{one.algorithm.name}: does not learn from rollouts, as both sides at once do")
+        met = {"algorithm": against.algorithm.name, "game": against.config.spec.to_dict(), "weight": count}
+        one.about = one.about.model_copy(
+            update={"command": None, "options": {**one.about.options, RIVAL: met}}
+        )
+    for one, player in ((run, players[0]), (other, players[1])):
+        player.update(one.model)
+    for one in (run, other):
+        one.check()
+    with run.folder.locked():
+        state = run.folder.state(run.about, allow_unfinished=True)
+        if state is None or not state.finished:
+            begun = run.folder.has_checkpoint() and other.folder.has_checkpoint()
+            other.folder.path.mkdir(exist_ok=True)
+            with other.folder.locked():
+                for one in (run, other):
+                    before = one.folder.state(one.about, allow_unfinished=True)
+                    if begun and before is not None:
+                        one.resume(before)
+                    else:
+                        one.folder.clear()
+                other.begin()
+                run.learn({}, progress, rival=(other, players))
+                other.seconds = run.seconds
+                other.finish()
+                run.finish()
     return run.folder.agent
 
 
@@ -258,6 +325,7 @@ class _Run:
 
     Attributes:
         config: what is trained.
+        rivals: players that learn at the same time; they join those that the game names.
         suites: the suite that scores each learning side.
         about: description of the run, with everything needed to repeat it.
 
@@ -265,8 +333,14 @@ class _Run:
         UserError: something unknown or out of range.
     """
 
-    def __init__(self, config: RunConfig, folder: RunFolder, evaluations: int = EVALUATIONS) -> None:
-        self.config, self.folder, self.evaluations = config, folder, evaluations
+    def __init__(
+        self,
+        config: RunConfig,
+        folder: RunFolder,
+        evaluations: int = EVALUATIONS,
+        rivals: Sequence[Player] = (),
+    ) -> None:
+        self.config, self.folder, self.evaluations, self.rivals = config, folder, evaluations, rivals
         self.algorithm, self.sides = find_algorithm(config.algorithm), config.spec.sides
         self.algorithm.check_sides(config.spec.id, self.sides)
         if self.algorithm.offline != (config.dataset is not None):
@@ -335,6 +409,11 @@ class _Run:
 
     def setup(self) -> None:
         """Make the model, and check that it can be exported before anything is written."""
+        self.make()
+        self.check()
+
+    def make(self) -> None:
+        """Make the games and the model."""
         Distribution.set_default_validate_args(True)  # an export in this process turned torch's checks off
         config = self.config
         planner = config.planner
@@ -343,8 +422,12 @@ class _Run:
             make_planner = load("language model", "of a training")
             planner = make_planner(planner, self.folder.path, config.transcript, config.llm)
         game = dataclasses.replace(config.spec, planner=planner)
+        if self.rivals:
+            other = config.spec.config.other_side
+            game = dataclasses.replace(game, **{other: [*(getattr(game, other) or ()), *self.rivals]})
         first_seed = training_seed(config.seed)
         self.games = make_sb3(game, self.parameters.n_envs, first_seed, stagger=True, stacked=True)
+        self.games.core.samples |= bool(self.rivals)
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about.training_seed)
         if config.start is not None:
             start = Path(config.start)
@@ -353,6 +436,9 @@ class _Run:
             self._starts_fresh = False
         if config.dataset is not None:
             cast(Any, self.model).learn_from(config.dataset, self.parameters.frame_stack or 1)
+
+    def check(self) -> None:
+        """Check that the model can be exported, and that it can imitate the teacher that it is to."""
         if (imitation := self.parameters.imitate) is not None:
             teacher_of(imitation, self.model, self.sides[0], self.games.core.scenario)
         try:
@@ -407,16 +493,29 @@ class _Run:
         evaluators: Mapping[str, PolicyEvaluator],
         progress: bool,
         log_rounds: bool = False,
+        rival: tuple[_Run, tuple[ActorPlayer, ActorPlayer]] | None = None,
     ) -> None:
         """Train to the budget.
+
+        Args:
+            evaluators: evaluator of each learning side; empty for no evaluations.
+            progress: show the progress.
+            log_rounds: see :func:`train`.
+            rival: the run of a rival that learns at the same time, and what plays the model and the rival.
 
         Raises:
             KeyboardInterrupt: stopped by the user.
         """
-        started = self.about.model_copy(update={"finished": False, "part": self._part})
-        started.write(self.folder.path)
-        self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
+        started = self.begin()
         budget, model = self.about.training_steps, self.model
+        beside, turns, sides = {}, [], list(self.sides)
+        if rival is not None:
+            other, players = rival
+            beside[other.folder.checkpoints] = other.model
+            turns.append(
+                RivalCallback(cast(OnPolicyAlgorithm, other.model), other.about.training_steps, players)
+            )
+            sides += other.sides
         bars = [ProgressCallback(budget)] if progress else []
         clock = Clock(self._seconds_before)
         with StopRequest(_STOPPING) as stop:
@@ -430,16 +529,17 @@ class _Run:
                 self.evaluations,
                 stop,
                 log_rounds,
+                beside,
             )
             try:
                 if model.num_timesteps < budget:
                     steps = budget - model.num_timesteps
                     _warn_of_overshoot(model, steps)
                     about = DescriptionCallback(started, tuple(evaluators))
-                    callbacks = [about, GameMeasuresCallback(), checkpoints, *bars]
+                    callbacks = [about, GameMeasuresCallback(), *turns, checkpoints, *bars]
                     model.learn(steps, callbacks, log_interval=1, reset_num_timesteps=False)
             except ValueError as error:
-                if tells_divergence(error, self.sides) or not is_finite(model):
+                if tells_divergence(error, sides) or not is_finite(model):
                     raise self._divergence() from error
                 raise
             finally:
@@ -448,6 +548,13 @@ class _Run:
         if not is_finite(model):  # after the last update
             raise self._divergence()
         self.seconds = clock.seconds
+
+    def begin(self) -> RunDescription:
+        """Write the description of the unfinished run, and log into its folder; returns the description."""
+        started = self.about.model_copy(update={"finished": False, "part": self._part})
+        started.write(self.folder.path)
+        self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
+        return started
 
     def _divergence(self) -> UserError:
         return UserError(

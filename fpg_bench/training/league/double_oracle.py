@@ -4,12 +4,15 @@ McMahan, Gordon and Blum, "Planning in the presence of cost functions controlled
 trained policies as the oracles (PSRO: Lanctot et al., "A unified game-theoretic approach to multiagent
 reinforcement learning", 2017). In the mode ``both`` the populations of both sides grow, and each side answers
 the other's mixture in the meta-game's equilibrium. In the mode ``one`` the side answers a weighted mixture of
-all responses so far, and a response the side's newest policy. Either search stops on what a fresh response
-leaves, not on the meta-game's value: that rises while a new response still breaks every policy.
+all responses so far, and a response the side's newest policy. In the mode ``selfplay`` no oracle is asked
+within a stage: the side and a rival learn at the same time, and responses only measure both. Each search
+stops on what a fresh response leaves, not on the meta-game's value: that rises while a new response still
+breaks every policy.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import logging
 import re
@@ -43,11 +46,14 @@ from fpg_bench.training.league.best_responses import RESPONSE_REWARDS
 from fpg_bench.training.league.evaluation import MATCHES, check_same
 from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.run_folder import RunFolder, command_line
-from fpg_bench.training.train import train
+from fpg_bench.training.train import RIVAL, train, train_together
 
 ROWS, ABOUT = "double_oracle.jsonl", "double_oracle.json"
-SEED_STRIDE = 1000  # stage k with seed s has training seed 1000 s + k, and its responses 1000 s + 500 + 2 k
-MODES = ("one", "both")
+# Stage k with seed s has training seed 1000 s + k, its rival in self-play 1000 s + 250 + k, responses to it
+# 1000 s + 500 + 2 k and the next, and that to its rival 1000 s + 750 + k.
+SEED_STRIDE = 1000
+SELFPLAY = "selfplay"
+MODES = ("one", "both", SELFPLAY)
 PARTS = 100  # into which the shares of an equilibrium's players are rounded
 FINALISTS = 2  # stages that a second response is trained against
 _OWN_AGENT = re.compile(r'"[^"]*/(runs/(?:stage|response)_\d+[^"]*)"')  # in JSON
@@ -102,14 +108,17 @@ def double_oracle(
     A stage goes on from the weights of the one before; then a fresh response is trained. In the mode ``one``
     it answers the stage's policy alone, and joins the rivals of later stages ``weight`` times. In the mode
     ``both`` the stage answers the other side's mixture in the equilibrium of all policies so far, and the
-    response that of the side, the new policy included. A stopped call is resumed: what is finished is not
-    trained again, and a larger number of stages adds to them.
+    response that of the side, the new policy included. In the mode ``selfplay`` the side and a rival learn at
+    the same time (:func:`fpg_bench.training.train.train_together`), and one fresh response to each measures
+    what it keeps. A stopped call is resumed: what is finished is not trained again, and a larger number of
+    stages adds to them.
 
     Args:
         out: a folder for ``double_oracle.jsonl``, a row per stage; ``runs``, a run each; ``records.jsonl``,
-            who met whom; ``agent``, the exported policy; and ``double_oracle.json``, the settings and result.
+            who met whom; ``agent``, the exported policy; ``rival``, in the mode ``selfplay`` the policy that
+            learned beside it; and ``double_oracle.json``, the settings and result.
         side: the side that learns.
-        mode: ``one`` or ``both``, as above.
+        mode: ``one``, ``both`` or ``selfplay``, as above.
         stages: the most stages.
         steps: training budget of a stage.
         response_steps: training budget of a response; None: that of a stage.
@@ -117,7 +126,8 @@ def double_oracle(
         response_algorithm, response_actions: those of the responses.
         against: rivals of the first stage, with weights such as ``tone*8``, and ``suite:NAME`` for all
             members of a suite; None: all scripts of the other side.
-        weight: how often a response is listed among the rivals, in the mode ``one``.
+        weight: how often a response is listed among the rivals, in the mode ``one``; in the mode
+            ``selfplay``, how often the rival that learns is.
         patience: stops after as many stages without a higher ``low``.
         seed: decides the training seeds.
         hyperparams, response_hyperparams: hyper-parameters of the side and of the responses; None takes the
@@ -132,7 +142,8 @@ def double_oracle(
         The content of ``double_oracle.json``. ``rows`` has of each stage ``low``, what the policy (in the
         mode ``both`` the mixture) that the fresh response answers keeps against it, per step; ``high``, the
         return against the rivals of its training, by their weights, which bounds the game's value from above
-        as far as the training found a best answer; ``meta_value``, the value of the game between all stages
+        as far as the training found a best answer (in the mode ``selfplay`` what a fresh response earns from
+        the rival); ``meta_value``, the value of the game between all stages
         and all rivals so far; and ``seconds``. ``confirmed`` has of the two stages with the highest ``low``
         the return of the stage's policy alone against a second response to it, trained afterwards with
         another seed, and ``stage`` is the one that keeps most, which is exported. All are returns of the
@@ -290,16 +301,22 @@ class _DoubleOracle:
         """Return the folder of the run of a response to a stage: 0 the fresh one, 1 the second."""
         return RunFolder(self.folder / "runs" / f"response_{stage}_{number}")
 
+    def rival_run(self, stage: int) -> RunFolder:
+        """Return the folder of the run of the rival that learned beside a stage in self-play."""
+        return RunFolder(self.run(stage).path / RIVAL)
+
     def rivals(self, stage: int) -> list[str]:
         """Return the rivals of a stage's training, those with a weight several times."""
+        if self.mode == SELFPLAY:
+            return list(self.game.others)
         responses = [str(self.response_run(before).agent) for before in range(stage)]
-        if self.mode == MODES[0] or not stage:
+        if self.mode == "one" or not stage:
             return [*self.game.others, *(name for name in responses for _ in range(self.weight))]
         return _in_parts(self._meta_game(stage, stage).equilibrium().rivals)
 
     def answered(self, stage: int) -> list[str]:
         """Return the policies of the side that a stage's fresh response answers, by their shares."""
-        if self.mode == MODES[0]:
+        if self.mode != "both":
             return [str(self.run(stage).agent)]
         return _in_parts(self._meta_game(stage + 1, stage).equilibrium().players)
 
@@ -322,18 +339,49 @@ class _DoubleOracle:
             start=self.run(stage - 1).path if stage else None,
             allow=self.allow,
         )
-        train(config, self.run(stage).path, evaluations=0, progress=self.progress, resume=True)
+        if self.mode == SELFPLAY:
+            self._train_with_rival(stage, config)
+        else:
+            train(config, self.run(stage).path, evaluations=0, progress=self.progress, resume=True)
         low = self.answer(stage, self.answered(stage))
         meta_game = self._meta_game(stage + 1, stage + 1)
-        high = meta_game.interval(str(self.run(stage).agent), _shares(rivals)).value
+        if self.mode == SELFPLAY:
+            high = self.answer_rival(stage)
+        else:
+            high = meta_game.interval(str(self.run(stage).agent), _shares(rivals)).value
         return {
             "stage": stage,
             "low": low,
             "high": round(high, 4),
             "meta_value": round(meta_game.equilibrium().value, 4),
-            "rivals": len(rivals),
+            "rivals": len(rivals) + (self.weight if self.mode == SELFPLAY else 0),
             "seconds": round(time.monotonic() - start, 1),
         }
+
+    def _train_with_rival(self, stage: int, config: RunConfig) -> None:
+        """Train a stage and its rival at the same time; both learn by the same algorithm."""
+        game = dataclasses.replace(self.response, **{self.side: None})
+        rival = dataclasses.replace(
+            config,
+            game=game,
+            seed=config.seed + SEED_STRIDE // 4,
+            start=self.rival_run(stage - 1).path if stage else None,
+        )
+        train_together(config, rival, self.run(stage).path, weight=self.weight, progress=self.progress)
+
+    def answer_rival(self, stage: int) -> float:
+        """Train a response of the side to the rival of a stage, and return what it earns."""
+        run, rival = RunFolder(self.folder / "runs" / f"answer_{stage}"), str(self.rival_run(stage).agent)
+        config = RunConfig(
+            self.algorithms[0],
+            GameSpec.of(self.game, **{other_side(self.side): [rival]}),
+            SEED_STRIDE * self.seed + 3 * SEED_STRIDE // 4 + stage,
+            self.steps[1],
+            self.hyperparams[0],
+            allow=self.allow,
+        )
+        train(config, run.path, evaluations=0, progress=self.progress, resume=True)
+        return self.payoffs([str(run.agent)], [rival]).interval(str(run.agent), rival).value
 
     def confirm(self, stage: int) -> float:
         """Return what a stage's policy alone keeps against a second response to it."""
@@ -367,11 +415,10 @@ class _DoubleOracle:
         return Payoffs.of(store, wanted)
 
     def export_agent(self, stage: int) -> None:
-        """Copy the agent of a stage; its ``agent.json`` describes the whole search up to it.
+        """Copy the agent of a stage, and its rival's; ``agent.json`` describes the whole search up to it.
 
         Names of the search's own agents begin at its folder, wherever that was when they were trained.
         """
-        runs = [self.run(number).read() for number in range(stage + 1)]
         game = self.game.to_dict()
         del game["id"]
         settings = {
@@ -389,17 +436,20 @@ class _DoubleOracle:
             "hyperparams": as_option(self.hyperparams[0]),
             "response_hyperparams": as_option(self.hyperparams[1]),
         }
-        update = {
-            "command": command_line("double-oracle", out=self.folder, allow=self.allow, **game, **settings),
-            "training_seed": self.seed,
-            "training_steps": len(runs) * self.steps[0],
-            "steps_done": sum(run.steps_done or 0 for run in runs),
-            "seconds": round(sum(run.seconds for run in runs), 1),
-        }
-        last = self.run(stage).agent
-        named = _OWN_AGENT.sub(r'"\1"', json.dumps(read_card(last).to_dict()))
-        card = AgentCard.parse(read_object(named), str(last))
-        card.model_copy(update=update).write(self.folder / "agent", (last / "policy.onnx").read_bytes())
+        command = command_line("double-oracle", out=self.folder, allow=self.allow, **game, **settings)
+        exported = {"agent": self.run} | ({RIVAL: self.rival_run} if self.mode == SELFPLAY else {})
+        for name, run_of in exported.items():
+            runs, last = [run_of(number).read() for number in range(stage + 1)], run_of(stage).agent
+            update = {
+                "command": command,
+                "training_seed": self.seed,
+                "training_steps": len(runs) * self.steps[0],
+                "steps_done": sum(run.steps_done or 0 for run in runs),
+                "seconds": round(sum(run.seconds for run in runs), 1),
+            }
+            named = _OWN_AGENT.sub(r'"\1"', json.dumps(read_card(last).to_dict()))
+            card = AgentCard.parse(read_object(named), str(last))
+            card.model_copy(update=update).write(self.folder / name, (last / "policy.onnx").read_bytes())
 
 
 def _shares(names: Sequence[str]) -> dict[str, float]:
