@@ -206,8 +206,8 @@ def _deviation(policy: BasePolicy) -> torch.Tensor:
     has_own = isinstance(policy, ActorCriticPolicy | MaskableActorCriticPolicy)
     if not has_own or getattr(policy, "use_sde", False):
         raise UserError(
-            "export: a seat of a team, and a learner in self-play, draws its actions from a distribution, which "
-            f"{type(policy).__name__} does not have; train ppo, maskable-ppo or recurrent-ppo, without use_sde"
+            "export: seats of a team and learners in self-play draw their actions from a distribution, which "
+            f"{type(policy).__name__} lacks; train ppo, maskable-ppo or recurrent-ppo, without use_sde"
         )
     log_std = getattr(policy, "log_std", None)
     return torch.zeros(0) if log_std is None else log_std.detach().exp()

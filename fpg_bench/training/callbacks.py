@@ -149,7 +149,7 @@ class ProgressCallback(BaseCallback):
 
 
 class RivalCallback(BaseCallback):
-    """Let a rival of the other side learn at the same time: whenever the model has learned, so does the rival.
+    """Let a rival of the other side learn at the same time: once the model has learned, so does the rival.
 
     Args:
         rival: an on-policy model.

@@ -118,6 +118,34 @@ def test_in_the_mode_both_each_side_answers_the_equilibrium_of_the_other(tmp_pat
         oracle.double_oracle(tmp_path, mode="all", **SEARCH)
 
 
+def test_in_self_play_a_rival_learns_beside_the_side_and_responses_measure_both(tmp_path):
+    result = oracle.double_oracle(tmp_path, stages=2, **SEARCH | {"mode": "selfplay"})
+    runs = tmp_path / "runs"
+    stages = [runs / f"stage_{number}" for number in (0, 1)]
+    for stage in stages:
+        run, rival = RunFolder(stage).read(), RunFolder(stage / "rival").read()
+        assert run.game.opponent == ("tone", "tone", "hunter")
+        assert (run.options["rival"]["weight"], rival.options["rival"]["weight"]) == (3, 1)
+        assert (rival.game.reward, rival.game.actions) == ("zero_sum", "discrete")
+    for inner in (".", "rival"):
+        assert RunFolder(stages[1] / inner).read().options["start"] == str(stages[0] / inner)
+    values = payoffs_of(tmp_path)
+    for number, row in enumerate(result["rows"]):
+        stage, response = stages[number] / "agent", runs / f"response_{number}_0" / "agent"
+        answer, rival = runs / f"answer_{number}" / "agent", stages[number] / "rival" / "agent"
+        assert row["low"] == pytest.approx(values[str(stage), str(response)], abs=1e-4)
+        assert row["high"] == pytest.approx(values[str(answer), str(rival)], abs=1e-4)
+        assert row["rivals"] == 3 + 3
+    for name in ("agent", "rival"):
+        card = load_agent(tmp_path / name).card
+        assert card.sample
+        assert "--mode selfplay" in card.command
+        assert card.training_steps == 400 * (result["stage"] + 1)
+    found = [runs / "response_0_0", runs / "response_1_0", runs / "answer_0", runs / "answer_1"]
+    seeds = [RunFolder(run).read().training_seed for run in (*stages, *(s / "rival" for s in stages), *found)]
+    assert len(set(seeds)) == len(seeds)
+
+
 def payoffs_of(folder):
     """The return per step of each policy against each rival that it met."""
     return {
