@@ -38,6 +38,7 @@ from fpg_bench.evaluation.curves import CURVE, draw_curves, draw_run, levels_of,
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.planning import LLM_CONTROLS
 from fpg_bench.planning.planner import CountsPlans
 from fpg_bench.players.card import OfflineData
@@ -424,7 +425,7 @@ class _Run:
         game = dataclasses.replace(config.spec, planner=planner)
         if self.rivals:
             other = config.spec.config.other_side
-            game = dataclasses.replace(game, **{other: [*(getattr(game, other) or ()), *self.rivals]})
+            game = GameSpec.of(game, **{other: [*(getattr(game, other) or ()), *self.rivals]})
         first_seed = training_seed(config.seed)
         self.games = make_sb3(game, self.parameters.n_envs, first_seed, stagger=True, stacked=True)
         self.games.core.samples |= bool(self.rivals)

@@ -360,10 +360,9 @@ class _DoubleOracle:
 
     def _train_with_rival(self, stage: int, config: RunConfig) -> None:
         """Train a stage and its rival at the same time; both learn by the same algorithm."""
-        game = dataclasses.replace(self.response, **{self.side: None})
         rival = dataclasses.replace(
             config,
-            game=game,
+            game=self.response,
             seed=config.seed + SEED_STRIDE // 4,
             start=self.rival_run(stage - 1).path if stage else None,
         )
