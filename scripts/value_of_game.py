@@ -75,7 +75,7 @@ def kept_by_policies(rows: Sequence[Row], board: Path) -> Iterator[Kept]:
         (row["search"], row["seed"]): row for row in sorted(finalists, key=lambda row: row["confirmed"])
     }
     for row in finalists:
-        values, name = [row["confirmed"], *([row["low"]] if row["mode"] == "one" else [])], row["search"]
+        values, name = [row["confirmed"], *([row["low"]] if row["mode"] != "both" else [])], row["search"]
         if exported[name, row["seed"]] is row:
             values += entered.pop((name, row["seed"]), ("", [], True))[1]
         part = f"seed {row['seed']}, stage {row['stage']}"

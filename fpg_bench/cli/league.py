@@ -204,7 +204,8 @@ def double_oracle(
         str,
         typer.Option(
             help="one: the side learns against all responses to it. both: the populations of both sides "
-            "grow, and each answers the other's equilibrium.",
+            "grow, and each answers the other's equilibrium. selfplay: the side and a rival learn at the same "
+            "time.",
             rich_help_panel=TRAINING,
         ),
     ] = "one",
@@ -234,7 +235,8 @@ def double_oracle(
         int,
         typer.Option(
             min=1,
-            help="How often a response is listed among the rivals, in mode one.",
+            help="How often a response is listed among the rivals, in mode one; in mode selfplay the rival "
+            "that learns.",
             rich_help_panel=TRAINING,
         ),
     ] = 8,

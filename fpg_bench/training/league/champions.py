@@ -106,7 +106,7 @@ class OracleConfig(Strict):
 
     name: str
     side: Literal["ally", "opponent"]
-    mode: Literal["one", "both"] = "one"
+    mode: Literal["one", "both", "selfplay"] = "one"
     stages: PositiveInt
     steps: PositiveInt
     response_steps: PositiveInt
@@ -116,6 +116,7 @@ class OracleConfig(Strict):
     against: Annotated[list[str], Constraint(min_length=1)]
     weight: PositiveInt
     patience: PositiveInt
+    hyperparams: Entry | None = None
     options: JsonObject = Constraint(default_factory=dict)
     seeds: Annotated[PositiveInt, Constraint(exclude=True)] = 3
 
