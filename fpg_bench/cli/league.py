@@ -204,8 +204,7 @@ def double_oracle(
         str,
         typer.Option(
             help="one: the side learns against all responses to it. both: the populations of both sides "
-            "grow, and each answers the other's equilibrium. selfplay: the side and a rival learn at the same "
-            "time.",
+            "grow, and each answers the other's equilibrium. selfplay: the side and a rival learn at once.",
             rich_help_panel=TRAINING,
         ),
     ] = "one",
