@@ -91,6 +91,12 @@ CHAMPIONS = {
         "thirteen scripted opponents, and the responses to its stages",
         "ally",
     ),
+    "ally-champion-3": (
+        "ally-champion-3",
+        "third ally champion",
+        "thirteen scripted opponents, and mostly a rival that learned at the same time",
+        "ally",
+    ),
     "ally-link-champion": (
         "ally-link-champion",
         "ally champion on a radio link",
