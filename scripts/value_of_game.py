@@ -33,8 +33,7 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.league.double_oracle import ROWS, keep_search
 
 OTHERS = "searches.jsonl"
-# Action modes that name no point; points by name are the best answer to some mixtures.
-UNNAMED = ("uniform-hop", "drawn-hop")
+EVEN = "uniform-hop"  # the mode without the points by name, which are the best answer to some mixtures
 
 
 @dataclass(frozen=True)
@@ -119,11 +118,11 @@ def entered_policies(board: Path) -> Iterator[tuple[tuple[str, int | None], tupl
 
 def bracket(rows: Sequence[Row], kept: Sequence[Kept]) -> list[list[str]]:
     """Return the highest known returns from below and the lowest from above, as lines of cells."""
-    lines = [["scenario", "kept by an ally", "left to allies that name no point", "left to any ally"]]
+    lines = [["scenario", "kept by an ally", "left to allies that hop evenly", "left to any ally"]]
     for scenario in SCENARIOS:
         below = [one for one in kept if one.scenario == scenario]
         above = [row for row in rows if row["scenario"] == scenario]
-        free = [row for row in above if row["actions"] not in UNNAMED]
+        free = [row for row in above if row["actions"] != EVEN]
         best = str(max(below, key=lambda one: one.value)) if below else "-"
         lines.append([f"`{scenario}`", best, _lowest(above), _lowest(free)])
     return lines

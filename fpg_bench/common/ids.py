@@ -103,9 +103,8 @@ ACTION_MODES = {
     "multi-discrete": "MultiDiscrete",
     "discrete-uniform": "DiscreteUniform",
     "uniform-hop": "UniformHop",
-    "drawn-hop": "DrawnHop",
 }
-ALLY_MODES = ("discrete-uniform", "uniform-hop", "drawn-hop")  # the opponent does not hop
+ALLY_MODES = ("discrete-uniform", "uniform-hop")  # the opponent does not hop
 _MODE = re.compile(rf"(FPG/\w+?)({'|'.join(filter(None, ACTION_MODES.values()))})-v0")
 DUEL = "FPG/duel_v0"
 ALLIES = ("idle", "random", "reactive", "expert", "expert-spread", "always-hop")

@@ -62,10 +62,9 @@ class Choices:
     """The choices of one side in an action mode, and the actions that they stand for.
 
     In mode ``discrete`` an action is one whole number, the index of a choice. In mode ``multi-discrete`` it
-    is one whole number for each of several lists, whose rows add up. Three more modes of the ally have one
+    is one whole number for each of several lists, whose rows add up. Two more modes of the ally have one
     list: ``discrete-uniform`` that of ``discrete`` and hops to a uniformly drawn point; ``uniform-hop``
-    these hops and staying alone, so the ally chooses when to hop and not where; ``drawn-hop`` also hops by
-    the knowledge base, which draws their points as well.
+    these hops and staying alone, so the ally chooses when to hop and not where.
 
     A point is drawn by the standard normal number of the player's seed and step that an agent's input
     ``noise`` has, compared with the quantiles of the points. Comparing is exact, so an environment and an
@@ -286,9 +285,8 @@ def _ally_combinations(mode: str, scenario: Scenario) -> list[tuple[int, ...]]:
     """Return the choices of an ally in a mode of one list.
 
     In mode ``discrete`` these are every hop, and spreading without a hop or with one by the knowledge base;
-    ``discrete-uniform`` adds the hop to a drawn point, with and without spreading, behind them;
-    ``uniform-hop`` has staying and that hop, each with and without spreading; and ``drawn-hop`` adds the hop
-    by the knowledge base, with and without spreading, behind these.
+    ``discrete-uniform`` adds the hop to a drawn point, with and without spreading, behind them; and
+    ``uniform-hop`` has staying and that hop, each with and without spreading.
 
     All at full speed and, where flying costs, also at the mean one, near which a rotary wing needs least
     power. Hops to each point while spreading as well make a list of 34, from
@@ -298,12 +296,10 @@ def _ally_combinations(mode: str, scenario: Scenario) -> list[tuple[int, ...]]:
     speeds = (0, 1) if scenario.flight_cost_per_w else (0,)
     named = [*((hop, 0) for hop in range(known + 1)), (0, 1), (known, 1)]
     drawn = [(uniform, 0), (uniform, 1)]
-    even = [(0, 0), (0, 1), *drawn]
     groups = {
         "discrete": [named],
         "discrete-uniform": [named, drawn],
-        "uniform-hop": [even],
-        "drawn-hop": [even, [(known, 0), (known, 1)]],
+        "uniform-hop": [[(0, 0), (0, 1), *drawn]],
     }
     return [(*way, speed) for ways in groups[mode] for speed in speeds for way in ways]
 

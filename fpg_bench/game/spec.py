@@ -61,8 +61,8 @@ class GameSpec:
         reward: reward of the learner: ``own``, ``zero_sum``, ``jamming``, ``overlap`` or ``ally_cost``;
             None: ``own``. See :func:`fpg_bench.envs.core.compute_reward`.
         actions: action mode: ``continuous``, ``discrete`` or ``multi-discrete``, or, of the ally,
-            ``discrete-uniform``, ``uniform-hop`` or ``drawn-hop``; None: that of the environment. Of the duel
-            also a mapping from sides to modes.
+            ``discrete-uniform`` or ``uniform-hop``; None: that of the environment. Of the duel also a
+            mapping from sides to modes.
         observation: what the ally sees: its 15 ``numbers`` or a spectrum ``waterfall``; None: ``numbers``.
         history: rows of the waterfall; None: 16.
         untrusted: the ``package.module:object`` and agents of the Hub that a file named and the user has not
