@@ -7,7 +7,7 @@ The search of an entry's scenario, SEARCH, finds responses to its first training
 it loses, to an opponent for what the response itself earns. One more response to each opponent is trained
 for what the opponent loses ("spite"). Each has a row in leaderboard/results/best_responses.jsonl, with its
 budget, seconds and the entry's return per step against it, and so has the strongest script. The strongest
-response to an entry, spite aside, becomes an agent folder baselines/suites/responses-v2/<side>/<entry>
+response to an entry of TARGETS, spite aside, becomes an agent baselines/suites/responses-v2/<side>/<entry>
 (of ``link``: responses-link-v1), and a rival in the suite of best responses of its track, such as
 baselines/suites/ally-responses-v2.yml or ally-link-responses-v1.yml.
 
@@ -77,6 +77,8 @@ TARGETS = (
     "opponent/opponent-link-ppo-stack8",
     "opponent/opponent-link-strangers-ppo-stack8",
 )
+# Later champions: what a search finds against them is known by its rows, and is no rival in the suites.
+ROWS_ALONE = ("ally/ally-champion-2", "ally/ally-champion-3")
 # Calls of best_responses by the scenario of the entry.
 SEARCH = {"standard": FULL_SEARCH, "link": (DISCRETE_PPO,)}
 # One response to each opponent is paid for what the opponent loses, whatever that costs an ally.
@@ -146,10 +148,10 @@ class Target:
         return [row for row in file.read() if own.items() <= row.items()]
 
     def is_done(self, file: RowFile) -> bool:
-        """Return True if there is a row for each response, and the strongest agent."""
+        """Return True if there is a row for each response, and the strongest agent if it becomes a rival."""
         rows = Counter(kind_of(row) for row in self.rows(file))
-        has_agent = (suites_folder() / self.response / "agent.json").is_file()
-        return has_agent and all(rows[kind_of(call)] >= call["n_seeds"] for call in self.calls)
+        is_kept = self.name in ROWS_ALONE or (suites_folder() / self.response / "agent.json").is_file()
+        return is_kept and all(rows[kind_of(call)] >= call["n_seeds"] for call in self.calls)
 
 
 def targets(board: Path, names: Sequence[str]) -> Iterator[Target]:
@@ -189,6 +191,7 @@ def train_responses(target: Target, out: Path) -> list[Row]:
 def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> None:
     """Replace the rows of these kinds of responses to a target, and copy the strongest to the suites.
 
+    Those of ``ROWS_ALONE`` have no agent there.
     An agent that is there stays if it is a stronger response of another kind.
     """
     made = {kind_of(response) for response in responses}
@@ -196,7 +199,8 @@ def keep(target: Target, file: RowFile, out: Path, responses: Sequence[Row]) -> 
     known = [row["return"] for row in others if _is_rival(row, target)]
     strongest = min((row for row in responses if _is_rival(row, target)), key=lambda row: row["return"])
     published = suites_folder() / target.response
-    if strongest["return"] <= min(known, default=math.inf) or not (published / "agent.json").is_file():
+    is_new = strongest["return"] <= min(known, default=math.inf) or not (published / "agent.json").is_file()
+    if is_new and target.name not in ROWS_ALONE:
         agent = out / strongest["reward"] / response_folder(strongest) / "agent"
         card = read_card(agent)
         imitation = card.hyperparameters.get("imitate") or {}
@@ -254,7 +258,7 @@ def write_suites(board: Path) -> Iterator[Path]:
 
 def tables(board: Path, file: RowFile) -> Iterator[str]:
     """Yield a table for each scenario and side with targets."""
-    shown = list(targets(board, TARGETS))
+    shown = list(targets(board, (*TARGETS, *ROWS_ALONE)))
     for of in product(SEARCH, SIDES):
         if own := [target for target in shown if (target.track.scenario, target.side) == of]:
             yield "\n".join(table(own, file))
@@ -300,7 +304,7 @@ def main() -> int:
     """Train what is missing; returns 0 if all went well."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
-        "entries", nargs="*", default=TARGETS, help="entries of the board; default: the first of each table"
+        "entries", nargs="*", default=(*TARGETS, *ROWS_ALONE), help="default: the first of each table"
     )
     parser.add_argument("--n-jobs", type=int, default=2, help="entries at once, one thread each")
     parser.add_argument("--board", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")

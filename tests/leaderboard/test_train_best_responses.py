@@ -37,6 +37,7 @@ def module(monkeypatch):
 def script(module, board, in_process, tmp_path, monkeypatch):
     """The script's main on a board of an ally of two training seeds, an opponent, and scripts."""
     monkeypatch.setattr(module, "run_jobs", lambda jobs, workers: run(jobs))
+    monkeypatch.setattr(module, "ROWS_ALONE", ())
     call = {"algorithm": "ppo", "steps": 400, "n_seeds": 2}
     monkeypatch.setattr(module, "SEARCH", {"standard": (call,), "link": (call | {"n_seeds": 1},)})
     monkeypatch.setattr(module, "SPITE", module.SPITE | {"algorithm": "ppo", "steps": 400})
@@ -196,6 +197,18 @@ def test_a_stronger_response_of_an_earlier_search_stays(
     head, _, line = capsys.readouterr().out.splitlines()[:3]
     assert head == "| entry | strongest script | ppo, 800 steps | ppo, 400 steps | lowest known |"
     assert "| -100.0 (1.5) | -" in line
+
+
+def test_responses_to_later_champions_are_rows_and_no_rivals(
+    script, module, board, small_suites, monkeypatch
+):
+    monkeypatch.setattr(module, "ROWS_ALONE", ("ally/linear",))
+    script("ally/linear")
+    assert len(split(rows_of(board))[1]) == 2
+    assert not (small_suites / "suites/responses-v2/ally/linear").exists()
+    assert not any(small_suites.glob("suites/ally-responses-*"))
+    (target,) = module.targets(board, ("ally/linear",))
+    assert target.is_done(module.RowFile(board / "results/best_responses.jsonl"))
 
 
 def test_a_published_response_names_no_path_of_this_machine(

@@ -116,7 +116,7 @@ class OracleConfig(Strict):
     against: Annotated[list[str], Constraint(min_length=1)]
     weight: PositiveInt
     patience: PositiveInt
-    hyperparams: Entry | None = None
+    hyperparams: str | None = None
     options: JsonObject = Constraint(default_factory=dict)
     seeds: Annotated[PositiveInt, Constraint(exclude=True)] = 3
 
