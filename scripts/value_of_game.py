@@ -33,6 +33,7 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.training.league.double_oracle import ROWS, keep_search
 
 OTHERS = "searches.jsonl"
+DASHES = {"one": "-", "both": "--", "selfplay": ":"}  # lines of searches by their mode
 EVEN = "uniform-hop"  # the mode without the points by name, which are the best answer to some mixtures
 
 
@@ -184,17 +185,22 @@ def draw(rows: Sequence[Row]) -> Figure:
         axes.set_xlabel("stage")
         axes.xaxis.get_major_locator().set_params(integer=True)
     panels[0].set_ylabel("ally's return per step")
-    handles, labels = panels[0].get_legend_handles_labels()
-    known = dict(zip(labels, handles, strict=True))
-    figure.legend(known.values(), known, loc="outside lower center", ncols=len(known), frameon=False)
+    known = {
+        label: handle
+        for axes in panels
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(known.values(), known, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
 def _lines(axes: Axes, rows: Sequence[Row]) -> None:
     stages = [row["stage"] for row in rows]
-    style: Style = {"lw": 1.4, "alpha": 0.8}
-    axes.plot(stages, [row["high"] for row in rows], color=OPPONENT, label="high", **style)
-    axes.plot(stages, [row["low"] for row in rows], color=ALLY, label="low", **style)
+    mode = rows[0]["mode"]
+    style: Style = {"lw": 1.4, "alpha": 0.8, "ls": DASHES[mode]}
+    for name, color in (("high", OPPONENT), ("low", ALLY)):
+        label = name if mode == "one" else f"{name}, mode {mode}"
+        axes.plot(stages, [row[name] for row in rows], color=color, label=label, **style)
     later = [row for row in rows if row["confirmed"] is not None]
     axes.plot(
         [row["stage"] for row in later],

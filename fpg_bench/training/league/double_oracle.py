@@ -142,8 +142,8 @@ def double_oracle(
         The content of ``double_oracle.json``. ``rows`` has of each stage ``low``, what the policy (in the
         mode ``both`` the mixture) that the fresh response answers keeps against it, per step; ``high``, the
         return against the rivals of its training, by their weights, which bounds the game's value from above
-        as far as the training found a best answer (in the mode ``selfplay`` what a fresh response earns from
-        the rival); ``meta_value``, the value of the game between all stages
+        as far as the training found a best answer (in the mode ``selfplay`` what the policy or a fresh
+        response earns from the rival, whichever is more); ``meta_value``, the value of the game between all stages
         and all rivals so far; and ``seconds``. ``confirmed`` has of the two stages with the highest ``low``
         the return of the stage's policy alone against a second response to it, trained afterwards with
         another seed, and ``stage`` is the one that keeps most, which is exported. All are returns of the
@@ -369,7 +369,7 @@ class _DoubleOracle:
         train_together(config, rival, self.run(stage).path, weight=self.weight, progress=self.progress)
 
     def answer_rival(self, stage: int) -> float:
-        """Train a response of the side to the rival of a stage, and return what it earns."""
+        """Train a response of the side to the rival of a stage; return what it or the stage earns, if more."""
         run, rival = RunFolder(self.folder / "runs" / f"answer_{stage}"), str(self.rival_run(stage).agent)
         config = RunConfig(
             self.algorithms[0],
@@ -380,7 +380,9 @@ class _DoubleOracle:
             allow=self.allow,
         )
         train(config, run.path, evaluations=0, progress=self.progress, resume=True)
-        return self.payoffs([str(run.agent)], [rival]).interval(str(run.agent), rival).value
+        known = [str(run.agent), str(self.run(stage).agent)]
+        payoffs = self.payoffs(known, [rival])
+        return max(payoffs.interval(name, rival).value for name in known)
 
     def confirm(self, stage: int) -> float:
         """Return what a stage's policy alone keeps against a second response to it."""
