@@ -143,10 +143,10 @@ def double_oracle(
         mode ``both`` the mixture) that the fresh response answers keeps against it, per step; ``high``, the
         return against the rivals of its training, by their weights, which bounds the game's value from above
         as far as the training found a best answer (in the mode ``selfplay`` what the policy or a fresh
-        response earns from the rival, whichever is more); ``meta_value``, the value of the game between all stages
-        and all rivals so far; and ``seconds``. ``confirmed`` has of the two stages with the highest ``low``
-        the return of the stage's policy alone against a second response to it, trained afterwards with
-        another seed, and ``stage`` is the one that keeps most, which is exported. All are returns of the
+        response earns from the rival, whichever is more); ``meta_value``, the value of the game between all
+        stages and all rivals so far; and ``seconds``. ``confirmed`` has of the two stages with the highest
+        ``low`` the return of the stage's policy alone against a second response to it, trained afterwards
+        with another seed, and ``stage`` is the one that keeps most, which is exported. All are returns of the
         side, on tuning seeds.
 
     Raises:
@@ -369,7 +369,7 @@ class _DoubleOracle:
         train_together(config, rival, self.run(stage).path, weight=self.weight, progress=self.progress)
 
     def answer_rival(self, stage: int) -> float:
-        """Train a response of the side to the rival of a stage; return what it or the stage earns, if more."""
+        """Train a response of the side to a stage's rival; return what it or the stage earns, if more."""
         run, rival = RunFolder(self.folder / "runs" / f"answer_{stage}"), str(self.rival_run(stage).agent)
         config = RunConfig(
             self.algorithms[0],
