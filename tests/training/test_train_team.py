@@ -162,8 +162,8 @@ def test_choices_are_drawn_by_their_probabilities_and_forbidden_ones_never():
 @pytest.mark.parametrize(
     ("algorithm", "options", "message"),
     [
-        ("dqn", {"actions": "discrete"}, "draws its actions from a distribution, which DQNPolicy does not"),
-        ("sac", {}, "draws its actions from a distribution, which SACPolicy does not"),
+        ("dqn", {"actions": "discrete"}, "draw their actions from a distribution, which DQNPolicy lacks"),
+        ("sac", {}, "draw their actions from a distribution, which SACPolicy lacks"),
         ("ppo", {"scenario": "standard"}, "teams: snr_model 'sinr': powers of several senders add in mW"),
         ("ppo", {"allies": 6}, "allies: expected a whole number from 1 to 5"),
         ("ppo", {"allies": (1, 3)}, "give one number, not 1 to 3"),
