@@ -211,19 +211,23 @@ def train_together(
     with run.folder.locked():
         state = run.folder.state(run.about, allow_unfinished=True)
         if state is None or not state.finished:
-            begun = run.folder.has_checkpoint() and other.folder.has_checkpoint()
             other.folder.path.mkdir(exist_ok=True)
             with other.folder.locked():
-                for one in (run, other):
-                    before = one.folder.state(one.about, allow_unfinished=True)
-                    if begun and before is not None:
-                        one.resume(before)
-                    else:
+                met = other.folder.state(other.about, allow_unfinished=True)
+                is_exported = met is not None and met.finished  # before the learner is
+                begun = run.folder.has_checkpoint() and (is_exported or other.folder.has_checkpoint())
+                for one, before in ((run, state), (other, met)):
+                    if not begun or before is None:
                         one.folder.clear()
-                other.begin()
+                    elif not before.finished:
+                        one.resume(before)
+                learns = not (begun and is_exported)
+                if learns:
+                    other.begin()
                 run.learn({}, progress, rival=(other, players))
-                other.seconds = run.seconds
-                other.finish()
+                if learns:
+                    other.seconds = run.seconds
+                    other.finish()
                 run.finish()
     return run.folder.agent
 

@@ -105,6 +105,24 @@ def test_a_stopped_pair_ends_with_both_budgets(tmp_path, monkeypatch):
         train.train_together(*pair(), tmp_path, weight=2, progress=False)
 
 
+def test_a_pair_that_was_killed_between_its_exports_is_not_trained_again(tmp_path, monkeypatch):
+    real = train._Run.finish
+
+    def finish(run):
+        if run.sides == ("ally",):
+            raise KeyboardInterrupt
+        real(run)
+
+    monkeypatch.setattr(train._Run, "finish", finish)
+    with pytest.raises(KeyboardInterrupt):
+        train.train_together(*pair(), tmp_path, progress=False)
+    rival = (tmp_path / train.RIVAL / "agent" / "policy.onnx").read_bytes()
+    monkeypatch.setattr(train._Run, "finish", real)
+    train.train_together(*pair(), tmp_path, progress=False)
+    assert (tmp_path / train.RIVAL / "agent" / "policy.onnx").read_bytes() == rival
+    assert (RunFolder(tmp_path).read().part, RunFolder(tmp_path).read().finished) == (0, True)
+
+
 def test_what_does_not_learn_from_rollouts_is_refused_before_anything_is_written(tmp_path):
     learner, rival = pair("ppo")
     dqn = RunConfig("dqn", learner.game, 0, 100, settings("dqn"))
