@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from numbers import Integral
 from typing import Any
 
-from fpg_bench.common.errors import UserError, nearest, shown
+from fpg_bench.common.errors import UserError, meant, nearest, shown
 
 
 def is_integer(value: object, least: int = 1) -> bool:
@@ -25,7 +25,7 @@ def integer(value: object, where: str, least: int = 1) -> int:
 def one_of(value: object, where: str, known: Collection[str]) -> str:
     """Return the value if it is one of the known words; raise UserError otherwise, naming the nearest."""
     if not isinstance(value, str) or value not in known:
-        hint = nearest(str(value), known)
+        hint = meant(str(value), known)
         raise UserError(f"{where}: expected one of {', '.join(known)}, got {shown(value)}{hint}")
     return value
 
