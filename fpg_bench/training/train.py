@@ -200,9 +200,9 @@ def train_together(
         one.make()
         if not isinstance(one.model, OnPolicyAlgorithm):
             raise UserError(f"{one.algorithm.name}: does not learn from rollouts, as both sides at once do")
-        met = {"algorithm": against.algorithm.name, "game": against.config.spec.to_dict(), "weight": count}
+        about = {"algorithm": against.algorithm.name, "game": against.config.spec.to_dict(), "weight": count}
         one.about = one.about.model_copy(
-            update={"command": None, "options": {**one.about.options, RIVAL: met}}
+            update={"command": None, "options": {**one.about.options, RIVAL: about}}
         )
     for one, player in ((run, players[0]), (other, players[1])):
         player.update(one.model)
