@@ -126,7 +126,7 @@ def test_the_board_never_reads_the_records_of_the_zoo():
     [
         ("numba.core", "game/compiling.py"),
         ("._trial_id", "training/tuning/worker.py"),
-        ("._setup_learn", "training/maddpg/maddpg.py"),
+        ("._setup_learn", "training/models.py"),
     ],
 )
 def test_a_private_door_of_another_package_is_opened_in_one_place(door, home):

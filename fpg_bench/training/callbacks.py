@@ -29,7 +29,7 @@ from fpg_bench.game.recording import Recording
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.interrupts import StopRequest
-from fpg_bench.training.models import by_side
+from fpg_bench.training.models import begin_learning, by_side
 
 _OF_MONITOR = ("r", "l", "t")  # in an episode's information beside its measures
 SAVE_EVERY_S = 60.0
@@ -167,7 +167,7 @@ class RivalCallback(BaseCallback):
     def _on_training_start(self) -> None:
         rival = self._rival
         left = max(self._budget - rival.num_timesteps, 0)
-        _, self._callback = rival._setup_learn(left, [GameMeasuresCallback()], reset_num_timesteps=False)
+        self._callback = begin_learning(rival, left, [GameMeasuresCallback()], goes_on=True)
         self._callback.on_training_start({}, {})
         self._take_turns()
 
