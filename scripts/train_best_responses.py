@@ -304,7 +304,10 @@ def main() -> int:
     """Train what is missing; returns 0 if all went well."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
-        "entries", nargs="*", default=(*TARGETS, *ROWS_ALONE), help="default: the first of each table"
+        "entries",
+        nargs="*",
+        default=(*TARGETS, *ROWS_ALONE),
+        help="default: the first of each table, later champions",
     )
     parser.add_argument("--n-jobs", type=int, default=2, help="entries at once, one thread each")
     parser.add_argument("--board", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")

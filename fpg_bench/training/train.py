@@ -170,11 +170,12 @@ def train_together(
 ) -> Path:
     """Train two sides at once, each against the other's present policy (self-play), and export both agents.
 
-    The sides take turns, a rollout and an update each. Both play draws from their distributions, and so do
-    their agents: where two policies answer each other, a mode is easily foreseen. An entropy bonus keeps
-    such a training from going round in circles (Sokota et al., "A unified approach to reinforcement learning,
-    quantal response equilibria, and two-player zero-sum games", 2023; for PPO Rudolph et al., "Reevaluating
-    policy gradient methods for imperfect-information games", 2025).
+    The sides take turns, a rollout and an update each. Both sample their actions, and so do their exported
+    agents, as ``predict`` does with ``deterministic=False``: where two policies answer each other, the mode
+    of a distribution is easily foreseen. An entropy bonus keeps such a training from going round in circles
+    (Sokota et al., "A unified approach to reinforcement learning, quantal response equilibria, and two-player
+    zero-sum games", 2023; for PPO Rudolph et al., "Reevaluating policy gradient methods for
+    imperfect-information games", 2025).
 
     A stopped training is resumed.
 

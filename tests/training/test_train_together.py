@@ -22,6 +22,18 @@ def pair(algorithm="ppo", steps=1200, **changes):
     return learner, run_config(algorithm, RIVAL, seed=7, actions="discrete", reward="zero_sum", **given)
 
 
+def games_made(monkeypatch):
+    """The games that trainings make from here on: of each pair the learner's, then the rival's."""
+    games, real = [], train.make_sb3
+
+    def make(game, *rest, **options):
+        games.append(real(game, *rest, **options))
+        return games[-1]
+
+    monkeypatch.setattr(train, "make_sb3", make)
+    return games
+
+
 class Stopped(BaseCallback):
     """Stops a training at a step, after its checkpoint."""
 
@@ -48,13 +60,7 @@ def test_both_sides_learn_and_each_meets_the_present_policy_of_the_other(tmp_pat
         seen.append((id(player), model.num_timesteps))
 
     monkeypatch.setattr(ActorPlayer, "update", update)
-    games, real_make = [], train.make_sb3
-
-    def make(game, *rest, **options):
-        games.append(real_make(game, *rest, **options))
-        return games[-1]
-
-    monkeypatch.setattr(train, "make_sb3", make)
+    games = games_made(monkeypatch)
     agent = train.train_together(*pair(), tmp_path, weight=3, progress=False)
     ally_games, opponent_games = (each.core for each in games)
     tone, *rivals = ally_games._runner.players
@@ -81,6 +87,23 @@ def test_both_sides_learn_and_each_meets_the_present_policy_of_the_other(tmp_pat
         for each in (player, other):
             each.reset(np.ones(40, bool), keys)
         np.testing.assert_allclose(player.predict(observations)[0], other.predict(observations)[0], atol=1e-5)
+
+
+def test_a_live_policy_with_memory_plays_some_games_as_its_exported_agent_does(tmp_path, monkeypatch):
+    games = games_made(monkeypatch)
+    agent = load_agent(train.train_together(*pair("ppo-stack3", steps=400), tmp_path, progress=False))
+    (live,) = games[1].core._runner.players
+    rng, keys = np.random.default_rng(0), np.arange(30, dtype=np.uint64)
+    for each in (live, agent):
+        each.reset(np.ones(30, bool), keys)
+    one = other = None
+    for step in range(8):
+        rows = np.flatnonzero(rng.random(30) < 0.7)
+        seen = rng.uniform(-1, 1, (30, 15)).astype(np.float32)
+        starts = np.full(30, step == 0) | (rng.random(30) < 0.1)
+        played, one = live.predict_rows(rows, seen, one, starts)
+        expected, other = agent.predict_rows(rows, seen, other, starts)
+        np.testing.assert_allclose(played, expected, atol=1e-5)
 
 
 def test_a_stopped_pair_ends_with_both_budgets(tmp_path, monkeypatch):
