@@ -8,6 +8,7 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
+from fpg_bench.training.league.double_oracle import MODES
 from tests.programs import ROOT
 
 
@@ -70,6 +71,10 @@ def test_the_curve_has_the_mean_over_seeds_of_each_stage():
     assert lines[1] == ["`brave`", "1", "1", "2.00", "5.00", "0.00", "1.50", "1.5"]
     assert lines[2][2:5] == ["2", "2.40 [1.9, 2.9]", "5.00 [4.5, 5.5]"]
     assert lines[2][6] == "1.80"
+
+
+def test_the_figure_has_a_line_for_each_mode_of_a_search():
+    assert tuple(value_of_game.DASHES) == MODES
 
 
 def test_the_script_keeps_a_finished_search_and_writes_page_and_picture(board, tmp_path, monkeypatch):

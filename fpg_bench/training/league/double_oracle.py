@@ -52,8 +52,7 @@ ROWS, ABOUT = "double_oracle.jsonl", "double_oracle.json"
 # Stage k with seed s has training seed 1000 s + k, its rival in self-play 1000 s + 250 + k, responses to it
 # 1000 s + 500 + 2 k and the next, and that to its rival 1000 s + 750 + k.
 SEED_STRIDE = 1000
-SELFPLAY = "selfplay"
-MODES = ("one", "both", SELFPLAY)
+MODES = ("one", "both", "selfplay")
 PARTS = 100  # into which the shares of an equilibrium's players are rounded
 FINALISTS = 2  # stages that a second response is trained against
 _OWN_AGENT = re.compile(r'"[^"]*/(runs/(?:stage|response)_\d+[^"]*)"')  # in JSON
@@ -307,7 +306,7 @@ class _DoubleOracle:
 
     def rivals(self, stage: int) -> list[str]:
         """Return the rivals of a stage's training, those with a weight several times."""
-        if self.mode == SELFPLAY:
+        if self.mode == "selfplay":
             return list(self.game.others)
         responses = [str(self.response_run(before).agent) for before in range(stage)]
         if self.mode == "one" or not stage:
@@ -339,13 +338,13 @@ class _DoubleOracle:
             start=self.run(stage - 1).path if stage else None,
             allow=self.allow,
         )
-        if self.mode == SELFPLAY:
+        if self.mode == "selfplay":
             self._train_with_rival(stage, config)
         else:
             train(config, self.run(stage).path, evaluations=0, progress=self.progress, resume=True)
         low = self.answer(stage, self.answered(stage))
         meta_game = self._meta_game(stage + 1, stage + 1)
-        if self.mode == SELFPLAY:
+        if self.mode == "selfplay":
             high = self.answer_rival(stage)
         else:
             high = meta_game.interval(str(self.run(stage).agent), _shares(rivals)).value
@@ -354,7 +353,7 @@ class _DoubleOracle:
             "low": low,
             "high": round(high, 4),
             "meta_value": round(meta_game.equilibrium().value, 4),
-            "rivals": len(rivals) + (self.weight if self.mode == SELFPLAY else 0),
+            "rivals": len(rivals) + (self.weight if self.mode == "selfplay" else 0),
             "seconds": round(time.monotonic() - start, 1),
         }
 
@@ -438,7 +437,7 @@ class _DoubleOracle:
             "response_hyperparams": as_option(self.hyperparams[1]),
         }
         command = command_line("double-oracle", out=self.folder, allow=self.allow, **game, **settings)
-        exported = {"agent": self.run} | ({RIVAL: self.rival_run} if self.mode == SELFPLAY else {})
+        exported = {"agent": self.run} | ({RIVAL: self.rival_run} if self.mode == "selfplay" else {})
         for name, run_of in exported.items():
             runs, last = [run_of(number).read() for number in range(stage + 1)], run_of(stage).agent
             update = {
