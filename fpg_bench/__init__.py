@@ -14,7 +14,7 @@ import pettingzoo
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL, registered_ids
-from fpg_bench.common.products import load, offered
+from fpg_bench.common.products import offered
 from fpg_bench.common.telemetry import turn_off_telemetry
 from fpg_bench.version import __version__
 
@@ -70,12 +70,9 @@ __all__ = [
     "train",
     "write_agent",
 ]
-__all__ += list(offered("function"))
 
 
 def __getattr__(name: str) -> Any:
-    if name in offered("function"):
-        return load("function", name)
     if name not in _HOMES:
         raise AttributeError(f"module 'fpg_bench' has no attribute {name!r}")
     return getattr(importlib.import_module(_HOMES[name]), name)
@@ -88,9 +85,9 @@ def __dir__() -> list[str]:
 def _register() -> None:
     if hasattr(pettingzoo, "register"):  # since PettingZoo 1.27
         for kind in ("parallel", "aec"):
-            pettingzoo.register(kind, DUEL, f"fpg_bench.envs.pettingzoo_env:{kind}_env")
-            for name, place in offered(f"{kind} environment").items():
-                pettingzoo.register(kind, name, place)
+            for game in (DUEL, *offered("game")):
+                place = f"fpg_bench.envs.pettingzoo_env:{kind}_env"
+                pettingzoo.register(kind, game, place, kwargs={"game": game})
     for name in registered_ids():
         gymnasium.register(
             id=name,

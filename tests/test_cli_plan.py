@@ -6,7 +6,7 @@ import signal
 import threading
 
 import pytest
-from planning.llm.fault_server import FaultServer, late, ok, reject_field, status
+from products.language_models.fault_server import FaultServer, late, ok, reject_field, status
 
 from tests.programs import fpg, python
 from tests.working import wait_for

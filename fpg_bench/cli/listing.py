@@ -205,7 +205,7 @@ def players() -> None:
         name_all(f"planners, tier {tier}", names)
     name_all("paths", PATHS)
     print_wrapped("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
-    if "hf://" in offered("agents"):
+    if "hf://" in offered("player"):
         typer.echo("On the Hugging Face Hub: hf://owner/name, or hf://owner/name@revision")
 
 

@@ -78,7 +78,7 @@ def run(
     require_extra("video", "matplotlib")
     from fpg_bench.evaluation.match import run_match
 
-    draw_match, write_match_replay = load("drawing", "match"), load("drawing", "match's page")
+    draw_match, write_match_replay = load("rendering", "match"), load("rendering", "match's page")
 
     name = planner if llm.control in (None, "none") else f"{planner}-{llm.control}"
     file, picture, page = _targets(out, f"{name}-{ally}-{seed}")
@@ -141,8 +141,9 @@ def replay(
     typer.echo(f"identical: {len(played)} rounds of {file}")
 
 
-for name in offered("verb of plan"):
-    app.command(name)(load("verb of plan", name))
+for name in offered("verb"):
+    if name.startswith("plan "):
+        app.command(name.removeprefix("plan "))(load("verb", name))
 
 
 @app.command()

@@ -1,190 +1,130 @@
-"""The line between the core and its products: what may be deleted, and what the core asks for by name.
+"""The line between the core and its products: the core finds products, and asks them for objects by name.
 
-The core imports no product. It asks :func:`load` for what a product offers, by a kind and a name, and only
-then is the product imported. A product whose folders and files were deleted offers nothing, and neither do
-the products that need it.
+A product is a folder of ``fpg_bench/products`` with a ``product.toml``, which says what the product is, which
+others it needs, and what it offers. A package of another distribution is a product, too, if it has such a
+file and an entry point of the group ``fpg_bench.products``. The core imports no product: it calls
+:func:`load`
+with a kind and a name, and only then is the product imported. A product is deleted with its folder.
+
+.. code-block:: toml
+
+    summary = "Uploads agents to the Hugging Face Hub, and downloads them."
+    needs = ["leaderboard"]
+
+    [verb]
+    hub = "fpg_bench.products.hub.verbs:app"
+
+Kinds of offers:
+
+- ``verb``: a verb of the command line: a function or a :class:`typer.Typer`; ``plan probe`` is one of
+  ``plan``.
+- ``game``: the type of the specifications of an environment id, an :class:`fpg_bench.game.spec.OtherGame`.
+- ``planner``: a class of planners that ask a language model.
+- ``joint algorithm``, ``offline algorithm``: a class of SB3's ``BaseAlgorithm`` that trains both sides, or
+  learns from a data set.
+- ``player``: the function that fetches an agent by a scheme (``hf://``), and the player of agents of others
+  (``untrusted``).
+- ``rendering``: what draws rounds and matches, by suffix or by name.
+- ``language model``: the functions that record, replay and pay for language models.
 """
 
 from __future__ import annotations
 
 import functools
+import importlib.metadata
+import importlib.util
 import pkgutil
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
 
-PACKAGE = Path(__file__).parents[1]
+KINDS = (
+    "verb",
+    "game",
+    "planner",
+    "joint algorithm",
+    "offline algorithm",
+    "player",
+    "rendering",
+    "language model",
+)
+MANIFEST = "product.toml"
+_PRODUCTS = Path(__file__).parents[1] / "products"
+_GROUP = "fpg_bench.products"
 
 
 @dataclass(frozen=True)
 class Product:
-    """A part of the package that the core does not need.
+    """A part that the core does not need.
 
     Attributes:
-        paths: its folders and files in the package; all that is deleted with it.
+        folder: its folder.
+        summary: what it is, in a sentence.
+        needs: names of the products that it imports.
         offers: what it offers the core, by kind and name, as ``module:object``.
-        needs: the products that it imports.
     """
 
-    paths: tuple[str, ...]
+    folder: Path
+    summary: str
+    needs: tuple[str, ...]
     offers: Mapping[str, Mapping[str, str]]
-    needs: tuple[str, ...] = ()
-
-    def is_there(self) -> bool:
-        """Return True if nothing was deleted of it or of what it needs."""
-        whole = all((PACKAGE / path).exists() for path in self.paths)
-        return whole and all(PRODUCTS[name].is_there() for name in self.needs)
 
 
-_LLM = "fpg_bench.evaluation.language_models"
-PRODUCTS = {
-    "leaderboard": Product(
-        ("leaderboard", "cli/leaderboard.py"),
-        {
-            "verb": {
-                "submit": "fpg_bench.cli.leaderboard:submit",
-                "leaderboard": "fpg_bench.cli.leaderboard:leaderboard",
-            },
-            "description": {"season": "fpg_bench.leaderboard.season.audit:describe_season"},
-        },
-        needs=("language models", "rendering", "sandbox"),
-    ),
-    "paper": Product(
-        ("paper", "cli/reproduce.py"),
-        {"verb": {"reproduce": "fpg_bench.cli.reproduce:reproduce"}},
-        needs=("language models", "maddpg"),
-    ),
-    "hub": Product(
-        ("hub", "cli/hub.py"),
-        {
-            "verb": {"hub": "fpg_bench.cli.hub:app"},
-            "agents": {"hf://": "fpg_bench.hub.download:resolve"},
-        },
-        needs=("leaderboard", "rendering", "sandbox"),
-    ),
-    "sandbox": Product(
-        ("players/sandbox",),
-        {"player": {"sandbox": "fpg_bench.players.sandbox.agent:SandboxedAgent"}},
-    ),
-    "language models": Product(
-        ("planning/llm", "evaluation/language_models.py", "training/language_model.py", "cli/llm.py"),
-        {
-            "verb": {"llm": "fpg_bench.cli.llm:app"},
-            "verb of plan": {"probe": "fpg_bench.cli.llm:probe"},
-            "planner": dict.fromkeys(
-                ("llm", "llm-shuffled-rewards", "llm-no-history"),
-                "fpg_bench.planning.llm.llm_planner:LLMPlanner",
-            ),
-            "language model": {
-                "of a match": f"{_LLM}:match_planner",
-                "of a match's file": f"{_LLM}:replayed_planner",
-                "of a comparison": f"{_LLM}:recorded_entry",
-                "of transcripts": f"{_LLM}:replayed_entries",
-                "of a training": "fpg_bench.training.language_model:training_planner",
-            },
-        },
-    ),
-    "rendering": Product(
-        ("rendering",),
-        {
-            "drawing": {
-                "picture": "fpg_bench.rendering.picture:Picture",
-                "team": "fpg_bench.rendering.team_picture:TeamPicture",
-                "match": "fpg_bench.rendering.match_picture:draw_match",
-                "match's page": "fpg_bench.rendering.match_picture:write_match_replay",
-            },
-            "film": {
-                ".html": "fpg_bench.rendering.replay:write_replay",
-                ".gif": "fpg_bench.rendering.film:write_gif",
-                ".mp4": "fpg_bench.rendering.film:write_mp4",
-                "check of .mp4": "fpg_bench.rendering.film:check_mp4",
-            },
-        },
-    ),
-    "offline": Product(
-        ("datasets", "training/offline.py", "cli/dataset.py"),
-        {
-            "verb": {
-                "offline": "fpg_bench.cli.dataset:offline",
-                "dataset": "fpg_bench.cli.dataset:app",
-            },
-            "offline algorithm": {
-                "bc": "fpg_bench.training.offline:BC",
-                "td3-bc": "fpg_bench.training.offline:TD3BC",
-                "cql": "fpg_bench.training.offline:CQL",
-                "iql": "fpg_bench.training.offline:IQL",
-                "discrete-cql": "fpg_bench.training.offline:DiscreteCQL",
-            },
-        },
-    ),
-    "maddpg": Product(
-        ("training/maddpg",),
-        {"joint algorithm": {"maddpg": "fpg_bench.training.maddpg:MADDPG"}},
-    ),
-    "league": Product(
-        ("training/league", "cli/league.py"),
-        {
-            "verb": {
-                "best-response": "fpg_bench.cli.league:best_response",
-                "double-oracle": "fpg_bench.cli.league:double_oracle",
-                "selfplay": "fpg_bench.cli.league:selfplay",
-            }
-        },
-    ),
-    "teams": Product(
-        (
-            "game/team_rules.py",
-            "game/team_spec.py",
-            "game/team_link.py",
-            "game/team_step.py",
-            "game/team_batch.py",
-            "players/team_runner.py",
-            "players/team_scripts.py",
-            "evaluation/team_match.py",
-            "evaluation/team_watching.py",
-            "envs/team.py",
-            "envs/team_pettingzoo.py",
-            "envs/team_sb3.py",
-        ),
-        {
-            "function": {
-                "make_team": "fpg_bench.envs.team:make_team",
-                "make_sb3_team": "fpg_bench.envs.team_sb3:make_sb3_team",
-                "watch_team": "fpg_bench.evaluation.team_watching:watch_team",
-            },
-            "game": {"FPG/team_v0": "fpg_bench.game.team_spec:TeamSpec"},
-            "suites": {"team-": "fpg_bench.game.team_spec:TeamSpec"},
-            "player of a seat": {"FPG/team_v0": "fpg_bench.players.team_scripts:as_team_player"},
-            "match": {"FPG/team_v0": "fpg_bench.evaluation.team_match:suite_match"},
-            "core": {"FPG/team_v0": "fpg_bench.envs.team_sb3:TeamRows"},
-            "parallel environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:parallel_env"},
-            "aec environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:aec_env"},
-        },
-    ),
-    "tuning": Product(
-        ("training/tuning", "cli/tune.py"),
-        {"verb": {"tune": "fpg_bench.cli.tune:app"}},
-    ),
-}
+@functools.cache
+def products() -> Mapping[str, Product]:
+    """Return the products that are installed together with all that they need, by name.
+
+    Raises:
+        UserError: a manifest that cannot be read, or that offers something of an unknown kind.
+    """
+    found = {folder.name: _read(folder) for folder in _folders() if (folder / MANIFEST).is_file()}
+    while lacking := [name for name, product in found.items() if not found.keys() >= {*product.needs}]:
+        for name in lacking:
+            del found[name]
+    return found
+
+
+def _folders() -> Iterator[Path]:
+    """Yield the folders in which manifests may lie; no package is imported."""
+    yield from sorted(_PRODUCTS.iterdir()) if _PRODUCTS.is_dir() else ()
+    for point in importlib.metadata.entry_points(group=_GROUP):
+        spec = importlib.util.find_spec(point.value)
+        yield from map(Path, spec.submodule_search_locations or ()) if spec else ()
+
+
+def _read(folder: Path) -> Product:
+    try:
+        content = tomllib.loads((folder / MANIFEST).read_text("utf-8"))
+    except ValueError as error:
+        raise UserError(f"product {folder / MANIFEST}: {error}") from error
+    summary, needs = content.pop("summary", ""), content.pop("needs", ())
+    if unknown := next((kind for kind in content if kind not in KINDS), None):
+        raise UserError(f"product {folder / MANIFEST}: offers {unknown!r}; expected {', '.join(KINDS)}")
+    return Product(folder, summary, tuple(needs), content)
 
 
 @functools.cache
 def offered(kind: str) -> Mapping[str, str]:
-    """Return what products offer of a kind, by name, as ``module:object``; deleted products offer nothing."""
-    there = [product for product in PRODUCTS.values() if product.is_there()]
-    return {name: place for product in there for name, place in product.offers.get(kind, {}).items()}
+    """Return what products offer of a kind, by name, as ``module:object``."""
+    return {k: place for product in products().values() for k, place in product.offers.get(kind, {}).items()}
 
 
 def load(kind: str, name: str) -> Any:
     """Return what a product offers, and import it.
 
     Raises:
-        UserError: the product was deleted; its name is in the message.
+        UserError: no product offers it.
     """
-    if name in offered(kind):
-        return pkgutil.resolve_name(offered(kind)[name])
-    owner = next(title for title, product in PRODUCTS.items() if name in product.offers.get(kind, {}))
-    raise UserError(f"{kind} {name!r}: this copy of fpg-bench was made without {owner}")
+    if name not in offered(kind):
+        raise UserError(f"{kind} {name!r}: no product of this copy of fpg-bench offers it")
+    return pkgutil.resolve_name(offered(kind)[name])
+
+
+def files_of_products(pattern: str) -> Iterator[Path]:
+    """Yield the files of all products that match a pattern below their folders."""
+    for product in products().values():
+        yield from product.folder.glob(pattern)

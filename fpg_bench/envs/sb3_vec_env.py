@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from fpg_bench.common.extras import require_extra
-from fpg_bench.common.products import load, offered
 
 require_extra("train", "stable_baselines3")
 
@@ -27,7 +26,7 @@ from fpg_bench.envs.core import (
     wants_new_match,
 )
 from fpg_bench.envs.screen import Screen
-from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.spec import GameSpec, OtherGame
 
 
 class FPGVecEnv(VecEnv):
@@ -172,7 +171,7 @@ def make_sb3(
 
     Observations are ``(N, 15)`` float32 or a waterfall, actions ``(N, 9)`` floats in [-1, 1] or choices from
     a list, rewards ``(N,)`` float32. Of ``FPG/duel_v0``, for
-    :class:`fpg_bench.training.maddpg.maddpg.MADDPG`, they are ``(N, 30)``, ``(N, 18)`` and ``(N, 2)``, the
+    :class:`fpg_bench.products.maddpg.maddpg.MADDPG`, they are ``(N, 30)``, ``(N, 18)`` and ``(N, 2)``, the
     ally's first.
 
     >>> env = make_sb3("FPG/AllyVsScripted-v0", n_envs=64, seed=0, opponent="sweep")
@@ -198,8 +197,8 @@ def make_sb3(
     """
     spec = GameSpec.of(game, **options)
     core: Any
-    if spec.id in offered("core"):
-        core = load("core", spec.id)(spec, n_envs)
+    if isinstance(spec, OtherGame):
+        core = spec.make_core(n_envs)
     elif spec.is_duel:
         core = JointGame(spec, n_envs, threads)
     else:

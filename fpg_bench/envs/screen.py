@@ -20,7 +20,7 @@ RENDER_MODES = {"rgb_array": ("matplotlib",), "human": ("matplotlib", "pygame")}
 @functools.cache  # the search for packages takes as long as the rest of an environment's creation
 def offered_modes() -> tuple[str, ...]:
     """Return the render modes that the installed packages support."""
-    drawn = RENDER_MODES if "picture" in offered("drawing") else {}
+    drawn = RENDER_MODES if "picture" in offered("rendering") else {}
     return tuple(mode for mode, packages in drawn.items() if all(map(has, packages)))
 
 
@@ -65,7 +65,7 @@ class Screen:
 
     def _draw(self, recording: Recording) -> np.ndarray:
         if self._picture is None:
-            self._picture = load("drawing", "picture")(recording)
+            self._picture = load("rendering", "picture")(recording)
         picture: np.ndarray = self._picture.draw()
         return picture
 

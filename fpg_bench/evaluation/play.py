@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError, printable
-from fpg_bench.common.products import load
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
@@ -70,7 +69,7 @@ def match_of(player: Any, suite: Suite, rival: Rival, matches: int | None = None
     """Return the match batch in which a player, or a planner for a suite of planners, meets a rival."""
     scenario, count = rival.scenario, matches or suite.matches
     if suite.game is not None:
-        match: MatchBatch = load("match", suite.game.id)(player, suite, rival, count)
+        match: MatchBatch = suite.game.make_match(player, suite, rival, count)
         return match
     if suite.side == PLANNER:
         duel = TwoPlayerBatch(scenario, count, as_planner(player, scenario))

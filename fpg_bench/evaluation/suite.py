@@ -6,11 +6,9 @@ import dataclasses
 import functools
 import hashlib
 import json
-import os
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -22,12 +20,12 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.imports import SUITE, check_allowed, names_object
-from fpg_bench.common.products import PRODUCTS, load, offered
+from fpg_bench.common.products import files_of_products
 from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import SEASON, season_seed
 from fpg_bench.game.scenario import Scenario, as_scenario
-from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.spec import GameSpec, OtherGame, other_game
 from fpg_bench.players.agent import read_card, suites_folder
 from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.remote import is_remote
@@ -108,7 +106,7 @@ class Suite:
         opponent: the jamming player, in a suite of planners.
         last_rounds: number of rounds at a match's end that count for the score; None: all.
         season: season of the evaluation seeds.
-        game: the game of several seats a side that is played, without its players; None: the duel.
+        game: the game of another kind that is played, without its players; None: the duel.
     """
 
     name: str
@@ -120,7 +118,7 @@ class Suite:
     opponent: str = "adaptive"
     last_rounds: int | None = None
     season: str = SEASON
-    game: GameSpec | None = None
+    game: OtherGame | None = None
 
     def __post_init__(self) -> None:
         if self.rounds > MOST_ROUNDS:
@@ -190,7 +188,7 @@ class Suite:
         return np.asarray(by_match[:, self.counted_rounds].mean(axis=1) / self.scenario.steps_per_round)
 
 
-def seated_player(spec: PlayerSpec, side: str, scenario: Scenario, game: GameSpec | None = None) -> Player:
+def seated_player(spec: PlayerSpec, side: str, scenario: Scenario, game: OtherGame | None = None) -> Player:
     """Return a player of a side of the duel, or of its seats in a game of several.
 
     Raises:
@@ -198,7 +196,7 @@ def seated_player(spec: PlayerSpec, side: str, scenario: Scenario, game: GameSpe
     """
     from fpg_bench.players.registry import as_player  # here, so that reading a suite does not load the game
 
-    make = as_player if game is None else partial(load("player of a seat", game.id), team=game)
+    make = as_player if game is None else game.make_player
     player: Player = make(spec, side, scenario)
     return player
 
@@ -224,8 +222,8 @@ def suite_of(game: GameSpec, side: str | None = None) -> str:
         game: the game.
         side: side of the duel; of another game that of its id.
     """
-    if game.skills:
-        return f"team-{side or game.config.side}-link-v1"
+    if isinstance(game, OtherGame):
+        return game.suite
     if side is None or not game.is_duel:
         if game.config.planner is not None:
             return "ally-planner-v1"
@@ -252,17 +250,18 @@ def suite_file(name: str) -> Path:
     name = _ON_SEASON.sub(r"\1", name)
     if name.endswith((".yml", ".yaml")):
         return Path(name)
-    path = suites_folder() / f"{name}.yml"
-    if not os.path.isfile(path):  # False, too, for what is too long for a name
+    if (path := _suite_files().get(name)) is None:
         raise UserError(f"unknown suite {name!r}{nearest(name, suite_names())}")
     return path
 
 
 def suite_names() -> list[str]:
-    """Return the names of the package's suites, without those of products that were deleted."""
-    theirs = {begin for product in PRODUCTS.values() for begin in product.offers.get("suites", ())}
-    lacking = tuple(theirs.difference(offered("suites")))
-    return sorted(p.stem for p in suites_folder().glob("*.yml") if not p.stem.startswith(lacking))
+    """Return the names of the shipped suites: those in ``baselines/suites``, and those of products."""
+    return sorted(_suite_files())
+
+
+def _suite_files() -> dict[str, Path]:
+    return {path.stem: path for path in (*suites_folder().glob("*.yml"), *files_of_products("suites/*.yml"))}
 
 
 class _ScaleFile(Strict):
@@ -339,7 +338,7 @@ class _SuiteFile(Strict):
             opponent=self.opponent,
             last_rounds=self.last_rounds,
             season=self.season,
-            game=None if self.game is None else GameSpec.from_dict(self.game, "game"),
+            game=other_game(None if self.game is None else GameSpec.from_dict(self.game, "game")),
         )
 
     def _rival(self, file: _RivalFile, scenario: Scenario, where: str) -> Rival:
@@ -433,7 +432,7 @@ def _check_players(
     identities: tuple[str, ...],
     flier: str | None,
     flier_identity: str,
-    game: GameSpec | None,
+    game: OtherGame | None,
 ) -> None:
     """Load all players and planners once, as a board reads the same suites many times."""
     from fpg_bench.planning import as_planner  # here, so that reading a suite does not load the game

@@ -140,9 +140,9 @@ def checked_target(path: Path, overwrite: bool, suffixes: Sequence[str] = SUFFIX
     if suffix != ".html":
         require_extra("video", "matplotlib", "PIL")
     if suffix in SUFFIXES:
-        load("film", suffix)
+        load("rendering", suffix)
     if suffix == ".mp4":
-        load("film", "check of .mp4")()
+        load("rendering", "check of .mp4")()
     return path
 
 
@@ -202,7 +202,7 @@ def _closing_line(recording: Recording, measures: dict[str, float | None]) -> st
 
 def _write(recordings: Sequence[Recording], path: Path, names: dict[str, str], every: int) -> None:
     title, suffix = _title(names), path.suffix.lower()
-    write = load("film", suffix)
+    write = load("rendering", suffix)
     if suffix == ".html":
         write(recordings, path, title, names["ally"], names["opponent"])
     else:

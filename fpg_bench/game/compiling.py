@@ -24,29 +24,30 @@ from fpg_bench.common.folders import user_cache
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = ("game", "players", "planning")
+_GAME = _PACKAGE / "game"
 _UNUSED_DAYS = 30
 
 
-def source_digest() -> str:
-    """Return a digest of all compiled sources and of the versions of Numba and NumPy."""
+def source_digest(home: Path = _GAME) -> str:
+    """Return a digest of the core's compiled sources, of a folder's own, and of the compiler's version."""
     digest = hashlib.sha256(f"{numba.__version__} {numpy.__version__}".encode())
-    for name in _SOURCES:
-        for path in sorted((_PACKAGE / name).glob("*.py")):
+    for folder in dict.fromkeys([*(_PACKAGE / name for name in _SOURCES), home]):
+        for path in sorted(folder.glob("*.py")):
             content = path.read_bytes()
-            digest.update(f"\0{name}/{path.name}\0{len(content)}\0".encode() + content)
+            digest.update(f"\0{folder.name}/{path.name}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()[:16]
 
 
 @functools.cache
-def cache_folder() -> Path | None:
-    """Return the cache folder of compiled code, one per digest of the sources.
+def cache_folder(home: Path = _GAME) -> Path | None:
+    """Return the cache folder of code compiled from a folder's sources, one per digest of the sources.
 
     Numba's own cache looks at the file of the compiled function alone and would keep running an
     old version of what that function calls. None where the folder can't be written.
     """
     own_root = getattr(config, "CACHE_DIR", "")  # the environment's NUMBA_CACHE_DIR
     root = Path(own_root) / "fpg_bench" if own_root else user_cache()
-    folder = root / f"compiled-{source_digest()}"
+    folder = root / f"compiled-{source_digest(home)}"
     new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -77,7 +78,7 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
     def get_suitable_cache_subpath(cls, py_file: str) -> str:
         """Return the package folder, such as ``game``; for other files, Numba's own name."""
         path = Path(py_file).resolve()
-        if path.parent.parent == _PACKAGE.resolve():
+        if _PACKAGE.resolve() in path.parents:
             return path.parent.name
         return str(super().get_suitable_cache_subpath(py_file))
 
@@ -105,7 +106,7 @@ def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
         function: the function.
         allocates: true if it makes arrays, or calls a function that does.
     """
-    folder = cache_folder()
+    folder = cache_folder(Path(function.__code__.co_filename).parent)
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
     options |= {"_nrt": allocates, "forceinline": not allocates}
     with _cached_in(folder):

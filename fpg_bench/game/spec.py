@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import hashlib
 import json
 import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 from fpg_bench.common.checks import mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
-from fpg_bench.common.ids import ACTION_MODES, DUEL, SCRIPTED, EnvConfig, find_env, plain_id
+from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.strict_json import Json, JsonObject
@@ -180,25 +181,6 @@ class GameSpec:
         players: tuple[Any, ...] | None = getattr(self, self.config.other_side)
         return (self.config.other,) if players is None else players
 
-    @property
-    def observation_size(self) -> int:
-        """Size of a player's observation."""
-        return OBSERVATION_SIZE
-
-    @property
-    def scripts(self) -> Mapping[str, tuple[str, ...]]:
-        """The scripts of each side that ``all-scripted`` stands for."""
-        return SCRIPTED
-
-    def like(self, other: GameSpec) -> GameSpec:
-        """Return the game with the sizes of another one, of which a duel has none."""
-        return self
-
-    @property
-    def skills(self) -> JsonObject:
-        """Entries of an agent's card that its training in this game implies; of the duel none."""
-        return {}
-
     def resolve(self) -> Scenario:
         """Return the scenario that is played: the named one with the options and the id's path and rounds.
 
@@ -305,8 +287,77 @@ class GameSpec:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
+class OtherGame(GameSpec, abc.ABC):
+    """Specification of a game of another kind than the duel, which a product offers.
+
+    Its class is the offer ``game`` of the product. The core trains, evaluates and registers such a game by
+    what this class declares, and knows nothing else of it.
+
+    Attributes:
+        sees: what its players have as attribute ``sees``; the duel refuses such players.
+    """
+
+    sees: ClassVar[str]
+
+    @property
+    @abc.abstractmethod
+    def observation_size(self) -> int:
+        """Size of a player's observation."""
+
+    @property
+    @abc.abstractmethod
+    def scripts(self) -> Mapping[str, tuple[str, ...]]:
+        """The scripts of each side that ``all-scripted`` stands for."""
+
+    @property
+    @abc.abstractmethod
+    def suite(self) -> str:
+        """Name of the public suite that the caller's side is measured on."""
+
+    @property
+    @abc.abstractmethod
+    def skills(self) -> JsonObject:
+        """What the card of an agent trained in this game says of the games that it can play."""
+
+    @classmethod
+    @abc.abstractmethod
+    def check_skills(cls, skills: JsonObject) -> None:
+        """Raise UserError if a card's ``skills`` are not such as this game's agents have."""
+
+    @abc.abstractmethod
+    def like(self, other: GameSpec) -> OtherGame:
+        """Return the game with the sizes of another one of its kind, as a suite plays it for a training."""
+
+    @abc.abstractmethod
+    def make_core(self, n_envs: int) -> Any:
+        """Return the rows of a ``VecEnv``, an :class:`fpg_bench.envs.core.Core`."""
+
+    @abc.abstractmethod
+    def make_player(self, spec: Any, side: str, scenario: Scenario) -> Any:
+        """Return a player of a side, an :class:`fpg_bench.players.player.Player`."""
+
+    @abc.abstractmethod
+    def make_match(self, player: Any, suite: Any, rival: Any, count: int) -> Any:
+        """Return the :class:`fpg_bench.evaluation.rounds.MatchBatch` in which a player meets a rival."""
+
+    @classmethod
+    @abc.abstractmethod
+    def make_env(cls, render_mode: str | None = None, **options: Any) -> Any:
+        """Return the PettingZoo environment whose agents move at once, a ``ParallelEnv``."""
+
+
+def observation_size(game: GameSpec | None) -> int:
+    """Return the size of a player's observation; None: of the duel."""
+    return game.observation_size if isinstance(game, OtherGame) else OBSERVATION_SIZE
+
+
+def other_game(game: GameSpec | None) -> OtherGame | None:
+    """Return a game that is of another kind than the duel; None for the duel."""
+    return game if isinstance(game, OtherGame) else None
+
+
 def kind_of(env_id: str) -> type[GameSpec]:
-    """Return the type of the specifications of an id: :class:`GameSpec`, or that of a product's games."""
+    """Return the type of an id's specifications: :class:`GameSpec`, or a product's :class:`OtherGame`."""
     name = plain_id(env_id)
     kind: type[GameSpec] = load("game", name) if name in offered("game") else GameSpec
     return kind

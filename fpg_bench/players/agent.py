@@ -18,8 +18,7 @@ from fpg_bench.common.files import read_bounded, read_json
 from fpg_bench.common.products import load
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.game.spec import GameSpec
-from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.game.spec import GameSpec, OtherGame, observation_size
 from fpg_bench.players.card import FILE, AgentCard
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise, unplayable
 from fpg_bench.players.player import SIDES, Memory, Player
@@ -70,9 +69,9 @@ class OnnxPlayer(SeededPolicy):
         import onnxruntime
 
         self.model, self.card = model, card
-        self.size = size or (OBSERVATION_SIZE if card is None else card.game.observation_size)
-        if card is not None and (skills := card.skills):
-            self.sees, self.skills = "team", skills
+        self.size = size or observation_size(None if card is None else card.game)
+        if card is not None and isinstance(card.game, OtherGame):
+            self.sees, self.skills = card.game.sees, card.skills
         read, self.row_wise = _read(model) if has("onnx") else (model, False)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -151,7 +150,7 @@ def load_agent(
 
     Raises:
         UserError: no such agent, a file missing, truncated or changed, another format, id, size or side; for
-            the Hub also as :func:`fpg_bench.hub.download.download`.
+            the Hub also as :func:`fpg_bench.products.hub.download.download`.
     """
     folder = agent_folder(name)
     where = f"agent {name if is_remote(name) else folder}"
@@ -162,15 +161,15 @@ def load_agent(
     if trusted is None:
         is_shipped = baselines_folder().resolve() in folder.resolve().parents
         trusted = is_shipped or is_exported_here(card.policy_sha256)
-    if not trusted and card.skills:
+    if not trusted and isinstance(card.game, OtherGame):
         raise UserError(
-            f"{where}: plays a seat of a team, and agents of others play the duel alone, in a sandbox; if "
+            f"{where}: plays {card.game.id}, and agents of others play the duel alone, in a sandbox; if "
             "you trust it, load_agent(..., trusted=True)"
         )
     try:
         if trusted:
             return OnnxPlayer(model, card)
-        sandboxed: AgentPlayer = load("player", "sandbox")(model, card)
+        sandboxed: AgentPlayer = load("player", "untrusted")(model, card)
         return sandboxed
     except UserError as error:
         raise UserError(f"{where}: {error}") from error

@@ -17,7 +17,7 @@ from fpg_bench.common.products import offered
 from fpg_bench.common.schema import Expected, NonNegativeInt, Strict, parse
 from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.game.scenario import PRESETS, STANDARD, Scenario, as_scenario
-from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.spec import GameSpec, OtherGame
 
 AGENT_FORMAT: Literal[2] = 2
 FILE = "agent.json"
@@ -42,7 +42,6 @@ _Name = Annotated[
 _Steps = Annotated[
     int, pydantic.Field(ge=0, le=MOST_STEPS), Expected(f"a whole number from 0 to {MOST_STEPS:,}")
 ]
-_Ends = Annotated[list[NonNegativeInt], pydantic.Field(min_length=2, max_length=2)]
 _Sha256 = Annotated[str, pydantic.Field(pattern=r"^[0-9a-f]{64}$"), Expected("a SHA-256 hash")]
 
 
@@ -77,9 +76,8 @@ class AgentCard(Strict):
         training_seed: training seed; None where there was none.
         training_steps: training budget in environment steps, of offline algorithms in gradient steps.
         policy_sha256: hash of ``policy.onnx``.
-        seats: of an agent of a team, the fewest and most ``allies`` and ``jammers`` that it plays among; by
-            default those of its training, as ``mates``.
-        mates: of an agent of a team, what its mates must tell.
+        skills: of an agent of another game than the duel, what that game says of the games that it can play;
+            by default those of its training (:attr:`fpg_bench.game.spec.OtherGame.skills`).
         sample: whether it draws its actions by its noise.
         command: the command that made it.
         suite: the suites that scored it during training.
@@ -95,8 +93,7 @@ class AgentCard(Strict):
     model_config = pydantic.ConfigDict(extra="allow")
 
     format: Literal[1, 2] = AGENT_FORMAT
-    seats: dict[str, _Ends] | None = None
-    mates: str | None = None
+    skills: JsonObject = pydantic.Field(default_factory=dict)
     sample: bool = False
     command: str | None = None
     algorithm: _Name
@@ -130,7 +127,10 @@ class AgentCard(Strict):
             _check_id(game.get("id"))
             game = GameSpec.from_dict(game, "game")
         if isinstance(game, GameSpec):
-            content = game.skills | content | {"game": game}
+            content = content | {"game": game}
+            if isinstance(game, OtherGame):
+                content["skills"] = game.skills | content.get("skills", {})
+                game.check_skills(content["skills"])
             if not game.is_duel:  # the id says the side
                 content["side"] = game.sides[0]
         return content
@@ -220,11 +220,6 @@ class AgentCard(Strict):
 
     def __str__(self) -> str:
         return f"{self.game.id}, {self.algorithm}"
-
-    @property
-    def skills(self) -> JsonObject:
-        """The teams that an agent plays in, and what its mates must tell; empty for one of the duel."""
-        return {} if self.seats is None else {"seats": self.seats, "mates": self.mates}
 
     @property
     def flies(self) -> str:

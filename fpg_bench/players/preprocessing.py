@@ -17,6 +17,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.choices import Choices
+from fpg_bench.game.spec import observation_size
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
 from fpg_bench.planning.planner import asks_language_model
@@ -93,7 +94,7 @@ def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preproce
     """
     name, env, core = type(model).__name__, games_of(model), core_of(model)
     _check_weights(name, model)
-    size = OBSERVATION_SIZE if core is None else core.game_spec.observation_size
+    size = observation_size(None if core is None else core.game_spec)
     frames, before, after = 1, [], []
     for wrapper in reversed(list(_vec_wrappers(env))):
         kinds = {kind.__name__ for kind in type(wrapper).__mro__}

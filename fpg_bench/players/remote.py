@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from fpg_bench.common.products import PRODUCTS, load
+from fpg_bench.common.products import load, offered
 
-_SCHEMES = tuple(scheme for product in PRODUCTS.values() for scheme in product.offers.get("agents", ()))
+_SCHEMES = tuple(name for name in offered("player") if name.endswith("://"))
 Spec = TypeVar("Spec")
 
 
@@ -35,9 +35,9 @@ def fetch(name: str) -> Fetched:
     """Fetch an agent by its player's name; a name stands for one content as long as the program runs.
 
     Raises:
-        UserError: it cannot be fetched; see :func:`fpg_bench.hub.download.download`.
+        UserError: it cannot be fetched; see :func:`fpg_bench.products.hub.download.download`.
     """
-    fetched: Fetched = load("agents", next(filter(name.startswith, _SCHEMES)))(name)
+    fetched: Fetched = load("player", next(filter(name.startswith, _SCHEMES)))(name)
     return fetched
 
 

@@ -23,6 +23,7 @@ from fpg_bench.envs.core import action_space
 from fpg_bench.game.actions import PREFERENCE
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.sensing import RELATIVE_POSITION
+from fpg_bench.game.spec import OtherGame
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
 from fpg_bench.players.player import Memory
@@ -316,8 +317,8 @@ class ActorPlayer(SeededPolicy):
     def update(self, model: BaseAlgorithm) -> None:
         """Play the present policy of a model from here on; raises UserError for an unsupported one."""
         self._actor = Actor(model)
-        if (core := core_of(model)) is not None and (skills := core.game_spec.skills):
-            self.sees, self.skills = "team", skills
+        if (core := core_of(model)) is not None and isinstance(core.game_spec, OtherGame):
+            self.sees, self.skills = core.game_spec.sees, core.game_spec.skills
 
     def _answer(
         self, seen: np.ndarray, state: Memory, starts: np.ndarray | None

@@ -301,11 +301,11 @@ class EvalCheckpointCallback(BaseCallback):
     def _log_round(self, side: str, recording: Recording) -> None:
         """Log a picture of a round at its end, and a film of it: an animated GIF, which TensorBoard plays."""
         title = f"{side} after {self.num_timesteps:,} steps"
-        picture = load("drawing", "picture")(recording, title).draw()
+        picture = load("rendering", "picture")(recording, title).draw()
         self.logger.record(f"round/{side}", Image(picture, "HWC"), exclude=("stdout", "log", "json", "csv"))
         with tempfile.TemporaryDirectory() as folder:
             film = Path(folder) / "film.gif"
-            load("film", ".gif")([recording], film, title, FILM_EVERY)
+            load("rendering", ".gif")([recording], film, title, FILM_EVERY)
             height, width, colours = picture.shape
             image = Summary.Image(
                 height=height, width=width, colorspace=colours, encoded_image_string=film.read_bytes()

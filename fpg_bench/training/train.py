@@ -38,7 +38,7 @@ from fpg_bench.evaluation.curves import CURVE, draw_curves, draw_run, levels_of,
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
-from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.spec import GameSpec, OtherGame
 from fpg_bench.planning import LLM_CONTROLS
 from fpg_bench.planning.planner import CountsPlans
 from fpg_bench.players.card import OfflineData
@@ -140,8 +140,8 @@ def train(
         raise UserError("resume continues a run, restart starts it over; give only one of them")
     if log_rounds:
         require_extra("video", "PIL")
-        if config.spec.skills:
-            raise UserError("log_rounds: a round of teams is not drawn; omit it")
+        if isinstance(config.spec, OtherGame):
+            raise UserError(f"log_rounds: rounds of {config.spec.id} are not drawn; omit it")
     run = _Run(config, RunFolder(Path(out)), evaluations)
     run.setup()
     evaluators = {

@@ -1,0 +1,1 @@
+"""Games of several allies and several jammers on the physics of ``link``."""
