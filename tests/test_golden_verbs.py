@@ -113,7 +113,7 @@ CASES = {
     "leaderboard-build": Case(
         "leaderboard build --folder board --no-replays --out site", ("site/board.json", "site/ranking.html")
     ),
-    "suites-season": Case("suites season-2", kept=60),
+    "leaderboard-season": Case("leaderboard season season-2", kept=60),
     "reproduce": Case(
         "reproduce fig7 --scenario figures --budget hundredth --n-seeds 10 --first-seed 100 --out reproduced",
         ("reproduced/report-figures.md", "reproduced/levels-figures.csv"),

@@ -14,20 +14,14 @@ from importlib.util import resolve_name
 
 import pytest
 
-from fpg_bench.common import products
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.products import PRODUCTS, load, offered
+from fpg_bench.common.products import KINDS, load, offered, products
 from tests.programs import ROOT
 from tests.test_cli import VERBS
 from tests.test_layout import FILES, graph
 
-KINDS = sorted({kind for product in PRODUCTS.values() for kind in product.offers})
+PRODUCTS = ROOT / "fpg_bench/products"
 CORE = ("game", "envs", "players", "planning", "evaluation")  # folders of tests that are run without products
-# Agents of others are played there, and the sandbox is a product.
-OF_OTHERS = (
-    "tests/players/test_population.py",
-    "tests/players/test_agent.py::test_agents_that_do_not_fit_are_refused",
-)
 FAST = "not (browser or llama or postgres or process or ray or slow)"
 TESTS = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in (ROOT / "tests").rglob("*.py")
@@ -37,11 +31,7 @@ SCRIPTS = {path.stem: path for path in (ROOT / "scripts").glob("*.py")}  # which
 
 def owner(module):
     """The product that a module of the package, or a test of it, belongs to; None: the core."""
-    within = module.partition(".")[2].replace(".", "/")
-    for name, product in PRODUCTS.items():
-        if any(f"{within}/".startswith(f"{path.removesuffix('.py')}/") for path in product.paths):
-            return name
-    return None
+    return next(iter(re.findall(r"(?:^|\.)products\.(\w+)", module)), None)
 
 
 @cache
@@ -74,23 +64,26 @@ def test_the_core_names_no_module_of_a_product():
     named = [
         (module, node.value)
         for module, path in FILES.items()
-        if owner(module) is None and module != products.__name__
+        if owner(module) is None
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Constant) and re.fullmatch(r"fpg_bench\.[\w.:]+", str(node.value))
     ]
     assert [pair for pair in named if owner(pair[1].partition(":")[0])] == []
 
 
-def test_products_say_which_products_they_need():
-    needed = {name: {owner(to) for of, to in crossings() if owner(of) == name} for name in PRODUCTS}
-    assert {name: set(product.needs) for name, product in PRODUCTS.items()} == needed
+def test_products_say_what_they_are_and_which_products_they_need():
+    needed = {name: {owner(to) for of, to in crossings() if owner(of) == name} for name in products()}
+    assert {name: set(product.needs) for name, product in products().items()} == needed
+    assert all(product.summary.endswith(".") for product in products().values())
+    assert {path.name for path in PRODUCTS.iterdir() if path.is_dir() and path.name != "__pycache__"} == {
+        *products()
+    }
 
 
 def test_the_map_shows_the_products_and_names_what_there_is():
     page = (ROOT / "docs/project/map.md").read_text(encoding="utf-8")
-    for name, product in PRODUCTS.items():
-        paths = ", ".join(f"`{path}`" for path in product.paths)
-        assert f"| {name} | {paths} | {', '.join(product.needs) or '-'} |" in page
+    for name, product in products().items():
+        assert f"| `{name}` | {product.summary} | {', '.join(product.needs) or '-'} |" in page
     places = re.findall(r"`((?:fpg_bench|baselines|tests)/[\w./]+)`", page)
     assert not [place for place in places if not (ROOT / place).exists()]
     rows = [line for line in page.splitlines() if line.startswith("|")]
@@ -102,20 +95,64 @@ def test_the_map_shows_the_products_and_names_what_there_is():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_products_offer_is_theirs_and_is_there(kind):
-    for title, product in PRODUCTS.items():
+    assert offered(kind)
+    for name, product in products().items():
         for place in product.offers.get(kind, {}).values():
-            assert owner(place.partition(":")[0]) == title
-            assert callable(pkgutil.resolve_name(place))
+            assert owner(place.partition(":")[0]) == name
+            assert pkgutil.resolve_name(place) is not None
 
 
-def test_a_product_that_was_deleted_offers_nothing_and_is_named(monkeypatch, tmp_path):
+@pytest.fixture
+def none_installed(monkeypatch, tmp_path):
+    """Without products of the package."""
+    monkeypatch.setattr("fpg_bench.common.products._PRODUCTS", tmp_path / "products")
+    products.cache_clear()
     offered.cache_clear()
-    with monkeypatch.context() as patched:
-        patched.setattr(products, "PACKAGE", tmp_path)
-        assert not any(map(offered, KINDS))
-        with pytest.raises(UserError, match=r"planner 'llm': .* without language models"):
-            load("planner", "llm")
-        offered.cache_clear()
+    yield tmp_path
+    products.cache_clear()
+    offered.cache_clear()
+
+
+def test_without_products_nothing_is_offered_and_the_message_says_so(none_installed):
+    assert not any(map(offered, KINDS))
+    with pytest.raises(UserError, match=r"planner 'llm': no product of this copy of fpg-bench offers it"):
+        load("planner", "llm")
+
+
+def test_a_package_of_another_distribution_is_a_product_by_its_entry_point(none_installed, monkeypatch):
+    package = none_installed / "their_package"
+    package.mkdir()
+    (package / "__init__.py").write_text("raise RuntimeError('imported before it is used')")
+    (package / "product.toml").write_text(
+        'summary = "Theirs."\n[planner]\nzigzag = "their_package.own:Plan"\n'
+    )
+    distribution = none_installed / "their_package-1.0.dist-info"
+    distribution.mkdir()
+    (distribution / "METADATA").write_text("Metadata-Version: 2.1\nName: their-package\nVersion: 1.0\n")
+    (distribution / "entry_points.txt").write_text("[fpg_bench.products]\nzigzag = their_package\n")
+    monkeypatch.syspath_prepend(none_installed)
+    assert offered("planner") == {"zigzag": "their_package.own:Plan"}
+    assert products()["their_package"].summary == "Theirs."
+
+
+def test_a_product_whose_needs_are_not_installed_offers_nothing(none_installed):
+    for name, needs in (("first", ["second"]), ("second", ["third"]), ("alone", [])):
+        (none_installed / "products" / name).mkdir(parents=True)
+        text = f'summary = "One."\nneeds = {needs}\n[verb]\n{name} = "{name}:verb"\n'
+        (none_installed / "products" / name / "product.toml").write_text(text)
+    assert list(products()) == ["alone"]
+    assert offered("verb") == {"alone": "alone:verb"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("summary = ", "Invalid value"), ("[actor]\na = 'b:c'", "offers 'actor'; expected verb")],
+)
+def test_a_manifest_that_cannot_be_read_is_one_line(none_installed, text, message):
+    (none_installed / "products/mine").mkdir(parents=True)
+    (none_installed / "products/mine/product.toml").write_text(text)
+    with pytest.raises(UserError, match=rf"mine.product\.toml: {message}"):
+        products()
 
 
 @pytest.fixture
@@ -146,7 +183,7 @@ def verbs_in(folder):
 
 def needing(name):
     """A product and all that need it."""
-    others = [other for other, product in PRODUCTS.items() if name in product.needs]
+    others = [other for other, product in products().items() if name in product.needs]
     return {name}.union(*map(needing, others))
 
 
@@ -155,31 +192,23 @@ def needing(name):
 def test_without_a_product_the_command_line_lacks_its_verbs_alone(copy):
     known = verbs_in(copy)
     assert known == {verb.split()[1] for verb in VERBS}
-    for name, product in PRODUCTS.items():
-        home = copy / "fpg_bench" / product.paths[0]
-        home.rename(copy / "away")
-        lacking = [verb for each in needing(name) for verb in PRODUCTS[each].offers.get("verb", ())]
+    for name in products():
+        (copy / "fpg_bench/products" / name).rename(copy / "away")
+        lacking = [verb for each in needing(name) for verb in products()[each].offers.get("verb", ())]
         assert verbs_in(copy) == known - set(lacking)
-        (copy / "away").rename(home)
+        (copy / "away").rename(copy / "fpg_bench/products" / name)
 
 
 @pytest.mark.process
 @pytest.mark.slow
 def test_without_any_product_the_core_passes_its_tests_and_trains(copy):
-    for product in PRODUCTS.values():
-        for path in product.paths:
-            target = copy / "fpg_bench" / path
-            shutil.rmtree(target) if target.is_dir() else target.unlink()
+    for folder in ("fpg_bench/products", "tests/products"):
+        shutil.rmtree(copy / folder)
     core = sorted(module for module in FILES if owner(module) is None and not module.endswith("__main__"))
+    core.remove("fpg_bench.products")
     run(copy, "-c", f"import importlib; [importlib.import_module(name) for name in {core}]")
-    files = [
-        path.relative_to(ROOT)
-        for module, path in TESTS.items()
-        if module.split(".")[1] in CORE and path.name.startswith("test_") and not needs_product(module)
-    ]
-    assert len(files) > 40
-    omitted = [word for test in OF_OTHERS for word in ("--deselect", test)]
-    run(copy, "-m", "pytest", "-m", FAST, "--basetemp", copy / "temporary", *omitted, *sorted(files))
+    files = [f"tests/{folder}" for folder in CORE]
+    run(copy, "-m", "pytest", "-m", FAST, "--basetemp", copy / "temporary", *files)
     train = ("train", "ppo", "FPG/AllyVsScripted-v0", "--steps", "300", "--n-evals", "1", "--out", "run")
     run(copy, "-m", "fpg_bench", *train)
     run(copy, "-m", "fpg_bench", "evaluate", "run/agent", "--matches", "1", "--out", "results-of-run")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,7 +13,6 @@ from fpg_bench.cli.options import JsonOption, game_options, name_all, print_json
 from fpg_bench.common.documentation import page
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
-from fpg_bench.common.output import print_line
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
 
@@ -212,25 +210,15 @@ def players() -> None:
 def suites(
     name: Annotated[
         str | None,
-        typer.Argument(
-            help="A suite or a season to describe. Default: list all suites.", autocompletion=complete_suite
-        ),
+        typer.Argument(help="A suite to describe. Default: list all suites.", autocompletion=complete_suite),
     ] = None,
-    folder: Annotated[
-        Path, typer.Option(help="Folder of the leaderboard, for a season's late entries.")
-    ] = Path("leaderboard"),
 ) -> None:
-    """List the suites with their rivals, or describe one of them or a season.
+    """List the suites with their rivals, or describe one of them.
 
-    Example: fpg-bench suites season-3
+    Example: fpg-bench suites ally-v1
     """
     from fpg_bench.evaluation.suite import read_suite, suite_names
-    from fpg_bench.players.agent import suites_folder
 
-    if name is not None and ((suites_folder() / name).is_dir() or Path(name).is_dir()):
-        for line in load("description", "season")(name, folder):
-            print_line(line)
-        return
     names = suite_names() if name is None else [name]
     for suite in map(read_suite, names):
         typer.echo(f"{suite.name}: {_described(suite)}")

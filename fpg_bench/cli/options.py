@@ -18,9 +18,9 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
-from fpg_bench.common.products import load, offered
+from fpg_bench.common.products import offered
 from fpg_bench.common.strict_json import Json
-from fpg_bench.game.spec import LISTS, GameSpec, option_names
+from fpg_bench.game.spec import LISTS, GameSpec, kind_of, option_names
 from fpg_bench.training.config import RunConfig
 
 # Panels of long lists of options, in the order in which they are shown.
@@ -78,7 +78,7 @@ def game_options(*names: str) -> Fields:
 
 def team_options() -> Fields:
     """Return the options that games of products add to those of other games; none without these products."""
-    kind = next((load("game", name) for name in offered("game")), GameSpec)
+    kind = next(map(kind_of, offered("game")), GameSpec)
     names = set(option_names(kind)) - set(option_names())
     return Fields(kind, (*names,) or ("",), panel=TEAMS)
 

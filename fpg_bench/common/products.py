@@ -18,7 +18,7 @@ Kinds of offers:
 
 - ``verb``: a verb of the command line: a function or a :class:`typer.Typer`; ``plan probe`` is one of
   ``plan``.
-- ``game``: the type of the specifications of an environment id, an :class:`fpg_bench.game.spec.OtherGame`.
+- ``game``: a game of another kind than the duel, by its id: :class:`fpg_bench.game.spec.GameProduct`.
 - ``planner``: a class of planners that ask a language model.
 - ``joint algorithm``, ``offline algorithm``: a class of SB3's ``BaseAlgorithm`` that trains both sides, or
   learns from a data set.

@@ -13,13 +13,13 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import DUEL
+from fpg_bench.common.ids import DUEL, plain_id
 from fpg_bench.envs.core import Info, ResetOptions, action_space, first_seeds, observation_space, one_action
 from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.full_state import FULL_STATE_SIZE
-from fpg_bench.game.spec import GameSpec, OtherGame, kind_of
+from fpg_bench.game.spec import GameSpec, game_product
 from fpg_bench.players.player import SIDES
 
 _Observations = dict[str, np.ndarray]  # by agent, as the infos
@@ -169,12 +169,11 @@ def mask_info(choices: Choices | None) -> Info:
     return {"action_mask": masks if choices.is_multi else masks[0]}
 
 
-def parallel_env(
-    render_mode: str | None = None, *, game: str = DUEL, **options: Any
-) -> FPGParallelEnv | SeededParallelEnv:
+def parallel_env(render_mode: str | None = None, *, game: str = DUEL, **options: Any) -> SeededParallelEnv:
     """Make the game in which all agents move at once: the duel, see :class:`FPGParallelEnv`, or another."""
-    kind = kind_of(game)
-    return (kind.make_env if issubclass(kind, OtherGame) else FPGParallelEnv)(render_mode, **options)
+    make = FPGParallelEnv if plain_id(game) == DUEL else game_product(game).make_env
+    env: SeededParallelEnv = make(render_mode, **options)
+    return env
 
 
 def aec_env(render_mode: str | None = None, *, game: str = DUEL, **options: Any) -> AECEnv:

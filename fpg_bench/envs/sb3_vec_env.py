@@ -26,7 +26,7 @@ from fpg_bench.envs.core import (
     wants_new_match,
 )
 from fpg_bench.envs.screen import Screen
-from fpg_bench.game.spec import GameSpec, OtherGame
+from fpg_bench.game.spec import GameSpec, OtherGame, game_product
 
 
 class FPGVecEnv(VecEnv):
@@ -198,7 +198,7 @@ def make_sb3(
     spec = GameSpec.of(game, **options)
     core: Any
     if isinstance(spec, OtherGame):
-        core = spec.make_core(n_envs)
+        core = game_product(spec.id).make_core(spec, n_envs)
     elif spec.is_duel:
         core = JointGame(spec, n_envs, threads)
     else:

@@ -21,6 +21,7 @@ from fpg_bench.evaluation.rounds import MatchBatch, make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds, season_name
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.metrics import pool as pooled_tally
+from fpg_bench.game.spec import game_product
 from fpg_bench.planning import Plan, as_planner
 from fpg_bench.players.player import LosesRounds
 
@@ -69,7 +70,7 @@ def match_of(player: Any, suite: Suite, rival: Rival, matches: int | None = None
     """Return the match batch in which a player, or a planner for a suite of planners, meets a rival."""
     scenario, count = rival.scenario, matches or suite.matches
     if suite.game is not None:
-        match: MatchBatch = suite.game.make_match(player, suite, rival, count)
+        match: MatchBatch = game_product(suite.game.id).make_match(player, suite, rival, count)
         return match
     if suite.side == PLANNER:
         duel = TwoPlayerBatch(scenario, count, as_planner(player, scenario))

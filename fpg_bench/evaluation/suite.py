@@ -25,7 +25,7 @@ from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import SEASON, season_seed
 from fpg_bench.game.scenario import Scenario, as_scenario
-from fpg_bench.game.spec import GameSpec, OtherGame, other_game
+from fpg_bench.game.spec import GameSpec, OtherGame, game_product, other_game
 from fpg_bench.players.agent import read_card, suites_folder
 from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.remote import is_remote
@@ -196,8 +196,9 @@ def seated_player(spec: PlayerSpec, side: str, scenario: Scenario, game: OtherGa
     """
     from fpg_bench.players.registry import as_player  # here, so that reading a suite does not load the game
 
-    make = as_player if game is None else game.make_player
-    player: Player = make(spec, side, scenario)
+    if game is None:
+        return as_player(spec, side, scenario)
+    player: Player = game_product(game.id).make_player(spec, side, scenario, game)
     return player
 
 

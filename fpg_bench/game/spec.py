@@ -9,7 +9,7 @@ import json
 import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn, Protocol
 
 from fpg_bench.common.checks import mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
@@ -290,8 +290,7 @@ class GameSpec:
 class OtherGame(GameSpec, abc.ABC):
     """Specification of a game of another kind than the duel, which a product offers.
 
-    Its class is the offer ``game`` of the product. The core trains, evaluates and registers such a game by
-    what this class declares, and knows nothing else of it.
+    The core trains, evaluates and registers such a game by what this class and :class:`GameProduct` declare.
 
     Attributes:
         sees: what its players have as attribute ``sees``; the duel refuses such players.
@@ -328,22 +327,33 @@ class OtherGame(GameSpec, abc.ABC):
     def like(self, other: GameSpec) -> OtherGame:
         """Return the game with the sizes of another one of its kind, as a suite plays it for a training."""
 
-    @abc.abstractmethod
-    def make_core(self, n_envs: int) -> Any:
+
+class GameProduct(Protocol):
+    """What a product offers as ``game``: the type of the game's specifications, and what opens such a game.
+
+    Attributes:
+        spec: type of the specifications.
+    """
+
+    spec: type[OtherGame]
+
+    def make_core(self, game: Any, n_envs: int) -> Any:
         """Return the rows of a ``VecEnv``, an :class:`fpg_bench.envs.core.Core`."""
 
-    @abc.abstractmethod
-    def make_player(self, spec: Any, side: str, scenario: Scenario) -> Any:
+    def make_env(self, render_mode: str | None = None, **options: Any) -> Any:
+        """Return the PettingZoo environment whose agents move at once, a ``ParallelEnv``."""
+
+    def make_player(self, spec: Any, side: str, scenario: Scenario, game: Any) -> Any:
         """Return a player of a side, an :class:`fpg_bench.players.player.Player`."""
 
-    @abc.abstractmethod
     def make_match(self, player: Any, suite: Any, rival: Any, count: int) -> Any:
         """Return the :class:`fpg_bench.evaluation.rounds.MatchBatch` in which a player meets a rival."""
 
-    @classmethod
-    @abc.abstractmethod
-    def make_env(cls, render_mode: str | None = None, **options: Any) -> Any:
-        """Return the PettingZoo environment whose agents move at once, a ``ParallelEnv``."""
+
+def game_product(env_id: str) -> GameProduct:
+    """Return what opens the games of an id that a product offers."""
+    product: GameProduct = load("game", plain_id(env_id))
+    return product
 
 
 def observation_size(game: GameSpec | None) -> int:
@@ -359,8 +369,7 @@ def other_game(game: GameSpec | None) -> OtherGame | None:
 def kind_of(env_id: str) -> type[GameSpec]:
     """Return the type of an id's specifications: :class:`GameSpec`, or a product's :class:`OtherGame`."""
     name = plain_id(env_id)
-    kind: type[GameSpec] = load("game", name) if name in offered("game") else GameSpec
-    return kind
+    return game_product(name).spec if name in offered("game") else GameSpec
 
 
 def option_names(kind: type[GameSpec] = GameSpec) -> tuple[str, ...]:

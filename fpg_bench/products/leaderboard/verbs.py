@@ -316,6 +316,21 @@ def close_season(
 
 
 @leaderboard.command()
+def season(
+    name: Annotated[str, typer.Argument(help="A season, such as season-3, or its folder.")],
+    folder: FolderOption = Path("leaderboard"),
+) -> None:
+    """Describe the members of a season's suites, and name the entries that came after it was closed.
+
+    Example: fpg-bench leaderboard season season-3
+    """
+    from fpg_bench.products.leaderboard.season.audit import describe_season
+
+    for line in describe_season(name, folder):
+        print_line(line)
+
+
+@leaderboard.command()
 @with_fields
 def audit_season(
     name: Annotated[str, typer.Argument(help="A shipped season (season-3), or its folder.")],

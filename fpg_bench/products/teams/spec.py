@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import pydantic
 
@@ -27,13 +27,6 @@ from fpg_bench.products.teams.rules import (
     TEAM_SCRIPTS,
     TeamRules,
 )
-
-if TYPE_CHECKING:
-    from fpg_bench.evaluation.rounds import MatchBatch
-    from fpg_bench.evaluation.suite import Rival, Suite
-    from fpg_bench.players.player import Player, PlayerSpec
-    from fpg_bench.products.teams.pettingzoo_env import TeamParallelEnv
-    from fpg_bench.products.teams.sb3_vec_env import TeamRows
 
 _LACKING = ("planner", "observation", "history")
 _RULES = tuple(each.name for each in dataclasses.fields(TeamRules))
@@ -193,31 +186,6 @@ class TeamSpec(TeamRules, OtherGame):
     def check_skills(cls, skills: JsonObject) -> None:
         """Raise UserError unless skills are the sizes of teams, and what mates tell."""
         parse(_Skills, skills, "skills")
-
-    def make_core(self, n_envs: int) -> TeamRows:
-        """Return the seats of the caller's side in ``n_envs`` games, row by row."""
-        from fpg_bench.products.teams.sb3_vec_env import TeamRows  # here, so that a spec loads no game
-
-        return TeamRows(self, n_envs)
-
-    def make_player(self, spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
-        """Return a player of a side's seats."""
-        from fpg_bench.products.teams.scripts import as_team_player
-
-        return as_team_player(spec, side, scenario, self)
-
-    def make_match(self, player: PlayerSpec, suite: Suite, rival: Rival, count: int) -> MatchBatch:
-        """Return the match batch of a suite's entry in all seats or, beside mates, in the first."""
-        from fpg_bench.products.teams.match import suite_match
-
-        return suite_match(player, suite, rival, count)
-
-    @classmethod
-    def make_env(cls, render_mode: str | None = None, **options: Any) -> TeamParallelEnv:
-        """Return the PettingZoo environment whose seats move at once."""
-        from fpg_bench.products.teams.pettingzoo_env import TeamParallelEnv
-
-        return TeamParallelEnv(render_mode, **options)
 
     def resolve(self) -> Scenario:
         """Return the scenario that is played."""

@@ -1,0 +1,44 @@
+"""What opens games of teams, for the core."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.products.teams.spec import TeamSpec
+
+if TYPE_CHECKING:
+    from fpg_bench.evaluation.rounds import MatchBatch
+    from fpg_bench.evaluation.suite import Rival, Suite
+    from fpg_bench.players.player import Player, PlayerSpec
+    from fpg_bench.products.teams.pettingzoo_env import TeamParallelEnv
+    from fpg_bench.products.teams.sb3_vec_env import TeamRows
+
+
+class _Teams:
+    """The :class:`fpg_bench.game.spec.GameProduct` of teams; each method imports what it needs."""
+
+    spec = TeamSpec
+
+    def make_core(self, game: TeamSpec, n_envs: int) -> TeamRows:
+        from fpg_bench.products.teams.sb3_vec_env import TeamRows
+
+        return TeamRows(game, n_envs)
+
+    def make_env(self, render_mode: str | None = None, **options: Any) -> TeamParallelEnv:
+        from fpg_bench.products.teams.pettingzoo_env import TeamParallelEnv
+
+        return TeamParallelEnv(render_mode, **options)
+
+    def make_player(self, spec: PlayerSpec, side: str, scenario: Scenario, game: TeamSpec) -> Player:
+        from fpg_bench.products.teams.scripts import as_team_player
+
+        return as_team_player(spec, side, scenario, game)
+
+    def make_match(self, player: PlayerSpec, suite: Suite, rival: Rival, count: int) -> MatchBatch:
+        from fpg_bench.products.teams.match import suite_match
+
+        return suite_match(player, suite, rival, count)
+
+
+TEAMS = _Teams()
