@@ -6,8 +6,8 @@ import signal
 import threading
 
 import pytest
-from products.language_models.fault_server import FaultServer, late, ok, reject_field, status
 
+from tests.products.language_models.fault_server import FaultServer, late, ok, reject_field, status
 from tests.programs import fpg, python
 from tests.working import wait_for
 

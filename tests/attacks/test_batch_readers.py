@@ -13,7 +13,8 @@ from fpg_bench.products.leaderboard.playing import Part, part_records, smoke_tes
 from fpg_bench.products.leaderboard.tracks import TRACKS, TrackSuites
 from fpg_bench.products.sandbox.client import check_policies
 from tests.players.test_agent import model_bytes
-from tests.products.leaderboard.making import as_policy, model, node, value, whole
+from tests.policies import model, node, value, whole
+from tests.products.leaderboard.making import as_policy
 from tests.training.making import policy
 
 BASE = np.random.default_rng(5).normal(size=(15, 9)).astype(np.float32) * 0.3

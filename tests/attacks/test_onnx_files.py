@@ -18,7 +18,7 @@ from fpg_bench.products.sandbox.client import Policy, PolicyClient, check_polici
 from fpg_bench.products.sandbox.onnx_checks import OPERATORS
 from fpg_bench.products.sandbox.process import PolicyFailed
 from tests.attacks import SCALE, SEED
-from tests.products.leaderboard.making import model, node, value, weights, whole
+from tests.policies import model, node, value, weights, whole
 from tests.training.making import policy
 
 

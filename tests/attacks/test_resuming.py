@@ -26,9 +26,9 @@ from fpg_bench.products.paper import reproduce
 from fpg_bench.products.paper.experiment import Budget
 from fpg_bench.training import callbacks
 from tests.attacks import SCALE, SEED
+from tests.policies import write_seed
 from tests.products.hub.conftest import hub
 from tests.products.leaderboard.entering import enter
-from tests.products.leaderboard.making import write_seed
 from tests.training.tiny import settings
 
 __all__ = ["hub"]

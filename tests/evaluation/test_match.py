@@ -15,7 +15,6 @@ from fpg_bench.evaluation.match import replay_match
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.planning import PLANNERS
 from fpg_bench.planning.registry import LLM_CONTROLS
-from fpg_bench.products.rendering.match_picture import draw_match
 
 from .matching import ROUNDS, SHORT, lines, play, write
 
@@ -195,6 +194,7 @@ def test_a_planner_of_ones_own_by_name(file, tmp_path, monkeypatch):
 def test_the_picture_has_a_panel_per_round_and_a_bound(tmp_path):
     from matplotlib.image import imread
 
-    draw_match(play(None, rounds=6), tmp_path / "paths.png", "a match")
+    pictures = pytest.importorskip("fpg_bench.products.rendering.match_picture")
+    pictures.draw_match(play(None, rounds=6), tmp_path / "paths.png", "a match")
     height = imread(tmp_path / "paths.png").shape[0]
     assert height == pytest.approx((3.7 * 2 + 0.7) * 110, abs=2)  # two rows

@@ -172,7 +172,7 @@ def agent(tmp_path):
     ],
 )
 def test_agents_that_do_not_fit_are_refused(agent, change, message):
-    assert load_agent(agent, "ally").card.algorithm == "mine"
+    assert load_agent(agent, "ally", trusted=True).card.algorithm == "mine"
     about = json.loads((agent / "agent.json").read_text())
     (agent / "agent.json").write_text(json.dumps(about | change))
     with pytest.raises(UserError, match=message):

@@ -83,7 +83,8 @@ def test_a_player_is_asked_about_its_own_games_and_no_others():
 
 @pytest.fixture
 def suite(tmp_path):
-    """A suite of two opponents and one ally."""
+    """A suite of two opponents and one ally, agents of others, which are played in the sandbox."""
+    pytest.importorskip("fpg_bench.products.sandbox.agent")
     agents = baselines_folder() / "agents"
     for side, member, agent in (
         ("opponent", "b-ppo", "opponent-pursuit/ppo/seed_0"),

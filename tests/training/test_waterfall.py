@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 
 import numpy as np
@@ -17,11 +18,9 @@ from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.registry import as_player
-from fpg_bench.products.leaderboard.playing import smoke_test
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.sb3_zip import load_zip
 from fpg_bench.training.waterfall_cnn import WaterfallCNN
-from tests.products.leaderboard.making import as_policy
 from tests.training.test_export import check_plays_alike
 from tests.training.tiny import ALLY, settings, train_tiny
 
@@ -79,7 +78,10 @@ def test_a_model_and_its_agent_score_the_same_and_the_agent_may_be_submitted(tmp
     assert scores[0] == scores[1]
     check_player(agent, "ally")
     check_player(as_player(model, "ally", as_scenario(None)), "ally")
-    assert smoke_test(as_policy((tmp_path / "agent" / "policy.onnx").read_bytes())) == []
+    playing = pytest.importorskip("fpg_bench.products.leaderboard.playing")
+    client = pytest.importorskip("fpg_bench.products.sandbox.client")
+    data = (tmp_path / "agent" / "policy.onnx").read_bytes()
+    assert playing.smoke_test(client.Policy(0, None, data, hashlib.sha256(data).hexdigest())) == []
 
 
 def test_models_that_see_something_else_are_refused(tmp_path):

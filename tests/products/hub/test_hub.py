@@ -27,9 +27,9 @@ from fpg_bench.products.sandbox import process
 from fpg_bench.products.sandbox.agent import SandboxedAgent
 from fpg_bench.training.config import RunConfig
 from tests.logged import logged
+from tests.policies import policy, through, write_seed
 from tests.products.hub.conftest import point_at
 from tests.products.hub.hub_server import READER, TOKEN
-from tests.products.leaderboard.making import policy, through, write_seed
 from tests.programs import fpg
 from tests.training.tiny import settings, train
 

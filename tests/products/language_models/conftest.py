@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from .playing import KEY
 from .real_server import LlamaServer, write_model
 
 
@@ -40,3 +41,20 @@ def quick_retries(monkeypatch: pytest.MonkeyPatch) -> None:
     from openai import _base_client
 
     monkeypatch.setattr(_base_client, "INITIAL_RETRY_DELAY", 0.05)
+
+
+@pytest.fixture
+def asks(monkeypatch):
+    """Return a function that points the environment's endpoint at a server."""
+
+    def point(server):
+        monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
+        monkeypatch.setenv("FPG_LLM_MODEL", "toy")
+        monkeypatch.setenv("FPG_LLM_API_KEY", KEY)
+
+    return point
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "somewhere" / "match.jsonl"

@@ -12,8 +12,8 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.evaluation.match import replay_match
 from fpg_bench.products.language_models.llm_planner import LLMPlanner
-from products.language_models.fault_server import FaultServer, error_object, ok, refusal, status
-from products.language_models.playing import GOOD, KEY, path_text
+from tests.products.language_models.fault_server import FaultServer, error_object, ok, refusal, status
+from tests.products.language_models.playing import GOOD, KEY, path_text
 
 BEHAVIOURS = (
     GOOD,

@@ -15,7 +15,8 @@ from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.products.leaderboard.result import Result, write_result
 from fpg_bench.products.leaderboard.verification import Case, verify
 from fpg_bench.products.sandbox.client import PolicyFailed
-from tests.products.leaderboard.making import write_seed, write_submission
+from tests.policies import write_seed
+from tests.products.leaderboard.making import write_submission
 from tests.products.leaderboard.recording import PLANNER_SUITE
 
 SUITE = {

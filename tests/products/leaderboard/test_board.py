@@ -25,8 +25,8 @@ from fpg_bench.products.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED,
 from fpg_bench.products.leaderboard.verbs import build
 from fpg_bench.products.leaderboard.verification import load_case, verify
 from tests.logged import logged
+from tests.policies import model, node, weights
 from tests.products.leaderboard.entering import SUITE, close_season, enter, write_suite, write_verified
-from tests.products.leaderboard.making import model, node, weights
 
 pytestmark = pytest.mark.slow
 

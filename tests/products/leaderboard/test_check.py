@@ -10,7 +10,8 @@ from fpg_bench.products.leaderboard.about import board_name
 from fpg_bench.products.leaderboard.playing import suites_of
 from fpg_bench.products.leaderboard.submission import load_submission, notes, problems
 from fpg_bench.products.leaderboard.tracks import PUBLIC, TrackSuites
-from tests.products.leaderboard.making import FIELDS, policy, write_seed, write_submission
+from tests.policies import policy, write_seed
+from tests.products.leaderboard.making import FIELDS, write_submission
 
 TRAINED = FIELDS["training"]
 NOWHERE = "is not inside a leaderboard folder; submit run expects <leaderboard>/submissions/<track>/<name>"

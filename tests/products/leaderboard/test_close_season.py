@@ -54,15 +54,8 @@ from fpg_bench.products.leaderboard.season.selection import (
     select_representative,
 )
 from tests.logged import logged
-from tests.products.leaderboard.making import (
-    dividing_by_zero,
-    model,
-    node,
-    through,
-    weights,
-    write_seed,
-    write_submission,
-)
+from tests.policies import dividing_by_zero, model, node, through, weights, write_seed
+from tests.products.leaderboard.making import write_submission
 
 ALLIES = [
     SeasonEntry(f"ally/{name}", "ally", None, tuple(f"{name}/seed_{k}" for k in range(5))) for name in "abcd"

@@ -33,8 +33,8 @@ from fpg_bench.products.leaderboard.tracks import SCENARIOS
 from fpg_bench.products.leaderboard.verification import verify
 from fpg_bench.products.sandbox.client import Policy
 from tests.logged import logged
+from tests.policies import policy
 from tests.products.leaderboard.entering import close_season, enter
-from tests.products.leaderboard.making import policy
 
 pytestmark = pytest.mark.slow
 

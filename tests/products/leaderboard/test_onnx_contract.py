@@ -6,7 +6,7 @@ from onnx import ModelProto, TensorProto, helper, numpy_helper
 
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.sandbox.client import check_policies, check_policy
-from tests.products.leaderboard.making import model, node, policy, through, value, weights, whole
+from tests.policies import model, node, policy, through, value, weights, whole
 
 DEEP = model(
     [node("MatMul", ["observation", "w"], ["x0"])]

@@ -33,6 +33,7 @@ from fpg_bench.products.leaderboard.verification import (
     verify,
 )
 from tests.logged import logged
+from tests.policies import policy, write_seed
 from tests.products.leaderboard.entering import (
     SUITE,
     close_season,
@@ -41,7 +42,6 @@ from tests.products.leaderboard.entering import (
     write_suite,
     write_verified,
 )
-from tests.products.leaderboard.making import policy, write_seed
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,8 @@ from fpg_bench import UserError, load_agent
 from fpg_bench.envs.core import SingleAgentGame
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.products.sandbox.agent import SandboxedAgent
-from tests.products.leaderboard.making import dividing_by_zero, through, write_seed, write_submission
+from tests.policies import dividing_by_zero, through, write_seed
+from tests.products.leaderboard.making import write_submission
 
 
 @pytest.fixture

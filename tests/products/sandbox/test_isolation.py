@@ -23,8 +23,9 @@ from fpg_bench.products.sandbox.isolation import Layer, missing
 from fpg_bench.products.sandbox.process import ProcessLimits, Sandbox
 from tests.attacks.prisoner import escapes
 from tests.players.test_agent import model_bytes
+from tests.policies import policy
 from tests.products.leaderboard.entering import enter
-from tests.products.leaderboard.making import as_policy, policy, write_submission
+from tests.products.leaderboard.making import as_policy, write_submission
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the layers are Linux's")
 

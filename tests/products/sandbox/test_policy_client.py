@@ -15,7 +15,8 @@ from fpg_bench.products.leaderboard.playing import smoke_test
 from fpg_bench.products.sandbox.client import PolicyClient, PolicyFailed, ProcessLimits
 from fpg_bench.products.sandbox.process import Sandbox
 from tests.players.test_agent import model_bytes
-from tests.products.leaderboard.making import as_policy, model, node, policy, through, value, weights, whole
+from tests.policies import model, node, policy, through, value, weights, whole
+from tests.products.leaderboard.making import as_policy
 
 ADAPTIVE = Rival("adaptive", ("adaptive",), STANDARD)
 SUITE = Suite("small", "ally", STANDARD, 3, (ADAPTIVE,))

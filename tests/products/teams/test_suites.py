@@ -11,6 +11,16 @@ from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.products.teams.match import play_teams
 from fpg_bench.products.teams.rules import TEAM_SCRIPTS
 
+HASHES = {
+    "team-ally-link-v1": "a30fcdb9b64b7f6f486eb7a7cc815d469cbc5d96e1e1d71b1f5ea228ed2f7f64",
+    "team-ally-strangers-link-v1": "f727ab3163173106ade424436a9129320764eebc1b961d80bbf3db0444656967",
+    "team-opponent-link-v1": "381dbe105426057096964fb2a2b49893b2e059e746df4adf96c2f16046fdc5c2",
+}
+
+
+def test_the_hashes_of_suites_stay():
+    assert {name: load_suite(name).hash for name in HASHES} == HASHES
+
 
 def test_an_entry_of_a_suite_plays_all_seats_as_in_matches_of_teams():
     suite = load_suite("team-ally-link-v1")

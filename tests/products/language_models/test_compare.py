@@ -6,7 +6,6 @@ import shutil
 from collections import Counter
 
 import pytest
-from products.language_models.fault_server import FaultServer, answer, ok
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
@@ -15,6 +14,7 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
+from tests.products.language_models.fault_server import FaultServer, answer, ok
 
 MATCHES, ROUNDS, ALLIES = 2, 3, ("idle", "expert")
 PLANS = MATCHES * ROUNDS * len(ALLIES)
