@@ -38,7 +38,7 @@ napoleon_use_ivar = True
 
 html_theme = "furo"
 html_title = f"fpg-bench {version}"
-html_favicon = "../fpg_bench/leaderboard/site/static/icon.svg"
+html_favicon = "../fpg_bench/products/leaderboard/site/static/icon.svg"
 html_search_scorer = str(HERE / "search_scorer.js")
 html_static_path = ["_static"]
 html_css_files = ["wide_tables.css"]

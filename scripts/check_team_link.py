@@ -24,8 +24,8 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.game.actions import PREFERENCE, SPREAD_GATE, TUNING
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset
-from fpg_bench.game.team_batch import TeamBatch
-from fpg_bench.game.team_rules import TeamRules
+from fpg_bench.products.teams.batch import TeamBatch
+from fpg_bench.products.teams.rules import TeamRules
 
 CLOSE = 5  # m between mates, so that they are heard
 STEPS = 12  # of each round

@@ -16,9 +16,9 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import NAMED
 from fpg_bench.evaluation.zoo import load_zoo
-from fpg_bench.leaderboard.submission import seed_folders
-from fpg_bench.leaderboard.tracks import TRACKS, Track
 from fpg_bench.players.agent import baselines_folder, read_card
+from fpg_bench.products.leaderboard.submission import seed_folders
+from fpg_bench.products.leaderboard.tracks import TRACKS, Track
 
 AUTHORS = ["fpg-bench maintainers"]
 TRACK_OF = {track.public: track for track in TRACKS.values()}  # other suites have no track

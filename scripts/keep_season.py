@@ -12,7 +12,7 @@ from collections import Counter
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.leaderboard.past_seasons import keep_seasons
+from fpg_bench.products.leaderboard.past_seasons import keep_seasons
 
 
 def main() -> int:

@@ -22,13 +22,13 @@ import fpg_bench  # noqa: F401  registers the ids
 from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, image_of
 from fpg_bench.common.files import write_whole
 from fpg_bench.envs.gymnasium_env import FPGEnv
-from fpg_bench.evaluation.team_watching import record_team
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.leaderboard.board import make_board
-from fpg_bench.leaderboard.entries import load_entries
-from fpg_bench.rendering.team_picture import TeamPicture
+from fpg_bench.products.leaderboard.board import make_board
+from fpg_bench.products.leaderboard.entries import load_entries
+from fpg_bench.products.teams.picture import TeamPicture
+from fpg_bench.products.teams.watching import record_team
 
 ROOT = Path(__file__).parents[1]
 INK, GREY = "#1d2733", "#5b6673"

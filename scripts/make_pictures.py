@@ -16,8 +16,8 @@ from fpg_bench import make_duel
 from fpg_bench.game.recording import Recording
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
-from fpg_bench.rendering.film import write_gif
-from fpg_bench.rendering.picture import Picture
+from fpg_bench.products.rendering.film import write_gif
+from fpg_bench.products.rendering.picture import Picture
 
 STEPS, SEED = 170, 12
 EVERY = 3  # steps per frame

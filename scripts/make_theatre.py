@@ -18,10 +18,10 @@ from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.rendering.replay import replay_data, scenario_data, script_json
+from fpg_bench.products.rendering.replay import replay_data, scenario_data, script_json
 
 ROOT = Path(__file__).parents[1]
-OUT = ROOT / "fpg_bench/leaderboard/site/static/theatre_rounds.js"
+OUT = ROOT / "fpg_bench/products/leaderboard/site/static/theatre_rounds.js"
 BUDGETS = (10_000, 100_000, 2_000_000)
 SEED = 2
 

@@ -25,11 +25,11 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
 from fpg_bench.evaluation.table import markdown_table
-from fpg_bench.evaluation.team_match import play_teams
 from fpg_bench.game.scenario import preset
-from fpg_bench.game.team_rules import TEAM_SCRIPTS, TeamRules
 from fpg_bench.players.player import SIDES, PlayerSpec
-from fpg_bench.players.team_scripts import BOUNDS
+from fpg_bench.products.teams.match import play_teams
+from fpg_bench.products.teams.rules import TEAM_SCRIPTS, TeamRules
+from fpg_bench.products.teams.scripts import BOUNDS
 
 GAMES = {"3 v 2": TeamRules(), "3 v 1": TeamRules(jammers=1), "separate": TeamRules(formation="separate")}
 CLONES = [f"ally-link{kind}/ppo-stack8/seed_0" for kind in ("-population", "")]

@@ -17,11 +17,11 @@ from jinja2 import Environment, StrictUndefined
 
 from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.table import markdown_table
-from fpg_bench.paper.claims import compare
-from fpg_bench.paper.experiment import BUDGETS
-from fpg_bench.paper.report import CAPTIONS, fifths_table, levels_csv, tests_table
-from fpg_bench.paper.report import content as report_content
-from fpg_bench.paper.runs import RunFile, Runs, read_results
+from fpg_bench.products.paper.claims import compare
+from fpg_bench.products.paper.experiment import BUDGETS
+from fpg_bench.products.paper.report import CAPTIONS, fifths_table, levels_csv, tests_table
+from fpg_bench.products.paper.report import content as report_content
+from fpg_bench.products.paper.runs import RunFile, Runs, read_results
 
 ROOT = Path(__file__).parents[1]
 RUNS = ROOT / "results/reproduction"

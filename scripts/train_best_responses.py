@@ -40,12 +40,12 @@ from fpg_bench.common.parallel import Job, check_all_done, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.leaderboard.folders import short_path, submission_folders
-from fpg_bench.leaderboard.submission import load_submission
-from fpg_bench.leaderboard.tracks import RESPONSES, TRACKS, Track
 from fpg_bench.players.agent import read_card, suites_folder
 from fpg_bench.players.player import SIDES
-from fpg_bench.training.league.best_responses import (
+from fpg_bench.products.leaderboard.folders import short_path, submission_folders
+from fpg_bench.products.leaderboard.submission import load_submission
+from fpg_bench.products.leaderboard.tracks import RESPONSES, TRACKS, Track
+from fpg_bench.products.league.best_responses import (
     DISCRETE_PPO,
     FULL_SEARCH,
     RESPONSE_REWARDS,

@@ -16,14 +16,14 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.output import print_messages
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.training.league.champions import (
+from fpg_bench.products.league.champions import (
     OracleConfig,
     load_champions,
     search_folder,
     ship_champion,
     train_champion,
 )
-from fpg_bench.training.league.double_oracle import ROWS, keep_search
+from fpg_bench.products.league.double_oracle import ROWS, keep_search
 
 
 def main() -> None:

@@ -19,9 +19,6 @@ from marks import fill
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.rows import RowFile
-from fpg_bench.datasets.make import make_dataset
-from fpg_bench.datasets.read import Dataset, open_dataset
-from fpg_bench.datasets.spec import load_spec
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.statistics import FEW_SEEDS, mean_interval
@@ -30,6 +27,9 @@ from fpg_bench.evaluation.summary import summarise, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table, number
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.products.offline.make import make_dataset
+from fpg_bench.products.offline.read import Dataset, open_dataset
+from fpg_bench.products.offline.spec import load_spec
 from fpg_bench.training.algorithms import OFFLINE, find_algorithm
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder

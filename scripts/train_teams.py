@@ -28,10 +28,10 @@ from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.scenario import preset
-from fpg_bench.game.team_rules import MATES, TEAM_SCRIPTS, TeamRules
-from fpg_bench.game.team_spec import TeamSpec
 from fpg_bench.players.player import PlayerSpec
-from fpg_bench.players.team_scripts import as_team_player
+from fpg_bench.products.teams.rules import MATES, TEAM_SCRIPTS, TeamRules
+from fpg_bench.products.teams.scripts import as_team_player
+from fpg_bench.products.teams.spec import TeamSpec
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train

@@ -26,11 +26,11 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.table import markdown_table
-from fpg_bench.leaderboard.exploited import OWN, RECIPE, ResponseResult, read_results
-from fpg_bench.leaderboard.folders import submission_folders
-from fpg_bench.leaderboard.tracks import SCENARIOS
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.training.league.double_oracle import ROWS, keep_search
+from fpg_bench.products.leaderboard.exploited import OWN, RECIPE, ResponseResult, read_results
+from fpg_bench.products.leaderboard.folders import submission_folders
+from fpg_bench.products.leaderboard.tracks import SCENARIOS
+from fpg_bench.products.league.double_oracle import ROWS, keep_search
 
 OTHERS = "searches.jsonl"
 DASHES = {"one": "-", "both": "--", "selfplay": ":"}  # lines of searches by their mode

@@ -26,9 +26,9 @@ from typing import Any
 HEAVY = (
     "fpg_bench.cli",
     "fpg_bench.evaluation.compare",
-    "fpg_bench.leaderboard.verification",
-    "fpg_bench.paper.experiment",
-    "fpg_bench.training.league.best_responses",
+    "fpg_bench.products.leaderboard.verification",
+    "fpg_bench.products.paper.experiment",
+    "fpg_bench.products.league.best_responses",
     "cmaes",
     "matplotlib.pyplot",
     "onnxruntime",

@@ -19,10 +19,10 @@ from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
-from fpg_bench.planning.llm.local_server import SMOLLM2, LocalServer
-from fpg_bench.planning.llm.servers import SERVERS, load_server
+from fpg_bench.products.language_models.local_server import SMOLLM2, LocalServer
+from fpg_bench.products.language_models.servers import SERVERS, load_server
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
-from tests.planning.llm.fault_server import FaultServer, answer
+from tests.products.language_models.fault_server import FaultServer, answer
 from tests.programs import ROOT, python
 from tests.test_cli import VERBS
 

@@ -8,7 +8,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
-from tests.leaderboard.browsing import chromium
+from tests.products.leaderboard.browsing import chromium
 from tests.programs import ROOT
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]

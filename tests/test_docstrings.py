@@ -20,7 +20,7 @@ _OTHERS = [
     "fpg_bench.game.choices.Choices",
     "fpg_bench.game.waterfall.Waterfall",
     "fpg_bench.planning.registry.as_planner",
-    "fpg_bench.training.maddpg.maddpg.MADDPG",
+    "fpg_bench.products.maddpg.maddpg.MADDPG",
     "fpg_bench.training.train.train",
 ]
 

@@ -167,9 +167,9 @@ def test_importing_the_package_registers_the_ids_and_loads_nothing_heavy():
 
 @pytest.mark.process
 def test_the_process_of_a_submitted_policy_loads_no_more_than_it_plays_with():
-    code = "import sys, fpg_bench.players.sandbox.policy; print(*sys.modules)"
+    code = "import sys, fpg_bench.products.sandbox.policy; print(*sys.modules)"
     loaded = subprocess.check_output([sys.executable, "-c", code], text=True).split()
-    assert set(loaded).isdisjoint({*HEAVY, "fpg_bench.leaderboard.submission", "fpg_bench.planning"})
+    assert set(loaded).isdisjoint({*HEAVY, "fpg_bench.products.leaderboard.submission", "fpg_bench.planning"})
 
 
 def test_the_rules_document_every_field():

@@ -12,8 +12,8 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.folders import _own_temporary_folder, user_cache
 from fpg_bench.common.imports import names_object
 from fpg_bench.common.output import is_terminal
-from fpg_bench.datasets.make import datasets_root
-from fpg_bench.planning.llm import local_server
+from fpg_bench.products.language_models import local_server
+from fpg_bench.products.offline.make import datasets_root
 
 pytestmark = pytest.mark.process
 
@@ -66,8 +66,8 @@ def test_files_are_locked_without_fcntl(tmp_path):
 
 def test_a_sandbox_says_that_it_needs_linux(tmp_path):
     code = """
-from fpg_bench.players.sandbox.process import ProcessLimits, Sandbox
-Sandbox("fpg_bench.players.sandbox.policy", ProcessLimits())
+from fpg_bench.products.sandbox.process import ProcessLimits, Sandbox
+Sandbox("fpg_bench.products.sandbox.policy", ProcessLimits())
 """
     error = on_windows(code, tmp_path).stderr
     assert "UserError: an agent of others runs in a sandbox, which needs Linux" in error

@@ -9,7 +9,7 @@ import pytest
 
 from fpg_bench.common.telemetry import OFF, turn_off_telemetry
 from fpg_bench.game.compiling import cache_folder
-from fpg_bench.players.sandbox import process
+from fpg_bench.products.sandbox import process
 
 PLAYS = """
 import json, os

@@ -8,7 +8,7 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
-from fpg_bench.training.league.double_oracle import MODES
+from fpg_bench.products.league.double_oracle import MODES
 from tests.programs import ROOT
 
 

@@ -16,7 +16,7 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import load_agent
-from fpg_bench.training.league.champions import load_champions
+from fpg_bench.products.league.champions import load_champions
 from tests.programs import python
 from tests.training.making import add_missing_records, make_agent, make_zoo, page
 

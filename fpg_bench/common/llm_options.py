@@ -41,6 +41,6 @@ class LLMOptions:
         return {name: value for name, value in values.items() if value is not None}
 
     def arguments(self) -> dict[str, Any]:
-        """Return them as arguments of :class:`fpg_bench.planning.llm.llm_planner.LLMPlanner`."""
+        """Return them as arguments of :class:`fpg_bench.products.language_models.llm_planner.LLMPlanner`."""
         named = self.given() | {"deadline_s": self.deadline}
         return {k: v for k, v in named.items() if v is not None and k not in ("server", "deadline")}

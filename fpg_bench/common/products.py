@@ -39,51 +39,51 @@ class Product:
         return whole and all(PRODUCTS[name].is_there() for name in self.needs)
 
 
-_LLM = "fpg_bench.evaluation.language_models"
+_LLM = "fpg_bench.products.language_models.comparison"
 PRODUCTS = {
     "leaderboard": Product(
         ("leaderboard", "cli/leaderboard.py"),
         {
             "verb": {
-                "submit": "fpg_bench.cli.leaderboard:submit",
-                "leaderboard": "fpg_bench.cli.leaderboard:leaderboard",
+                "submit": "fpg_bench.products.leaderboard.verbs:submit",
+                "leaderboard": "fpg_bench.products.leaderboard.verbs:leaderboard",
             },
-            "description": {"season": "fpg_bench.leaderboard.season.audit:describe_season"},
+            "description": {"season": "fpg_bench.products.leaderboard.season.audit:describe_season"},
         },
         needs=("language models", "rendering", "sandbox"),
     ),
     "paper": Product(
         ("paper", "cli/reproduce.py"),
-        {"verb": {"reproduce": "fpg_bench.cli.reproduce:reproduce"}},
+        {"verb": {"reproduce": "fpg_bench.products.paper.verbs:reproduce"}},
         needs=("language models", "maddpg"),
     ),
     "hub": Product(
         ("hub", "cli/hub.py"),
         {
-            "verb": {"hub": "fpg_bench.cli.hub:app"},
-            "agents": {"hf://": "fpg_bench.hub.download:resolve"},
+            "verb": {"hub": "fpg_bench.products.hub.verbs:app"},
+            "agents": {"hf://": "fpg_bench.products.hub.download:resolve"},
         },
         needs=("leaderboard", "rendering", "sandbox"),
     ),
     "sandbox": Product(
         ("players/sandbox",),
-        {"player": {"sandbox": "fpg_bench.players.sandbox.agent:SandboxedAgent"}},
+        {"player": {"sandbox": "fpg_bench.products.sandbox.agent:SandboxedAgent"}},
     ),
     "language models": Product(
         ("planning/llm", "evaluation/language_models.py", "training/language_model.py", "cli/llm.py"),
         {
-            "verb": {"llm": "fpg_bench.cli.llm:app"},
-            "verb of plan": {"probe": "fpg_bench.cli.llm:probe"},
+            "verb": {"llm": "fpg_bench.products.language_models.verbs:app"},
+            "verb of plan": {"probe": "fpg_bench.products.language_models.verbs:probe"},
             "planner": dict.fromkeys(
                 ("llm", "llm-shuffled-rewards", "llm-no-history"),
-                "fpg_bench.planning.llm.llm_planner:LLMPlanner",
+                "fpg_bench.products.language_models.llm_planner:LLMPlanner",
             ),
             "language model": {
                 "of a match": f"{_LLM}:match_planner",
                 "of a match's file": f"{_LLM}:replayed_planner",
                 "of a comparison": f"{_LLM}:recorded_entry",
                 "of transcripts": f"{_LLM}:replayed_entries",
-                "of a training": "fpg_bench.training.language_model:training_planner",
+                "of a training": "fpg_bench.products.language_models.training:training_planner",
             },
         },
     ),
@@ -91,16 +91,16 @@ PRODUCTS = {
         ("rendering",),
         {
             "drawing": {
-                "picture": "fpg_bench.rendering.picture:Picture",
-                "team": "fpg_bench.rendering.team_picture:TeamPicture",
-                "match": "fpg_bench.rendering.match_picture:draw_match",
-                "match's page": "fpg_bench.rendering.match_picture:write_match_replay",
+                "picture": "fpg_bench.products.rendering.picture:Picture",
+                "team": "fpg_bench.products.teams.picture:TeamPicture",
+                "match": "fpg_bench.products.rendering.match_picture:draw_match",
+                "match's page": "fpg_bench.products.rendering.match_picture:write_match_replay",
             },
             "film": {
-                ".html": "fpg_bench.rendering.replay:write_replay",
-                ".gif": "fpg_bench.rendering.film:write_gif",
-                ".mp4": "fpg_bench.rendering.film:write_mp4",
-                "check of .mp4": "fpg_bench.rendering.film:check_mp4",
+                ".html": "fpg_bench.products.rendering.replay:write_replay",
+                ".gif": "fpg_bench.products.rendering.film:write_gif",
+                ".mp4": "fpg_bench.products.rendering.film:write_mp4",
+                "check of .mp4": "fpg_bench.products.rendering.film:check_mp4",
             },
         },
     ),
@@ -108,29 +108,29 @@ PRODUCTS = {
         ("datasets", "training/offline.py", "cli/dataset.py"),
         {
             "verb": {
-                "offline": "fpg_bench.cli.dataset:offline",
-                "dataset": "fpg_bench.cli.dataset:app",
+                "offline": "fpg_bench.products.offline.verbs:offline",
+                "dataset": "fpg_bench.products.offline.verbs:app",
             },
             "offline algorithm": {
-                "bc": "fpg_bench.training.offline:BC",
-                "td3-bc": "fpg_bench.training.offline:TD3BC",
-                "cql": "fpg_bench.training.offline:CQL",
-                "iql": "fpg_bench.training.offline:IQL",
-                "discrete-cql": "fpg_bench.training.offline:DiscreteCQL",
+                "bc": "fpg_bench.products.offline.learning:BC",
+                "td3-bc": "fpg_bench.products.offline.learning:TD3BC",
+                "cql": "fpg_bench.products.offline.learning:CQL",
+                "iql": "fpg_bench.products.offline.learning:IQL",
+                "discrete-cql": "fpg_bench.products.offline.learning:DiscreteCQL",
             },
         },
     ),
     "maddpg": Product(
         ("training/maddpg",),
-        {"joint algorithm": {"maddpg": "fpg_bench.training.maddpg:MADDPG"}},
+        {"joint algorithm": {"maddpg": "fpg_bench.products.maddpg:MADDPG"}},
     ),
     "league": Product(
         ("training/league", "cli/league.py"),
         {
             "verb": {
-                "best-response": "fpg_bench.cli.league:best_response",
-                "double-oracle": "fpg_bench.cli.league:double_oracle",
-                "selfplay": "fpg_bench.cli.league:selfplay",
+                "best-response": "fpg_bench.products.league.verbs:best_response",
+                "double-oracle": "fpg_bench.products.league.verbs:double_oracle",
+                "selfplay": "fpg_bench.products.league.verbs:selfplay",
             }
         },
     ),
@@ -151,22 +151,22 @@ PRODUCTS = {
         ),
         {
             "function": {
-                "make_team": "fpg_bench.envs.team:make_team",
-                "make_sb3_team": "fpg_bench.envs.team_sb3:make_sb3_team",
-                "watch_team": "fpg_bench.evaluation.team_watching:watch_team",
+                "make_team": "fpg_bench.products.teams.core:make_team",
+                "make_sb3_team": "fpg_bench.products.teams.sb3_vec_env:make_sb3_team",
+                "watch_team": "fpg_bench.products.teams.watching:watch_team",
             },
-            "game": {"FPG/team_v0": "fpg_bench.game.team_spec:TeamSpec"},
-            "suites": {"team-": "fpg_bench.game.team_spec:TeamSpec"},
-            "player of a seat": {"FPG/team_v0": "fpg_bench.players.team_scripts:as_team_player"},
-            "match": {"FPG/team_v0": "fpg_bench.evaluation.team_match:suite_match"},
-            "core": {"FPG/team_v0": "fpg_bench.envs.team_sb3:TeamRows"},
-            "parallel environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:parallel_env"},
-            "aec environment": {"FPG/team_v0": "fpg_bench.envs.team_pettingzoo:aec_env"},
+            "game": {"FPG/team_v0": "fpg_bench.products.teams.spec:TeamSpec"},
+            "suites": {"team-": "fpg_bench.products.teams.spec:TeamSpec"},
+            "player of a seat": {"FPG/team_v0": "fpg_bench.products.teams.scripts:as_team_player"},
+            "match": {"FPG/team_v0": "fpg_bench.products.teams.match:suite_match"},
+            "core": {"FPG/team_v0": "fpg_bench.products.teams.sb3_vec_env:TeamRows"},
+            "parallel environment": {"FPG/team_v0": "fpg_bench.products.teams.pettingzoo_env:parallel_env"},
+            "aec environment": {"FPG/team_v0": "fpg_bench.products.teams.pettingzoo_env:aec_env"},
         },
     ),
     "tuning": Product(
         ("training/tuning", "cli/tune.py"),
-        {"verb": {"tune": "fpg_bench.cli.tune:app"}},
+        {"verb": {"tune": "fpg_bench.products.tuning.verbs:app"}},
     ),
 }
 

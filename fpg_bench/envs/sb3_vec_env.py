@@ -172,7 +172,7 @@ def make_sb3(
 
     Observations are ``(N, 15)`` float32 or a waterfall, actions ``(N, 9)`` floats in [-1, 1] or choices from
     a list, rewards ``(N,)`` float32. Of ``FPG/duel_v0``, for
-    :class:`fpg_bench.training.maddpg.maddpg.MADDPG`, they are ``(N, 30)``, ``(N, 18)`` and ``(N, 2)``, the
+    :class:`fpg_bench.products.maddpg.maddpg.MADDPG`, they are ``(N, 30)``, ``(N, 18)`` and ``(N, 2)``, the
     ally's first.
 
     >>> env = make_sb3("FPG/AllyVsScripted-v0", n_envs=64, seed=0, opponent="sweep")

@@ -45,7 +45,7 @@ class Round:
         row: its row of the file.
         recording: its steps.
         talk: the attempts of a language model at its plan, each a
-            :class:`fpg_bench.planning.llm.transcript.Attempt`; empty for other planners.
+            :class:`fpg_bench.products.language_models.transcript.Attempt`; empty for other planners.
         problem: the reason that a language model gave no valid path for it; None if it did.
     """
 

@@ -68,7 +68,8 @@ class Plan:
         tokens: tokens that a language model read and wrote for it; None for other planners.
         seconds: planning time; None: not measured.
         useless: the sign that a language model's valid path is useless (see
-            :func:`fpg_bench.planning.llm.answers.uselessness`); empty: no such sign; None: not checked.
+            :func:`fpg_bench.products.language_models.answers.uselessness`); empty: no such sign; None: not
+            checked.
         problem: the reason that a language model gave no valid path and another one is flown; None if it did.
     """
 

@@ -151,7 +151,7 @@ def load_agent(
 
     Raises:
         UserError: no such agent, a file missing, truncated or changed, another format, id, size or side; for
-            the Hub also as :func:`fpg_bench.hub.download.download`.
+            the Hub also as :func:`fpg_bench.products.hub.download.download`.
     """
     folder = agent_folder(name)
     where = f"agent {name if is_remote(name) else folder}"

@@ -35,7 +35,7 @@ def fetch(name: str) -> Fetched:
     """Fetch an agent by its player's name; a name stands for one content as long as the program runs.
 
     Raises:
-        UserError: it cannot be fetched; see :func:`fpg_bench.hub.download.download`.
+        UserError: it cannot be fetched; see :func:`fpg_bench.products.hub.download.download`.
     """
     fetched: Fetched = load("agents", next(filter(name.startswith, _SCHEMES)))(name)
     return fetched

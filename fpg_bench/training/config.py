@@ -48,7 +48,7 @@ class RunConfig:
         llm: options of a language model's planner.
         allow: what files may load: ``package.module:object``, or an agent of the Hub. What the files of the
             hyper-parameters, of the suite and of a game name is not run on their word.
-        dataset: data set of an offline algorithm, a :class:`fpg_bench.datasets.read.Dataset`; see
+        dataset: data set of an offline algorithm, a :class:`fpg_bench.products.offline.read.Dataset`; see
             :meth:`offline`.
     """
 
@@ -76,7 +76,7 @@ class RunConfig:
 
         Args:
             algorithm: one of :data:`fpg_bench.training.algorithms.OFFLINE`, with or without stacked frames.
-            dataset: the data set, a :class:`fpg_bench.datasets.read.Dataset`.
+            dataset: the data set, a :class:`fpg_bench.products.offline.read.Dataset`.
             **options: further attributes.
 
         Raises:

@@ -1,5 +1,5 @@
 """The boards of the leaderboard's tests, to be attacked."""
 
-from tests.leaderboard.conftest import board, in_process, small_suites
+from tests.products.leaderboard.conftest import board, in_process, small_suites
 
 __all__ = ["board", "in_process", "small_suites"]

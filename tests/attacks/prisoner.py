@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.players.sandbox.isolation import _ALLOWED
+from fpg_bench.products.sandbox.isolation import _ALLOWED
 
 
 def escapes(outside: int) -> dict[str, Callable[[], Any]]:

@@ -7,13 +7,13 @@ import pytest
 from onnx import TensorProto, numpy_helper
 
 from fpg_bench.evaluation.play import play
-from fpg_bench.leaderboard.playing import Part, part_records, smoke_test
-from fpg_bench.leaderboard.tracks import TRACKS, TrackSuites
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.players.onnx_file import plain_model, row_wise
-from fpg_bench.players.sandbox.client import check_policies
-from tests.leaderboard.making import as_policy, model, node, value, whole
+from fpg_bench.products.leaderboard.playing import Part, part_records, smoke_test
+from fpg_bench.products.leaderboard.tracks import TRACKS, TrackSuites
+from fpg_bench.products.sandbox.client import check_policies
 from tests.players.test_agent import model_bytes
+from tests.products.leaderboard.making import as_policy, model, node, value, whole
 from tests.training.making import policy
 
 BASE = np.random.default_rng(5).normal(size=(15, 9)).astype(np.float32) * 0.3

@@ -15,19 +15,19 @@ import yaml
 from typer.testing import CliRunner
 
 from fpg_bench.cli import app
-from fpg_bench.leaderboard import crossplay, verification
-from fpg_bench.leaderboard.board import make_board
-from fpg_bench.leaderboard.crossplay import play_missing
-from fpg_bench.leaderboard.entries import load_entries
-from fpg_bench.leaderboard.folders import crossplay_file, result_file
-from fpg_bench.leaderboard.site.build import build_site
-from fpg_bench.leaderboard.submission import problems
-from fpg_bench.leaderboard.verification import verify
+from fpg_bench.products.leaderboard import crossplay, verification
+from fpg_bench.products.leaderboard.board import make_board
+from fpg_bench.products.leaderboard.crossplay import play_missing
+from fpg_bench.products.leaderboard.entries import load_entries
+from fpg_bench.products.leaderboard.folders import crossplay_file, result_file
+from fpg_bench.products.leaderboard.site.build import build_site
+from fpg_bench.products.leaderboard.submission import problems
+from fpg_bench.products.leaderboard.verification import verify
 from tests.attacks import SCALE, SEED
 from tests.attacks.json_texts import hostile_text, hostile_texts
-from tests.leaderboard.entering import enter
-from tests.leaderboard.example_board import small_zoo
 from tests.logged import logged
+from tests.products.leaderboard.entering import enter
+from tests.products.leaderboard.example_board import small_zoo
 
 # What is written into the place of a text of submission.yaml, as YAML; the reader is YAML's own.
 _TEXTS = (

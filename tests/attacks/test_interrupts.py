@@ -18,10 +18,10 @@ import pytest
 from optuna.trial import TrialState
 
 from fpg_bench import cli
-from fpg_bench.training.tuning import tune
-from fpg_bench.training.tuning.study import DATABASE, open_storage
+from fpg_bench.products.tuning import tune
+from fpg_bench.products.tuning.study import DATABASE, open_storage
 from tests.attacks import SCALE, SEED
-from tests.training.tuning.test_tune import ENV_ID, HYPERPARAMS, SPACE
+from tests.products.tuning.test_tune import ENV_ID, HYPERPARAMS, SPACE
 
 TUNE = (
     f"tune run ppo {ENV_ID} --space space.yml --hyperparams mine.yml --rounds 1 --n-seeds 1 --steps 960 "

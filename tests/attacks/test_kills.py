@@ -17,11 +17,11 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
-from fpg_bench.leaderboard import crossplay, verification
-from fpg_bench.leaderboard.folders import at_work, crossplay_file, work_folder
-from fpg_bench.leaderboard.verification import verify
+from fpg_bench.products.leaderboard import crossplay, verification
+from fpg_bench.products.leaderboard.folders import at_work, crossplay_file, work_folder
+from fpg_bench.products.leaderboard.verification import verify
 from fpg_bench.training.checkpoint import load_checkpoint
-from tests.leaderboard.entering import enter
+from tests.products.leaderboard.entering import enter
 
 STOPS = """
 import os, signal, sys
@@ -49,8 +49,8 @@ from pathlib import Path
 import platformdirs
 platformdirs.user_cache_path = lambda name: Path(sys.argv[2])
 from fpg_bench.evaluation.evaluate import evaluate
-from fpg_bench.leaderboard import crossplay, verification
-from fpg_bench.leaderboard.folders import at_work, crossplay_file, work_folder
+from fpg_bench.products.leaderboard import crossplay, verification
+from fpg_bench.products.leaderboard.folders import at_work, crossplay_file, work_folder
 with at_work(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -9,17 +9,17 @@ import pytest
 
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import SCRIPTED
-from fpg_bench.leaderboard import submission
-from fpg_bench.leaderboard.about import name_skeleton, read_about
-from fpg_bench.leaderboard.submission import (
+from fpg_bench.planning import PLANNERS
+from fpg_bench.products.leaderboard import submission
+from fpg_bench.products.leaderboard.about import name_skeleton, read_about
+from fpg_bench.products.leaderboard.submission import (
     Reader,
     load_submission,
     name_conflicts,
     problems,
 )
-from fpg_bench.planning import PLANNERS
 from tests.attacks import SCALE, SEED
-from tests.leaderboard.making import FIELDS, write_submission
+from tests.products.leaderboard.making import FIELDS, write_submission
 
 # What looks like each character in either case: Unicode's confusables.txt (in NFKC) and a few more
 LETTERS = {

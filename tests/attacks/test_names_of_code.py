@@ -20,18 +20,18 @@ from fpg_bench.evaluation.suite import load_suite, read_suite
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
+from fpg_bench.products.league.best_responses import _teacher, best_responses
+from fpg_bench.products.league.champions import load_champions
+from fpg_bench.products.league.selfplay import selfplay
+from fpg_bench.products.tuning.export import export_values
+from fpg_bench.products.tuning.study import open_storage, open_study
+from fpg_bench.products.tuning.tune import tune
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.league.best_responses import _teacher, best_responses
-from fpg_bench.training.league.champions import load_champions
-from fpg_bench.training.league.selfplay import selfplay
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
-from fpg_bench.training.tuning.export import export_values
-from fpg_bench.training.tuning.study import open_storage, open_study
-from fpg_bench.training.tuning.tune import tune
+from tests.products.tuning.fake import fake_task
 from tests.training.tiny import ALLY, settings
-from tests.training.tuning.fake import fake_task
 
 CODE = "friend.evil:Player"
 REFUSED = f"would run {CODE}; if you trust it, add --allow {CODE}"

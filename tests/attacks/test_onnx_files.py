@@ -14,11 +14,11 @@ from onnx import GraphProto, ModelProto, TensorProto, numpy_helper
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.players.agent import OnnxPlayer, _read
-from fpg_bench.players.sandbox.client import Policy, PolicyClient, check_policies, check_policy
-from fpg_bench.players.sandbox.onnx_checks import OPERATORS
-from fpg_bench.players.sandbox.process import PolicyFailed
+from fpg_bench.products.sandbox.client import Policy, PolicyClient, check_policies, check_policy
+from fpg_bench.products.sandbox.onnx_checks import OPERATORS
+from fpg_bench.products.sandbox.process import PolicyFailed
 from tests.attacks import SCALE, SEED
-from tests.leaderboard.making import model, node, value, weights, whole
+from tests.products.leaderboard.making import model, node, value, weights, whole
 from tests.training.making import policy
 
 

@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from fpg_bench.planning.llm.client import ERRORS, LONGEST_BODY
+from fpg_bench.products.language_models.client import ERRORS, LONGEST_BODY
 from tests.attacks import SCALE, SEED
-from tests.planning.llm.fault_server import FaultServer, completion, raw
-from tests.planning.llm.playing import ask, client
+from tests.products.language_models.fault_server import FaultServer, completion, raw
+from tests.products.language_models.playing import ask, client
 
 BODY = json.dumps(completion("Hello.")).encode()
 OK = b"HTTP/1.1 200 OK\r\n"
@@ -100,7 +100,7 @@ ENDLESS = {
 @pytest.fixture(autouse=True)
 def once(monkeypatch):
     """A client that asks once, as what is wrong with these answers does not pass."""
-    monkeypatch.setattr("fpg_bench.planning.llm.client.RETRIES", 0)
+    monkeypatch.setattr("fpg_bench.products.language_models.client.RETRIES", 0)
 
 
 def check(answer, deadline_s: float = 20.0):

@@ -20,15 +20,15 @@ import pytest
 
 from fpg_bench import cli
 from fpg_bench.common.ids import policy_env
-from fpg_bench.leaderboard.season import candidates, recipes
-from fpg_bench.paper import reproduce
-from fpg_bench.paper.experiment import Budget
 from fpg_bench.players.player import SIDES
+from fpg_bench.products.leaderboard.season import candidates, recipes
+from fpg_bench.products.paper import reproduce
+from fpg_bench.products.paper.experiment import Budget
 from fpg_bench.training import callbacks
 from tests.attacks import SCALE, SEED
-from tests.hub.conftest import hub
-from tests.leaderboard.entering import enter
-from tests.leaderboard.making import write_seed
+from tests.products.hub.conftest import hub
+from tests.products.leaderboard.entering import enter
+from tests.products.leaderboard.making import write_seed
 from tests.training.tiny import settings
 
 __all__ = ["hub"]

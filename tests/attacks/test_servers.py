@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 
 from fpg_bench.common.errors import printable
-from fpg_bench.planning.llm.client import ERRORS, MOST_TOKENS, read_completion, read_reply
-from fpg_bench.planning.llm.probe import probe
-from fpg_bench.planning.llm.servers import Endpoint, load_server
+from fpg_bench.products.language_models.client import ERRORS, MOST_TOKENS, read_completion, read_reply
+from fpg_bench.products.language_models.probe import probe
+from fpg_bench.products.language_models.servers import Endpoint, load_server
 from tests.attacks import SCALE, SEED
 from tests.attacks.json_texts import hostile_text
-from tests.planning.llm.fault_server import FaultServer, completion, json_body
-from tests.planning.llm.playing import KEY, ask, client
+from tests.products.language_models.fault_server import FaultServer, completion, json_body
+from tests.products.language_models.playing import KEY, ask, client
 
 PAINT = "\x1b[2J\x1b]0;owned\x07\x9b31m\u202e\u2028\r"
 STATUSES = (200, 200, 200, 201, 301, 400, 401, 404, 422, 429, 500, 503)

@@ -9,15 +9,15 @@ import yaml
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_bounded, read_json, read_yaml
 from fpg_bench.common.rows import RowFile
-from fpg_bench.datasets.read import iterate_rounds
-from fpg_bench.datasets.spec import load_spec
-from fpg_bench.datasets.storage import part_digests
 from fpg_bench.evaluation.suite import load_suite, read_suite
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.table import MOST_DRAWN, MOST_RANKED, picture, standings
 from fpg_bench.game.knowledge import load_knowledge
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.products.offline.read import iterate_rounds
+from fpg_bench.products.offline.spec import load_spec
+from fpg_bench.products.offline.storage import part_digests
 from fpg_bench.training.checkpoint import _read
 from tests.evaluation.test_summary import records_of
 

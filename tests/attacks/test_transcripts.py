@@ -14,12 +14,12 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.leaderboard.playing import Part, matchups_of, part_records
-from fpg_bench.leaderboard.transcripts import check_transcripts
-from fpg_bench.planning.llm.transcript import Attempt
+from fpg_bench.products.language_models.transcript import Attempt
+from fpg_bench.products.leaderboard.playing import Part, matchups_of, part_records
+from fpg_bench.products.leaderboard.transcripts import check_transcripts
 from tests.attacks import SCALE, SEED
 from tests.attacks.json_texts import hostile_text
-from tests.leaderboard.recording import PLANNER_SUITE, enter, record, rows_of, toy, write_chained
+from tests.products.leaderboard.recording import PLANNER_SUITE, enter, record, rows_of, toy, write_chained
 
 Rows = list[dict[str, Any]]
 _VALUES: tuple[Any, ...] = (

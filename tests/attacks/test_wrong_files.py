@@ -16,22 +16,22 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.schema import parse
-from fpg_bench.datasets.spec import load_spec
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.record import read_record
 from fpg_bench.evaluation.suite import load_suite, read_suite
 from fpg_bench.game.knowledge import EXPERT_FILE
 from fpg_bench.game.scenario import STANDARD, Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.leaderboard.crossplay import Pair, read_pair
-from fpg_bench.leaderboard.past_seasons import SeasonRow
-from fpg_bench.planning.llm.servers import SERVER_FOLDER, load_server
-from fpg_bench.planning.llm.transcript import Attempt
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
-from fpg_bench.training.league.champions import load_champions
-from fpg_bench.training.tuning.space import load_space
-from fpg_bench.training.tuning.study import Task, make_task
+from fpg_bench.products.language_models.servers import SERVER_FOLDER, load_server
+from fpg_bench.products.language_models.transcript import Attempt
+from fpg_bench.products.leaderboard.crossplay import Pair, read_pair
+from fpg_bench.products.leaderboard.past_seasons import SeasonRow
+from fpg_bench.products.league.champions import load_champions
+from fpg_bench.products.offline.spec import load_spec
+from fpg_bench.products.tuning.space import load_space
+from fpg_bench.products.tuning.study import Task, make_task
 from tests.attacks import SCALE, SEED
 from tests.attacks.mutations import misspelt, mutations
 

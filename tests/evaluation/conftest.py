@@ -15,7 +15,7 @@ def file(tmp_path):
 @pytest.fixture
 def asks(monkeypatch):
     """Clear the endpoint of the environment; return a function that points it at a server."""
-    from tests.planning.llm.playing import KEY
+    from tests.products.language_models.playing import KEY
 
     for name in os.environ:
         if name.startswith("FPG_LLM_"):

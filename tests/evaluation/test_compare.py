@@ -176,7 +176,7 @@ def test_a_stopped_run_goes_on_calls_nothing_twice_and_keeps_its_cap(folder, ask
 
 
 def test_controls_and_prompts_of_ones_own_are_recorded_as_such(folder, asks):
-    from fpg_bench.planning.llm.prompts import prompt_file
+    from fpg_bench.products.language_models.prompts import prompt_file
 
     (folder / "mine-prompt.yml").write_bytes(prompt_file("paper").read_bytes())
     with FaultServer([answer(lambda body: PATH)]) as server:

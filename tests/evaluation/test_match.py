@@ -15,7 +15,7 @@ from fpg_bench.evaluation.match import replay_match
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.planning import PLANNERS
 from fpg_bench.planning.registry import LLM_CONTROLS
-from fpg_bench.rendering.match_picture import draw_match
+from fpg_bench.products.rendering.match_picture import draw_match
 
 from .matching import ROUNDS, SHORT, lines, play, write
 

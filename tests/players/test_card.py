@@ -14,8 +14,8 @@ from fpg_bench.evaluation.watching import watch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
-from fpg_bench.training.league.best_responses import best_responses
-from tests.leaderboard.making import policy
+from fpg_bench.products.league.best_responses import best_responses
+from tests.products.leaderboard.making import policy
 from tests.programs import fpg
 from tests.training.tiny import settings, train_tiny
 

@@ -256,7 +256,7 @@ def test_weights_of_another_precision_are_refused_with_the_remedy(kind, tmp_path
 
 
 def test_a_joint_model_is_no_player_of_one_side():
-    from fpg_bench.training.maddpg import MADDPG
+    from fpg_bench.products.maddpg import MADDPG
 
     model = MADDPG("JointPolicy", make_sb3("FPG/duel_v0", 1), buffer_size=10)
     with pytest.raises(UserError, match=r"observations of shape \(30,\)"):

@@ -7,9 +7,9 @@ import pytest
 
 from fpg_bench import load_agent, write_agent
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
-from fpg_bench.players.sandbox.agent import SandboxedAgent
 from fpg_bench.players.trust import is_exported_here
-from tests.leaderboard.making import policy, write_seed, write_submission
+from fpg_bench.products.sandbox.agent import SandboxedAgent
+from tests.products.leaderboard.making import policy, write_seed, write_submission
 
 SEEN = np.linspace(-1, 1, 60, dtype=np.float32).reshape(4, 15)
 ABOUT = {"algorithm": "x", "id": "FPG/AllyVsScripted-v0", "training_seed": 0, "training_steps": 1}

@@ -5,7 +5,7 @@ import pytest
 import fpg_bench
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import STANDARD
-from tests.leaderboard.making import policy
+from tests.products.leaderboard.making import policy
 
 TOLD = {"algorithm": "mine", "id": "FPG/AllyVsScripted-v0", "training_seed": 0, "training_steps": 1}
 

@@ -12,7 +12,7 @@ import zoo_page
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, load_zoo
 from fpg_bench.training.config import RunConfig
-from tests.leaderboard.making import policy
+from tests.products.leaderboard.making import policy
 
 add_missing_records, page = script.add_missing_records, zoo_page.page
 SUITE = """\

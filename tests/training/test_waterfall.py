@@ -16,12 +16,12 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.leaderboard.playing import smoke_test
 from fpg_bench.players.registry import as_player
+from fpg_bench.products.leaderboard.playing import smoke_test
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.sb3_zip import load_zip
 from fpg_bench.training.waterfall_cnn import WaterfallCNN
-from tests.leaderboard.making import as_policy
+from tests.products.leaderboard.making import as_policy
 from tests.training.test_export import check_plays_alike
 from tests.training.tiny import ALLY, settings, train_tiny
 

@@ -1,0 +1,777 @@
+"""The board: all tracks with their ranked entries, and cross-play, as dataclasses that the site shows."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from fpg_bench.common.ids import other_side
+from fpg_bench.evaluation.payoffs import nash
+from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
+from fpg_bench.evaluation.statistics import (
+    FEW_SEEDS,
+    TRAINING_SEEDS,
+    Interval,
+    difference,
+    mean_interval,
+    rank_ranges,
+    student_half,
+)
+from fpg_bench.evaluation.suite import Scale
+from fpg_bench.evaluation.summary import Summary
+from fpg_bench.evaluation.table import learning_curve, over_rounds
+from fpg_bench.planning import TIERS
+from fpg_bench.players.player import SIDES
+from fpg_bench.products.leaderboard.about import Training, board_name
+from fpg_bench.products.leaderboard.crossplay import WITHIN, Pair, Pairs, fully_played, pair_key
+from fpg_bench.products.leaderboard.entries import Entries, VerifiedEntry
+from fpg_bench.products.leaderboard.exploited import Exploited
+from fpg_bench.products.leaderboard.ranking import improvements, profiles
+from fpg_bench.products.leaderboard.result import Result, round_finite
+from fpg_bench.products.leaderboard.submission import Submission
+from fpg_bench.products.leaderboard.tracks import (
+    PUBLIC,
+    PUBLIC_SEEDS,
+    SCENARIOS,
+    SHIFTED,
+    TRACKS,
+    UNSEEN,
+    Track,
+    ranked_by,
+)
+from fpg_bench.products.leaderboard.trail import first_returns, play_options, player_of, training_of
+from fpg_bench.version import __version__
+
+CROSSPLAY = "cross-play"
+# Points by which a score on public seeds may exceed that on the season's seeds, beyond the track's median.
+SEEDS_GAP = 5.0
+Matrix = list[list[float | None]]
+
+
+@dataclass(frozen=True)
+class BoardSuite:
+    """A suite that the entries of a track play.
+
+    Attributes:
+        role: see :meth:`fpg_bench.products.leaderboard.tracks.TrackSuites.of`.
+        rounds: against each rival, per training seed.
+        rivals: their names.
+        groups: the rivals of each group, where they have groups.
+        trained: how each trained rival was trained, by name.
+        play: options of ``fpg-bench play`` for an entry's first round against a rival, by the rival's name;
+            rivals whose game that command does not offer are left out.
+    """
+
+    role: str
+    name: str
+    hash: str
+    rounds: int
+    rivals: tuple[str, ...]
+    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    trained: Mapping[str, str] = field(default_factory=dict)
+    play: Mapping[str, str] = field(default_factory=dict)
+
+    def label(self, rival: str) -> str:
+        """Return a rival's name after the algorithm that trained it: ``TD3 o04``."""
+        trained = self.trained.get(rival)
+        return f"{trained.partition(',')[0]} {rival}" if trained else rival
+
+
+@dataclass(frozen=True)
+class SeedCase:
+    """Lowest known return per step of a single training seed of an entry.
+
+    Attributes:
+        training_seed: the training seed.
+        rival, where: as in :class:`WorstCase`.
+    """
+
+    training_seed: int
+    rival: str
+    where: str
+    return_per_step: float
+
+
+@dataclass(frozen=True)
+class WorstCase:
+    """Lowest known return per step of an entry, over the suites under unchanged rules and cross-play.
+
+    It is a mean over training seeds. A rival that was trained to beat one of them may leave it far less than
+    that.
+
+    Attributes:
+        rival: a rival of a suite, or an entry of the other side.
+        where: the role of the suite, or ``cross-play``.
+        score: the return as a score on the public suite's scale.
+        seed: the lowest return of a single training seed; None where there are fewer than two.
+    """
+
+    rival: str
+    where: str
+    score: Interval
+    return_per_step: Interval
+    seed: SeedCase | None = None
+
+
+@dataclass(frozen=True)
+class UnitScores:
+    """Scores behind the intervals of an entry over a suite.
+
+    Attributes:
+        over: the units: training seeds or matches.
+        scores: the score of each unit, by rival in the suite's order.
+    """
+
+    over: str
+    scores: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class SeedsGap:
+    """Score on public seeds minus that on the season's seeds, in points above the track's median.
+
+    Attributes:
+        is_flagged: the gap is large, and larger than chance explains.
+    """
+
+    value: float
+    is_flagged: bool
+
+
+@dataclass(frozen=True)
+class PlannerFigures:
+    """Figures of planners alone.
+
+    Attributes:
+        tier: what it knows, one of :data:`fpg_bench.planning.TIERS`.
+        model: the language model, if one was recorded.
+        runs: how many times it was recorded.
+        season: the season after which the recording began.
+        score_all: score over all rounds of a match.
+        curve: score in each round of a match.
+        valid, valid_but_useless: shares of the plans.
+        statuses: number of plans by their status.
+        tokens: per plan.
+    """
+
+    tier: str
+    model: str | None
+    runs: int | None
+    season: int | None
+    score_all: Interval
+    curve: tuple[Interval, ...]
+    valid: float | None
+    valid_but_useless: float | None
+    statuses: Mapping[str, int]
+    tokens: float | None
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The figures of a verified result.
+
+    Attributes:
+        rank: best and worst rank; None where the entry has not played the suite that ranks its track, and for
+            a reference.
+        score: over the suite that ranks the track, else over the public one.
+        scores: by role of the suite.
+        exploited: lowest return against responses that were trained to lower it; None: not searched.
+        by_rival: scores by role and rival.
+        by_group: scores over each group of rivals of the suite that ranks the track; empty if it has none.
+        first_rounds: return of the first round of the first training seed, by role and rival.
+        units: by role.
+        by_seed: scores by training seed.
+        training_seeds: 0 for scripts and planners.
+        is_late: entered or changed after the season was closed.
+        same_policies: other entries, ``track/slug``, that have one of its policies.
+        has_few_seeds: it has training seeds, but fewer than three.
+        measures: over all rounds of the public suite; ``return`` is per step.
+        histograms: share of time per frequency point, of the ally (``ally``) and of jamming (``jam``).
+        lost, rounds: rounds lost by an invalid answer, and all rounds.
+        records: one per training seed and rival.
+        planner: None for players.
+        fingerprint: everything that was run: versions, and hashes of suites, policies and submission.
+    """
+
+    rank: tuple[int, int] | None
+    score: Interval
+    scores: Mapping[str, Interval]
+    worst: WorstCase
+    by_rival: Mapping[str, Mapping[str, Interval]]
+    by_group: Mapping[str, Interval]
+    first_rounds: Mapping[str, Mapping[str, float]]
+    units: Mapping[str, UnitScores]
+    by_seed: Mapping[int, float]
+    training_seeds: int
+    has_few_seeds: bool
+    seeds_gap: SeedsGap | None
+    is_late: bool
+    same_policies: tuple[str, ...]
+    measures: Mapping[str, float | None]
+    histograms: Mapping[str, tuple[float, ...]]
+    lost: int
+    rounds: int
+    records: int
+    planner: PlannerFigures | None
+    fingerprint: Mapping[str, object]
+    exploited: Exploited | None = None
+
+    @property
+    def is_reference(self) -> bool:
+        """True for a planner that sees the ally's path: a bound, which is not compared with the others."""
+        return self.planner is not None and self.planner.tier == TIERS[-1]
+
+    @property
+    def gap(self) -> float | None:
+        """Score over the public suite minus score over the unseen suite."""
+        public, unseen = self.scores.get(PUBLIC), self.scores.get(UNSEEN)
+        return None if public is None or unseen is None else public.value - unseen.value
+
+
+@dataclass(frozen=True)
+class BoardEntry:
+    """An entry of a track: the submission's own words, and its figures if it is verified.
+
+    Attributes:
+        kind: ``script``, ``zoo`` or ``submitted``.
+        actions: the action modes of its policies; empty if it has none.
+        name: its name on the board; see :func:`fpg_bench.products.leaderboard.about.board_name`.
+        plays: the script or zoo agent that it names.
+        player: what ``fpg-bench play`` calls its script or first policy; None for planners.
+        reason: why it is not verified.
+        figures: None where it is not verified.
+        replays: files of the rounds that its page shows.
+        offline: the data sets that its policies learned from; empty if they learned by playing.
+    """
+
+    slug: str
+    name: str
+    authors: tuple[str, ...]
+    algorithm: str
+    reference: str | None
+    licence: str
+    kind: str
+    actions: tuple[str, ...]
+    plays: str | None
+    player: str | None
+    training: Training | None
+    saw: str
+    unable: str
+    description: str
+    reason: str | None
+    figures: Figures | None
+    replays: tuple[str, ...] = ()
+    offline: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """Probabilities of improvement: ``value[i][j]`` that a run of entry i scores more than one of j."""
+
+    names: tuple[str, ...]
+    value: Matrix
+    low: Matrix
+    high: Matrix
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """Performance profiles: the share of each entry's runs that score more than each threshold."""
+
+    thresholds: tuple[float, ...]
+    share: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class BoardTrack:
+    """A table of the board.
+
+    Attributes:
+        ranked_by: the role of the suite that ranks it.
+        scale: returns per step that score 0 and 100.
+        entries: best first; then those without a rank, then references, then those not verified.
+    """
+
+    key: str
+    title: str
+    side: str
+    ranked_by: str
+    suites: tuple[BoardSuite, ...]
+    scale: Scale
+    entries: tuple[BoardEntry, ...]
+    improvement: Improvement
+    profiles: Profiles
+
+    @property
+    def other_side(self) -> str:
+        """The side of the rivals."""
+        return other_side(self.side)
+
+    def verified(self) -> Iterator[tuple[BoardEntry, Figures]]:
+        """Yield the verified entries with their figures, best first."""
+        for entry in self.entries:
+            if entry.figures is not None:
+                yield entry, entry.figures
+
+    @property
+    def n_ranked(self) -> int:
+        """Number of entries with a rank."""
+        return sum(figures.rank is not None for _, figures in self.verified())
+
+
+@dataclass(frozen=True)
+class NashMixture:
+    """Equilibrium of the zero-sum game in the ally's return per step: shares of both sides, and its value.
+
+    It is among the entries, and no guarantee: a player that is not on the board may leave the mixture less.
+    """
+
+    ally: Mapping[str, float]
+    opponent: Mapping[str, float]
+    value: float
+
+
+@dataclass(frozen=True)
+class CrossPlay:
+    """Figures of all pairs of entries of a scenario that have played all entries of the other side.
+
+    Attributes:
+        season: the number of the season on whose seeds it was played; None before the first.
+        allies, opponents: rows and columns of all matrices.
+        same_player: opponents that are left out, each with the opponent that is shown instead.
+        missing: by side, the entries that have not played all others.
+        returns: by side, mean return per step.
+        half: by side, half the width of its 95 % interval over training seeds.
+        rounds: per pair.
+    """
+
+    season: int | None
+    allies: tuple[str, ...]
+    opponents: tuple[str, ...]
+    same_player: Mapping[str, str]
+    missing: Mapping[str, tuple[str, ...]]
+    returns: Mapping[str, Matrix]
+    half: Mapping[str, Matrix]
+    jamming_success_rate: Matrix
+    rounds: int
+    nash: NashMixture
+
+
+@dataclass(frozen=True)
+class Board:
+    """Everything that the site shows.
+
+    Attributes:
+        season: the number of the newest closed season of ``standard``; None before the first.
+        built: date of the build.
+        crossplay: by scenario; without those in which no entry has played all entries of the other side.
+    """
+
+    version: str
+    protocol: str
+    season: int | None
+    built: str
+    tracks: tuple[BoardTrack, ...]
+    crossplay: Mapping[str, CrossPlay]
+
+    def names(self, side: str) -> dict[str, str]:
+        """Return the entries' names by slug on a side."""
+        return {
+            entry.slug: entry.name for track in self.tracks if track.side == side for entry in track.entries
+        }
+
+    @property
+    def has_groups(self) -> bool:
+        """True if rivals of a suite are of several kinds."""
+        return any(suite.groups for track in self.tracks for suite in track.suites)
+
+    def to_json(self) -> str:
+        """Return the board as one line of JSON."""
+        return TypeAdapter(Board).dump_json(self).decode() + "\n"
+
+
+def make_board(
+    entries: Entries, replays: Mapping[tuple[str, str], Sequence[str]] = MappingProxyType({})
+) -> Board:
+    """Compute the board; figures come from results, texts from submissions.
+
+    Args:
+        entries: see :func:`fpg_bench.products.leaderboard.entries.load_entries`.
+        replays: by track and entry, the files of the rounds that its page shows.
+    """
+    seasons = {scenario: key.number for scenario, key in entries.suites.seasons.items()}
+    crossplay = {
+        scenario: _make_crossplay(entries.pairs.of(scenario), seasons.get(scenario)) for scenario in SCENARIOS
+    }
+    return Board(
+        version=__version__,
+        protocol=PROTOCOL,
+        season=seasons.get("standard"),
+        built=datetime.datetime.now(datetime.UTC).date().isoformat(),
+        tracks=tuple(_make_track(entries, track, replays) for track in TRACKS.values()),
+        crossplay={scenario: played for scenario, played in crossplay.items() if played is not None},
+    )
+
+
+def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], Sequence[str]]) -> BoardTrack:
+    suites = every.suites.of(track)
+    role = ranked_by(suites)
+    verified = [item for item in every.verified if item.track is track]
+    ranked = sorted(
+        (item for item in verified if role in item.summaries),
+        key=lambda item: (-item.summaries[role].score.value, item.slug),
+    )
+    compared = [item for item in ranked if not _is_reference(item)]
+    ranges = rank_ranges([item.summaries[role].samples for item in compared])
+    ranks = {item.slug: rank for item, rank in zip(compared, ranges, strict=True)}
+    ranking = [item.summaries[role] for item in ranked]
+    gaps = _seeds_gaps(verified)
+    entries = [
+        _make_entry(
+            item.submission,
+            figures=_make_figures(
+                item,
+                item.summaries.get(role, item.summaries[PUBLIC]),
+                worst_case(
+                    item.slug,
+                    track.side,
+                    item.summaries,
+                    every.pairs.results.values(),
+                    [policy.seed for policy in item.submission.policies],
+                ),
+                rank=ranks.get(item.slug),
+                seeds_gap=gaps.get(item.slug),
+                is_late=_is_late(item.submission, every.suites.season(track)),
+                exploited=every.exploited.get(f"{item.submission.track}/{item.slug}"),
+            ),
+            replays=replays.get(item.key, ()),
+        )
+        for item in verified
+    ]
+    entries += [
+        _make_entry(submission, reason=reason)
+        for submission, reason in every.rejected
+        if submission.board_track is track
+    ]
+    return BoardTrack(
+        key=track.key,
+        title=track.title,
+        side=track.side,
+        ranked_by=role,
+        suites=tuple(
+            BoardSuite(
+                role,
+                suite.name,
+                suite.hash,
+                suite.rounds,
+                tuple(rival.name for rival in suite.rivals),
+                groups=suite.groups,
+                trained={r.name: text for r in suite.rivals if (text := training_of(r))},
+                play={r.name: text for r in suite.rivals if (text := play_options(suite, r))},
+            )
+            for role, suite in suites.items()
+        ),
+        scale=every.suites.public(track).scale,
+        entries=tuple(sorted(entries, key=_sort_key)),
+        improvement=_make_improvement(ranking),
+        profiles=_make_profiles(ranking),
+    )
+
+
+def _is_reference(item: VerifiedEntry) -> bool:
+    planner = item.result.fingerprint.planner
+    return planner is not None and planner.tier == TIERS[-1]
+
+
+def _sort_key(entry: BoardEntry) -> tuple[int, float, str]:
+    """Return the sort key of an entry: ranked ones, unranked ones, references, then those not verified."""
+    figures = entry.figures
+    if figures is None:
+        return 3, 0.0, entry.slug
+    place = 2 if figures.is_reference else int(figures.rank is None)
+    return place, -figures.score.value, entry.slug
+
+
+def _is_late(submission: Submission, season: SeasonKey | None) -> bool:
+    """Return True if an entry came or changed after the season was closed.
+
+    Such an entry may have trained on the season's members.
+    """
+    policies = [policy.sha256 for policy in submission.policies]
+    name = f"{submission.track}/{submission.slug}"
+    return season is not None and bool(policies) and not season.met(name, policies)
+
+
+def _seeds_gaps(verified: Iterable[VerifiedEntry]) -> dict[str, SeedsGap]:
+    """Return how much more each entry gains on public seeds than the median entry does.
+
+    It is flagged if it exceeds :data:`SEEDS_GAP` and its 95 % interval lies above the median.
+    """
+    gaps = {
+        item.slug: _seeds_gap(item.summaries[PUBLIC_SEEDS], item.summaries[PUBLIC])
+        for item in verified
+        if PUBLIC_SEEDS in item.summaries
+    }
+    median = float(np.median([value for value, _ in gaps.values()])) if gaps else 0.0
+    return {
+        slug: SeedsGap(round_finite(value - median), value - median > SEEDS_GAP and low > median)
+        for slug, (value, low) in gaps.items()
+    }
+
+
+def _seeds_gap(on_public_seeds: Summary, on_season_seeds: Summary) -> tuple[float, float]:
+    """Return the difference of two scores, and the lower end of its 95 % interval over matches."""
+    one, other = (
+        summary.suite.scale.score(summary.rewards.mean(axis=(0, 1)))
+        for summary in (on_public_seeds, on_season_seeds)
+    )
+    gap = difference(one, other)
+    return gap.value, gap.low
+
+
+def _make_entry(
+    submission: Submission,
+    figures: Figures | None = None,
+    reason: str | None = None,
+    replays: Sequence[str] = (),
+) -> BoardEntry:
+    kind = "script" if submission.script is not None else "zoo" if submission.zoo is not None else "submitted"
+    return BoardEntry(
+        slug=submission.slug,
+        name=board_name(submission, submission.slug),
+        authors=tuple(submission.authors),
+        algorithm=submission.algorithm,
+        reference=submission.reference,
+        licence=submission.licence,
+        kind=kind,
+        actions=tuple(sorted({card.game.action_mode for card in submission.cards})),
+        plays=submission.script or submission.zoo,
+        player=player_of(submission),
+        training=submission.training,
+        saw=submission.saw,
+        unable=submission.unable,
+        description=submission.description,
+        reason=reason,
+        figures=figures,
+        replays=tuple(replays),
+        offline=tuple(sorted({card.offline.dataset for card in submission.cards if card.offline})),
+    )
+
+
+def _make_figures(
+    item: VerifiedEntry,
+    ranking: Summary,
+    worst: WorstCase,
+    rank: tuple[int, int] | None,
+    seeds_gap: SeedsGap | None,
+    is_late: bool,
+    exploited: Exploited | None,
+) -> Figures:
+    summaries = item.summaries
+    public = summaries[PUBLIC]
+    played = [record for summary in summaries.values() for record in summary.records]
+    return Figures(
+        rank=rank,
+        score=_score(ranking.score),
+        scores={role: _score(summary.score) for role, summary in summaries.items()},
+        worst=worst,
+        by_rival={
+            role: {name: _score(interval, summary.suite.scale) for name, interval in summary.by_rival.items()}
+            for role, summary in summaries.items()
+        },
+        by_group={name: _score(interval) for name, interval in ranking.by_group.items()},
+        first_rounds={role: first_returns(summary.records) for role, summary in summaries.items()},
+        units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC_SEEDS},
+        by_seed={
+            seed: round_finite(score) for seed, score in ranking.seed_scores().items() if seed is not None
+        },
+        training_seeds=public.training_seeds,
+        has_few_seeds=0 < public.training_seeds < FEW_SEEDS,
+        seeds_gap=seeds_gap,
+        is_late=is_late,
+        same_policies=item.same_policies,
+        measures={"return": public.reward.value, **public.measures},
+        histograms={
+            side: tuple(round_finite(share) for share in counts / max(counts.sum(), 1))
+            for side, counts in zip(("ally", "jam"), public.pooled.histogram, strict=True)
+        },
+        lost=sum(record.lost for record in played),
+        rounds=sum(len(record.returns) for record in played),
+        records=len(played),
+        planner=_make_planner_figures(public, item.result),
+        fingerprint=item.result.fingerprint.to_dict(),
+        exploited=exploited,
+    )
+
+
+def _make_units(summary: Summary) -> UnitScores:
+    by_rival = [summary.units(summary.rewards[:, k : k + 1]) for k in range(summary.rewards.shape[1])]
+    scores = [np.round(summary.suite.scale.score(rewards), 1).tolist() for rewards in by_rival]
+    return UnitScores(summary.over, tuple(map(tuple, scores)))
+
+
+def _make_planner_figures(public: Summary, result: Result) -> PlannerFigures | None:
+    plans = public.pooled.plans
+    facts = result.fingerprint.planner
+    if plans is None or facts is None:
+        return None
+    return PlannerFigures(
+        tier=facts.tier,
+        model=facts.model,
+        runs=facts.runs,
+        season=facts.season,
+        score_all=_score(over_rounds(public, slice(None))),
+        curve=tuple(map(_score, learning_curve(public))),
+        valid=plans.valid,
+        valid_but_useless=plans.valid_but_useless,
+        statuses=plans.statuses,
+        tokens=None if plans.tokens is None else plans.tokens / sum(plans.statuses.values()),
+    )
+
+
+def worst_case(
+    slug: str,
+    side: str,
+    summaries: Mapping[str, Summary],
+    pairs: Iterable[Pair] = (),
+    seeds: Sequence[int] = (),
+) -> WorstCase:
+    """Return the lowest known return per step of an entry.
+
+    It is taken over the suites under unchanged rules and over cross-play. It is an upper bound on the true
+    worst case: the entry may earn less against a player that it has not met.
+
+    Args:
+        slug: the entry's slug.
+        side: ``ally``, ``opponent`` or ``planner``.
+        summaries: by role of the suite; changed rules and public seeds do not count.
+        pairs: results of cross-play.
+        seeds: the entry's training seeds, in their order.
+    """
+    other = other_side(side)
+    cases: list[tuple[Interval, str, str]] = []
+    by_seed: list[tuple[np.ndarray, str, str]] = []
+    for role, summary in summaries.items():
+        if role not in (SHIFTED, PUBLIC_SEEDS):
+            cases.append((summary.by_rival[summary.worst], summary.worst, role))
+            rewards = summary.rewards.mean(axis=2).T
+            by_seed += [(of, met.name, role) for of, met in zip(rewards, summary.suite.rivals, strict=True)]
+    for pair in pairs:
+        if side in SIDES and getattr(pair, side) == slug:
+            reward = np.array(pair.rewards(side))
+            cases.append((mean_interval(reward, TRAINING_SEEDS), getattr(pair, other), CROSSPLAY))
+            by_seed.append((reward, getattr(pair, other), CROSSPLAY))
+    interval, rival, where = min(cases, key=lambda case: case[0].value)
+    score = _score(interval, summaries[PUBLIC].suite.scale)
+    return WorstCase(rival, where, score, _score(interval), _lowest_seed(by_seed, seeds))
+
+
+def _lowest_seed(by_seed: Iterable[tuple[np.ndarray, str, str]], seeds: Sequence[int]) -> SeedCase | None:
+    """Return the lowest return of a single training seed, given those of all against each rival."""
+    if len(seeds) < 2:
+        return None
+    rewards, rival, where = min(by_seed, key=lambda case: float(case[0].min()))
+    return SeedCase(seeds[int(rewards.argmin())], rival, where, round_finite(rewards.min()))
+
+
+def _score(interval: Interval, scale: Scale | None = None) -> Interval:
+    """Return a rounded interval; a scale converts it from a return per step to a score."""
+    value, low, high = (
+        round_finite(end if scale is None else scale.score(end))
+        for end in (interval.value, interval.low, interval.high)
+    )
+    return Interval(value, low, high, interval.over)
+
+
+def _make_improvement(ranking: Sequence[Summary]) -> Improvement:
+    table = improvements(ranking)
+
+    def matrix(end: str) -> Matrix:
+        return [[None if cell is None else round_finite(getattr(cell, end)) for cell in row] for row in table]
+
+    names = tuple(summary.entry for summary in ranking)
+    return Improvement(names, matrix("value"), matrix("low"), matrix("high"))
+
+
+def _make_profiles(ranking: Sequence[Summary]) -> Profiles:
+    thresholds, shares = profiles(ranking)
+    return Profiles(
+        tuple(map(round_finite, thresholds)),
+        {summary.entry: tuple(map(round_finite, row)) for summary, row in zip(ranking, shares, strict=True)},
+    )
+
+
+def _make_crossplay(pairs: Pairs, season: int | None) -> CrossPlay | None:
+    allies, opponents = fully_played(pairs)
+    if not allies or not opponents:
+        return None
+    played = [[pairs.results[pair_key(a, o)] for o in opponents] for a in allies]
+    returns = {side: [[round_finite(pair.reward(side)) for pair in row] for row in played] for side in SIDES}
+    half = {side: [[_half_width(pair, side) for pair in row] for row in played] for side in SIDES}
+    jammed = [[pair.jamming_success_rate for pair in row] for row in played]
+    equilibrium = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
+    left_out = _same_players(
+        [entry.identity for entry in opponents], [*map(np.array, returns.values()), np.array(jammed)]
+    )
+    shown = [column for column in range(len(opponents)) if column not in left_out]
+    slugs = [entry.slug for entry in opponents]
+    shares = dict.fromkeys((slugs[column] for column in shown), 0.0)
+    for column, share in enumerate(equilibrium.columns):  # a player has the shares of all its entries
+        shares[slugs[left_out.get(column, column)]] += round_finite(share)
+
+    def columns(matrix: Sequence[Sequence[float | None]]) -> Matrix:
+        return [[row[column] for column in shown] for row in matrix]
+
+    return CrossPlay(
+        season=season,
+        allies=tuple(entry.slug for entry in allies),
+        opponents=tuple(shares),
+        same_player={slugs[column]: slugs[first] for column, first in left_out.items()},
+        missing={
+            side: tuple(entry.slug for entry in entries if entry not in complete)
+            for side, entries, complete in (
+                ("ally", pairs.allies, allies),
+                ("opponent", pairs.opponents, opponents),
+            )
+        },
+        returns={side: columns(matrix) for side, matrix in returns.items()},
+        half={side: columns(matrix) for side, matrix in half.items()},
+        jamming_success_rate=columns(jammed),
+        rounds=played[0][0].rounds,
+        nash=NashMixture(
+            ally={a.slug: round_finite(share) for a, share in zip(allies, equilibrium.rows, strict=True)},
+            opponent=shares,
+            value=round_finite(-equilibrium.value),
+        ),
+    )
+
+
+def _half_width(pair: Pair, side: str) -> float | None:
+    """Return half the width of the 95 % interval of a side's return per step; None for a single seed."""
+    rewards = np.array(pair.rewards(side))
+    return round_finite(student_half(rewards)) if len(rewards) > 1 else None
+
+
+def _same_players(identities: Sequence[list[str]], matrices: Sequence[np.ndarray]) -> dict[int, int]:
+    """Return the columns that repeat an earlier one: the same policies with the same figures everywhere.
+
+    Figures are compared, too, because the same policies play a different game in the table of opponents that
+    fly themselves.
+    """
+    first: dict[int, int] = {}
+    for column, identity in enumerate(identities):
+        for earlier in range(column):
+            is_same = identity == identities[earlier] and earlier not in first
+            if is_same and all(_is_close(matrix, column, earlier) for matrix in matrices):
+                first[column] = earlier
+                break
+    return first
+
+
+def _is_close(matrix: np.ndarray, one: int, other: int) -> bool:
+    return bool(np.abs(matrix[:, one] - matrix[:, other]).max() <= WITHIN * np.ptp(matrix))

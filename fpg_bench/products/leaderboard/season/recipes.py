@@ -1,0 +1,186 @@
+"""Recipes of a season's candidates: how each is trained, and against whom.
+
+All draws follow from the season's seed by SHA-256, so they are the same on every machine and version.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TypeVar
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.schema import Items, Strict
+from fpg_bench.products.leaderboard.season.entries import SeasonEntry
+from fpg_bench.training.rl_zoo3_format import Entry
+
+# Rewards of candidates. Allies have no ally_cost: trained to save cost they never hop, like the script idle.
+REWARDS = {
+    "opponent": ("zero_sum", "jamming", "overlap", "own", "ally_cost"),
+    "ally": ("zero_sum", "jamming", "own", "overlap"),
+}
+# TD3 twice: it finds opponents that herd, which beat most entries and which PPO seldom finds on this budget.
+ALGORITHMS = ("td3", "ppo", "td3", "ppo-stack8")
+STEPS = {
+    "ppo": (500_000, 250_000),
+    "ppo-stack8": (500_000, 250_000),
+    "td3": (40_000,),
+}
+GAMMAS = (0.9, 0.95, 0.8)
+# PPO's initial spread decides what an opponent learns: with a wide one, it learns to jam broadly.
+LOG_STDS = {"opponent": (-2.5, -1.5, -3.5), "ally": (-0.2, -1.0)}
+TARGETS = (1, 3, 1, 5)  # number of entries that a candidate is trained against
+FIRST_SEED, SEEDS = 300_000, 700_000  # candidates have the training seeds from 300,000 to 999,999
+_PPO = {
+    "policy": "MlpPolicy",
+    "n_envs": 128,
+    "n_steps": 64,
+    "batch_size": 4096,
+    "n_epochs": 4,
+    "learning_rate": 0.002,
+    "gae_lambda": 0.8,
+    "normalize": {"norm_obs": False, "norm_reward": True},
+}
+_TD3 = {
+    "policy": "MlpPolicy",
+    "n_envs": 8,
+    "learning_starts": 2000,
+    "buffer_size": 100_000,
+    "batch_size": 256,
+    "train_freq": 1,
+    "gradient_steps": 1,
+    "learning_rate": 0.002,
+    "tau": 0.01,
+    "noise_type": "normal",
+    "noise_std": 0.1,
+    "normalize": {"norm_obs": False, "norm_reward": True},
+}
+T = TypeVar("T")
+
+
+class Recipe(Strict):
+    """Training configuration of one candidate.
+
+    Attributes:
+        name: the candidate's name in the suite.
+        side: the side it plays.
+        log_std: initial log standard deviation of PPO's actions; None for TD3.
+        targets: the players it is trained against, one drawn per round.
+        path: the opponent's path during training.
+    """
+
+    name: str
+    side: str
+    algorithm: str
+    steps: int
+    reward: str
+    gamma: float
+    log_std: float | None
+    targets: Items[str]
+    path: str
+    training_seed: int
+
+
+def draw_number(below: int, *key: object) -> int:
+    """Draw a whole number in [0, below) from the hash of a key."""
+    return int(_digest(*key), 16) % below
+
+
+def shuffled(items: Sequence[T], *key: object) -> list[T]:
+    """Return the items in an order drawn from a key."""
+    order = sorted(range(len(items)), key=lambda i: _digest(*key, i))
+    return [items[i] for i in order]
+
+
+def assign_balanced(values: Sequence[T], count: int, *key: object) -> list[T]:
+    """Assign values to ``count`` places in an order drawn from a key.
+
+    Each value is assigned equally often; if they do not divide evenly, the first ones once more.
+    """
+    return shuffled([values[i % len(values)] for i in range(count)], *key)
+
+
+def _digest(*key: object) -> str:
+    return hashlib.sha256("/".join(map(str, key)).encode()).hexdigest()
+
+
+def draw_recipes(seed: str, side: str, count: int, entries: Sequence[SeasonEntry]) -> list[Recipe]:
+    """Draw the recipes of a side's candidates.
+
+    Algorithms take turns. The values of all other properties are balanced over the candidates of an
+    algorithm, so the seed decides only how they are combined.
+
+    Args:
+        seed: the season's seed.
+        side: the candidates' side.
+        count: number of candidates.
+        entries: entries of the other side, to be trained against.
+
+    Raises:
+        UserError: no entries to train against.
+    """
+    if not entries:
+        raise UserError(f"season: no entries to train candidates of the {side} against")
+    algorithms = [ALGORITHMS[i % len(ALGORITHMS)] for i in range(count)]
+
+    def assign(name: str, choices: Mapping[str, Sequence[T]] | Sequence[T]) -> list[T]:
+        """Return a property's value for each candidate; choices may depend on the algorithm."""
+        per_algorithm = {}
+        for algorithm, number in Counter(algorithms).items():
+            values = choices[algorithm] if isinstance(choices, Mapping) else choices
+            per_algorithm[algorithm] = iter(assign_balanced(values, number, seed, side, name, algorithm))
+        return [next(per_algorithm[algorithm]) for algorithm in algorithms]
+
+    rewards, gammas, steps = assign("reward", REWARDS[side]), assign("gamma", GAMMAS), assign("steps", STEPS)
+    log_stds = assign("log_std", LOG_STDS[side])
+    targets = _draw_targets(seed, side, assign("size", TARGETS), entries)
+    return [
+        Recipe(
+            name=f"{side[0]}{i:02d}",
+            side=side,
+            algorithm=algorithm,
+            steps=steps[i],
+            reward=rewards[i],
+            gamma=gammas[i],
+            log_std=None if algorithm == "td3" else log_stds[i],
+            targets=targets[i][0],
+            path=targets[i][1],
+            training_seed=FIRST_SEED + draw_number(SEEDS, seed, side, "seed", i),
+        )
+        for i, algorithm in enumerate(algorithms)
+    ]
+
+
+def _draw_targets(
+    seed: str, side: str, sizes: Sequence[int], entries: Sequence[SeasonEntry]
+) -> list[tuple[tuple[str, ...], str]]:
+    """Draw the players that each candidate is trained against, and the opponent's path.
+
+    The first target is a trained entry if there is any, and each trained entry is the first target equally
+    often. Opponents with different paths are never mixed; scripts fit either path.
+    """
+    trained = [entry for entry in entries if not entry.is_script] or list(entries)
+    targets = []
+    for i, (first, size) in enumerate(
+        zip(assign_balanced(trained, len(sizes), seed, side, "first"), sizes, strict=True)
+    ):
+        flight = None if first.is_script else first.flight
+        others = [e for e in entries if e.name != first.name and (e.is_script or e.flight in (None, flight))]
+        chosen = [first, *shuffled(others, seed, side, "mixture", i)[: size - 1]]
+        players = tuple(
+            e.players[draw_number(len(e.players), seed, side, "player", i, e.name)] for e in chosen
+        )
+        targets.append((players, flight or "pursuit"))
+    return targets
+
+
+def hyperparameters(recipe: Recipe) -> Entry:
+    """Return a recipe's hyperparameters for :class:`fpg_bench.training.config.RunConfig`."""
+    policy_kwargs: Entry = {"net_arch": [64, 64]}
+    own = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": policy_kwargs}
+    if recipe.algorithm == "td3":
+        policy_kwargs["optimizer_kwargs"] = {"fused": True}
+        return _TD3 | own
+    policy_kwargs |= {"activation_fn": "ReLU", "log_std_init": recipe.log_std}
+    return _PPO | own

@@ -1,0 +1,79 @@
+"""The board's results as a data set: all scores as CSV, and Croissant metadata of the site's data files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+
+from fpg_bench.common.croissant import file_object, metadata, record_set
+from fpg_bench.products.leaderboard.board import Board
+
+_COLUMNS = {
+    "track": ("sc:Text", "track of the leaderboard"),
+    "entry": ("sc:Text", "address of the entry in its track"),
+    "name": ("sc:Text", "name of the entry"),
+    "algorithm": ("sc:Text", "algorithm of the entry, in its authors' words"),
+    "training_seeds": ("sc:Integer", "number of training seeds; 0 for scripts and planners"),
+    "best_rank": ("sc:Integer", "best rank; empty where the entry is not ranked"),
+    "worst_rank": ("sc:Integer", "worst rank; empty where the entry is not ranked"),
+    "suite": ("sc:Text", "public, unseen, shifted, responses or public-seeds"),
+    "score": ("sc:Float", "mean over the suite's rivals; 0 is random play, 100 a bound"),
+    "low": ("sc:Float", "lower end of the 95 % interval; empty where there is a single unit"),
+    "high": ("sc:Float", "upper end of the 95 % interval; empty where there is a single unit"),
+    "interval_over": ("sc:Text", "what the interval is over: training seeds or matches"),
+}
+
+
+def dataset_files(board: Board, board_json: str) -> dict[str, str]:
+    """Return ``scores.csv`` and ``croissant.json`` of a board.
+
+    Args:
+        board: the board.
+        board_json: content of the site's ``board.json``, which the metadata describe, too.
+    """
+    scores = scores_csv(board)
+    files = {"scores.csv": scores, "board.json": board_json}
+    about = metadata(
+        "fpg-bench-leaderboard",
+        "Verified results of the fpg-bench leaderboard: scores of agents, scripts and planners against "
+        "public, unseen and shifted rivals in a game of communication and jamming between two UAVs.",
+        board.version,
+        f"The fpg-bench authors. fpg-bench {board.version}, leaderboard of {board.built}.",
+        ["reinforcement learning", "benchmark results"],
+        [file_object(name, content.encode()) for name, content in files.items()],
+        rai={
+            "dataCollection": (
+                "The verifier played every entry against every rival of its suites, on evaluation seeds that "
+                f"training does not use (protocol {board.protocol}). Submitted numbers are never taken over."
+            ),
+            "dataUseCases": ["Comparison of entries of one track; meta-analysis of benchmark results."],
+            "dataBiases": [
+                "Rivals are fixed, and intervals do not describe their variation.",
+                "What an entry says of its own training cannot be verified.",
+            ],
+            "personalSensitiveInformation": ["Names of authors, as they have submitted them."],
+            "dataReleaseMaintenancePlan": (
+                "Made anew with each entry; a new season plays all entries again."
+            ),
+        },
+        datePublished=board.built,
+        recordSet=[record_set("scores", "scores.csv", _COLUMNS)],
+    )
+    return {"scores.csv": scores, "croissant.json": json.dumps(about, indent=2) + "\n"}
+
+
+def scores_csv(board: Board) -> str:
+    """Return the scores of all verified entries as CSV, a line for each suite."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_COLUMNS)
+    for track in board.tracks:
+        for entry, figures in track.verified():
+            about = [track.key, entry.slug, entry.name, entry.algorithm, figures.training_seeds]
+            for role, score in figures.scores.items():
+                ends = (score.low, score.high) if math.isfinite(score.half) else (None, None)
+                numbers = [score.value, *ends, score.over]
+                writer.writerow([*about, *(figures.rank or (None, None)), role, *numbers])
+    return text.getvalue()

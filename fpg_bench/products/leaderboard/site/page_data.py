@@ -1,0 +1,406 @@
+"""Data that the pages' scripts read, as JavaScript files, since nothing can be fetched from a disk.
+
+Parts of the board for comparing entries, statistics and cross-play; rules and policies for playing.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import ALLIES, OPPONENTS
+from fpg_bench.common.rows import Row
+from fpg_bench.evaluation.statistics import Interval, student_t
+from fpg_bench.game.rules import rules_record
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.state import RULES
+from fpg_bench.players.agent import baselines_folder, read_card
+from fpg_bench.players.onnx_file import plain_model
+from fpg_bench.players.player import SIDES
+from fpg_bench.products.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
+from fpg_bench.products.leaderboard.entries import Entries
+from fpg_bench.products.leaderboard.past_seasons import SeasonRow, season_rows
+from fpg_bench.products.leaderboard.site.dataset import dataset_files
+from fpg_bench.products.leaderboard.site.views import (
+    MEASURES,
+    PLAYED_SCENARIO,
+    ROLES,
+    crossplay_page,
+    entry_page,
+    format_rank,
+    ordered_suites,
+)
+from fpg_bench.products.leaderboard.tracks import SCENARIOS, TRACKS
+from fpg_bench.products.rendering.replay import scenario_data, script_json
+
+Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data
+Zoo = Mapping[str, tuple[Row, Row]]  # what is known of each agent, and its policy
+_MOST_UNITS = 201  # of a difference of scores; with more, Student's t hardly changes
+# Operators of static/game_policy.js.
+_OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
+_OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM", "ArgMax", "Sum"}
+_OPERATORS |= {"MatMul", "ReduceSum", "Abs", "Sqrt", "Add", "Sub", "Mul", "Div", "Max", "Min", "Neg", "Exp"}
+_OPERATORS |= {"Elu", "LeakyRelu", "Softmax", "Flatten", "Identity"}
+# Groups of the zoo; all play the standard game, whatever they were trained on.
+_GROUPS = ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner")
+
+
+def data_files(board: Board, submitted: Policies, seasons: Sequence[SeasonRow] = ()) -> dict[str, str]:
+    """Return the data files of the site.
+
+    Args:
+        board: the board.
+        submitted: policies of submitted entries that the page can play.
+        seasons: what is kept of seasons.
+    """
+    zoo = zoo_policies()
+    crossplay = {
+        f"data/{crossplay_page(scenario)}.js": _script(
+            crossplay_data(board, scenario, submitted, zoo, seasons)
+        )
+        for scenario in SCENARIOS
+    }
+    board_json = board.to_json()
+    return {
+        "board.json": board_json,
+        **dataset_files(board, board_json),
+        **_compare_files(board),
+        "data/statistics.js": _script(statistics_data(board)),
+        **crossplay,
+        **_play_files(board, submitted, zoo),
+    }
+
+
+def _script(content: Row | None) -> str:
+    return f"window.fpgData = {script_json(content)};\n"
+
+
+def _compare_files(board: Board) -> dict[str, str]:
+    """Return the data of the page that compares two entries: its own, a file per track, and one per entry."""
+    shared: Row = {
+        "measures": {name: asdict(measure) for name, measure in MEASURES.items()},
+        "student": [round(student_t(count), 4) for count in range(2, _MOST_UNITS + 1)],
+    }
+    parts: dict[str, Row] = {}
+    for track in board.tracks:
+        parts[track.key] = _compared_track(track)
+        for entry, figures in track.verified():
+            parts[f"{track.key}/{entry.slug}"] = {
+                suite.role: asdict(figures.units[suite.role]) if suite.role in figures.units else None
+                for suite in ordered_suites(track)
+            }
+    files = {
+        f"data/compare/{name}.js": f"fpgCompared({script_json(name)}, {script_json(content)});\n"
+        for name, content in parts.items()
+    }
+    return {"data/compare.js": _script(shared), **files}
+
+
+def _compared_track(track: BoardTrack) -> Row:
+    suites = ordered_suites(track)
+    return {
+        "ranked_by": track.ranked_by,
+        "suites": [
+            {"role": suite.role, **asdict(ROLES[suite.role]), "rivals": [*map(suite.label, suite.rivals)]}
+            for suite in suites
+        ],
+        "rows": [_compared_entry(track, suites, entry, figures) for entry, figures in track.verified()],
+        "improvement": _improvement(track, track.improvement.names),
+    }
+
+
+def _compared_entry(
+    track: BoardTrack, suites: Sequence[BoardSuite], entry: BoardEntry, figures: Figures
+) -> Row:
+    return {
+        "slug": entry.slug,
+        "name": entry.name,
+        "page": entry_page(track, entry),
+        "rank": format_rank(figures.rank),
+        "kind": entry.kind,
+        "algorithm": entry.algorithm,
+        "authors": ", ".join(entry.authors),
+        "few_seeds": figures.has_few_seeds,
+        "score": _interval(figures.score),
+        "gap": _rounded(figures.gap, 1),
+        "worst": _rounded(figures.worst.score.value, 1),
+        "scores": {suite.role: _interval(figures.scores.get(suite.role)) for suite in suites},
+        "by_rival": {
+            suite.role: [_interval(figures.by_rival.get(suite.role, {}).get(rival)) for rival in suite.rivals]
+            for suite in suites
+        },
+        "measures": {name: _rounded(value, 4) for name, value in figures.measures.items()},
+        "steps": None if entry.training is None else entry.training.steps,
+    }
+
+
+def _interval(score: Interval | None) -> list[float | None]:
+    ends = (None,) * 3 if score is None else (score.value, score.low, score.high)
+    return [_rounded(end, 1) for end in ends]
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None or math.isnan(value) else round(value, digits)
+
+
+def statistics_data(board: Board) -> Row:
+    """Return the performance profiles and probabilities of improvement of each track."""
+    return {"tracks": [_track_statistics(track) for track in board.tracks]}
+
+
+def _track_statistics(track: BoardTrack) -> Row:
+    order = [entry.slug for entry in track.entries]
+    profiles = track.profiles
+    return {
+        "key": track.key,
+        "title": track.title,
+        "names": {entry.slug: entry.name for entry in track.entries},
+        "order": order,
+        "thresholds": [round(threshold, 1) for threshold in profiles.thresholds],
+        "share": {
+            slug: [round(share, 3) for share in profiles.share[slug]]
+            for slug in order
+            if slug in profiles.share
+        },
+        "improvement": _improvement(track, order),
+    }
+
+
+def _improvement(track: BoardTrack, order: Sequence[str]) -> Row | None:
+    """Return the matrices of the probability of improvement in an order of the entries."""
+    improvement = track.improvement
+    places = [improvement.names.index(slug) for slug in order if slug in improvement.names]
+    if not places:
+        return None
+    matrices = {"value": improvement.value, "low": improvement.low, "high": improvement.high}
+    return {
+        "names": [improvement.names[place] for place in places],
+        **{
+            name: [[_rounded(matrix[i][j], 3) for j in places] for i in places]
+            for name, matrix in matrices.items()
+        },
+    }
+
+
+def crossplay_data(
+    board: Board, scenario: str, submitted: Policies, zoo: Zoo, seasons: Sequence[SeasonRow]
+) -> Row | None:
+    """Return the matrices of a scenario's cross-play, its maps, and the players of a pair's round."""
+    crossplay = board.crossplay.get(scenario)
+    if crossplay is None:
+        return None
+    shown = {"ally": crossplay.allies, "opponent": crossplay.opponents}
+    names = {side: board.names(side) for side in SIDES}
+    matrices = {**crossplay.returns, "jamming_success_rate": crossplay.jamming_success_rate}
+    return {
+        "names": {side: {slug: names[side][slug] for slug in slugs} for side, slugs in shown.items()},
+        "allies": crossplay.allies,
+        "opponents": crossplay.opponents,
+        "matrices": {name: _rounded_matrix(matrix) for name, matrix in matrices.items()},
+        "half": {side: _rounded_matrix(matrix) for side, matrix in crossplay.half.items()},
+        "rounds": crossplay.rounds,
+        "nash": asdict(crossplay.nash),
+        "watch": _watched(board, scenario, submitted, zoo),
+        "maps": _maps(board, scenario, crossplay.season, seasons),
+    }
+
+
+def _maps(board: Board, scenario: str, present: int | None, seasons: Sequence[SeasonRow]) -> list[Row]:
+    """Return a map for each season of a scenario in which players of both sides can be placed.
+
+    A map has the season's number, and its players by side. The last one is of the present season.
+    """
+    if present is None:
+        return []
+    rows = [row for row in seasons if row.season < present and _is_placed(row, scenario)]
+    rows += [row for row in season_rows(board, {scenario: present}) if _is_placed(row, scenario)]
+    maps = []
+    for number in sorted({row.season for row in rows}):
+        of_season = [row for row in rows if row.season == number]
+        players = {
+            side: [_placed(row) for row in of_season if TRACKS[row.track].side == side] for side in SIDES
+        }
+        if all(players.values()):
+            maps.append({"season": number, **players})
+    return maps
+
+
+def _is_placed(row: SeasonRow, scenario: str) -> bool:
+    track = TRACKS.get(row.track)
+    is_of = track is not None and track.side in SIDES and track.scenario == scenario
+    return is_of and row.share is not None and len(row.by_group) == 2
+
+
+def _placed(row: SeasonRow) -> Row:
+    return {
+        "slug": row.slug,
+        "name": row.name,
+        "rank": format_rank(row.rank),
+        "score": row.score,
+        "by": dict(sorted(row.by_group.items())),  # each kind on the same axis in all seasons
+        "share": row.share,
+        "flies": TRACKS[row.track].path == "learned",
+    }
+
+
+def _rounded_matrix(matrix: Sequence[Sequence[float | None]]) -> list[list[float | None]]:
+    return [[_rounded(value, 4) for value in row] for row in matrix]
+
+
+def _watched(board: Board, scenario: str, submitted: Policies, zoo: Zoo) -> dict[str, dict[str, Row]]:
+    """Return the player that represents an entry on the page, and its path, by side and entry.
+
+    There are none in scenarios other than the one that the page plays.
+    """
+    watched: dict[str, dict[str, Row]] = {side: {} for side in SIDES}
+    for track in board.tracks:
+        is_played = track.side in SIDES and TRACKS[track.key].scenario == scenario == PLAYED_SCENARIO
+        for entry in track.entries if is_played else ():
+            if player := _page_player(track, entry, submitted, zoo):
+                path = "learned" if track.key.endswith("-learned") else "pursuit"
+                watched[track.side][entry.slug] = {"player": player, "path": path}
+    return watched
+
+
+def _page_player(track: BoardTrack, entry: BoardEntry, submitted: Policies, zoo: Zoo) -> str | None:
+    if (track.key, entry.slug) in submitted:
+        return f"agent:{_submitted_file(track.key, entry.slug)}"
+    if entry.kind == "script" and entry.plays in (*ALLIES, *OPPONENTS):
+        return f"script:{entry.plays}"
+    if entry.kind == "zoo" and entry.plays is not None and entry.plays in zoo:
+        return f"agent:{agent_file(entry.plays)}"
+    return None
+
+
+def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
+    """Return the data of the page on which a visitor plays, and a file per agent (its first seed)."""
+    agents: list[tuple[Row, Row]] = []
+    entries = {(track.key, entry.slug): (track, entry) for track in board.tracks for entry in track.entries}
+    for (key, slug), policy in submitted.items():
+        track, entry = entries[key, slug]
+        submission: Row = {"name": entry.name, "side": track.side, "flies": key.endswith("-learned")}
+        agents.append((submission | {"kind": "submitted", "file": _submitted_file(key, slug)}, policy))
+    for name, (about, policy) in zoo.items():
+        agents.append(({"name": name, **about, "kind": "zoo", "file": agent_file(name)}, policy))
+    scenario = Scenario()
+    content = {
+        "rules": rules_data(scenario),
+        "scenario": scenario_data(scenario),
+        "agents": [about for about, _ in agents],
+        "leaders": _leaders(board, submitted, zoo),
+        "scales": {track.key.removeprefix("opponent-"): asdict(track.scale) for track in board.tracks},
+    }
+    files = {"data/play.js": _script(content)}
+    for about, policy in agents:
+        files[about["file"]] = f"fpgAgent({script_json(about['file'])}, {script_json(policy)});\n"
+    return files
+
+
+def _leaders(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
+    """Return the player that leads the first table of each side, as far as the page can play it."""
+    first = {track.side: track for track in reversed(board.tracks)}
+    leaders = {}
+    for side, track in first.items():
+        for entry, _ in islice(track.verified(), 1):
+            if player := _page_player(track, entry, submitted, zoo):
+                leaders[side] = player
+    return leaders
+
+
+def agent_file(name: str) -> str:
+    """Return the file of the site that holds the policy of an agent of the zoo."""
+    return f"agents/{name.replace('/', '-')}.js"
+
+
+def _submitted_file(key: str, slug: str) -> str:
+    return f"agents/submitted/{key}/{slug}.js"
+
+
+def zoo_policies() -> dict[str, tuple[Row, Row]]:
+    """Return the zoo's agents that the page can play by name: what is known of each, and its policy."""
+    folder = baselines_folder() / "agents"
+    agents = {}
+    for path in sorted(folder.glob("*/*/seed_0/policy.onnx")):
+        name = path.parent.parent.relative_to(folder).as_posix()
+        side, _, group = path.parts[-4].partition("-")
+        policy = policy_data(path.read_bytes()) if side in SIDES and group in _GROUPS else None
+        if policy is not None:
+            flies = side == "opponent" and read_card(path.parent).flies == "learned"
+            agents[name] = {"side": side, "flies": flies}, policy
+    return agents
+
+
+def rules_data(scenario: Scenario) -> Row:
+    """Return the rules as the compiled game reads them; infinity (no cap of the SNR) becomes None."""
+    record = rules_record(scenario)[0]
+    values = {name: record[name].tolist() for name in RULES.names or ()}
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in values.items()
+    }
+
+
+def policy_data(model: bytes) -> Row | None:
+    """Return a policy as a list of nodes and its weights; None where the page cannot play it.
+
+    Args:
+        model: the bytes of a ``policy.onnx``.
+
+    Raises:
+        UserError: not an ONNX file that this program plays.
+    """
+    from onnx import numpy_helper
+
+    graph = plain_model(model).graph
+    inputs = {value.name: value for value in graph.input}
+    if "noise" in inputs or not {node.op_type for node in graph.node} <= _OPERATORS:
+        return None
+    shape = inputs["state"].type.tensor_type.shape.dim if "state" in inputs else None
+    return {
+        "state": 0 if shape is None else shape[1].dim_value,
+        "nodes": [_node(node) for node in graph.node],
+        "weights": {tensor.name: _weight(numpy_helper.to_array(tensor)) for tensor in graph.initializer},
+    }
+
+
+def _node(node: Any) -> Row:
+    from onnx.helper import get_attribute_value
+
+    attributes = {attribute.name: get_attribute_value(attribute) for attribute in node.attribute}
+    return {
+        "op": node.op_type,
+        "inputs": list(node.input),
+        "outputs": list(node.output),
+        "attributes": {
+            name: value.decode() if isinstance(value, bytes) else value for name, value in attributes.items()
+        },
+    }
+
+
+def _weight(values: np.ndarray) -> Row:
+    if values.dtype.kind in "iu":
+        return {"shape": list(values.shape), "integers": values.ravel().tolist()}
+    floats = np.ascontiguousarray(values, "<f4").tobytes()
+    return {"shape": list(values.shape), "floats": base64.b64encode(floats).decode()}
+
+
+def submitted_policies(entries: Entries) -> dict[tuple[str, str], Row]:
+    """Return the policies of verified, submitted entries that the page can play, by track and entry.
+
+    The first training seed plays.
+    """
+    policies = {}
+    for entry in entries.verified:
+        if entry.submission.zoo is None and entry.submission.policies:
+            with contextlib.suppress(UserError):  # leaderboard verify names the problem
+                if policy := policy_data(entry.submission.policies[0].model):
+                    policies[entry.key] = policy
+    return policies

@@ -1,0 +1,434 @@
+"""View models of the pages: names and formats of numbers, axes of small charts, and the tables' rows."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.players.player import SIDES
+from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
+from fpg_bench.products.leaderboard.tracks import (
+    PUBLIC,
+    PUBLIC_SEEDS,
+    RESPONSES,
+    SCENARIOS,
+    SHIFTED,
+    TRACKS,
+    UNSEEN,
+)
+
+PLAYED_SCENARIO = "standard"  # by the game in the browser
+
+NONE = "–"
+_TINTS = 9  # of cells in heat maps
+FEW_SEEDS = "fewer than three training seeds: the interval is unreliable"
+_LINK = re.compile(r"https://[A-Za-z0-9.-]+(:\d+)?(/[^\s\"'<>\\]*)?")
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Presentation of a measure: its label, its format (see :func:`format_number`), and its meaning."""
+
+    label: str
+    style: str
+    about: str
+
+
+# In the order in which an entry's page lists them. recoveries_cut is left out: others are computed from it.
+MEASURES = {
+    "return": Measure("Return per step", "step", "mean of its own rewards in the rounds of its score"),
+    "ally_return": Measure("Ally's return", "whole", "sum of the ally's rewards per round"),
+    "opponent_return": Measure("Opponent's return", "whole", "sum of the opponent's rewards per round"),
+    "overlap_ratio": Measure("Overlap ratio", "share", "time in which jamming covers the ally's frequency"),
+    "jamming_success_rate": Measure(
+        "Jamming success rate", "share", "time in which jamming covers the ally and breaks its link"
+    ),
+    "spectrum_overlap": Measure("Spectrum overlap", "share", "similarity of both sides' use of frequencies"),
+    "outage": Measure("Outage", "share", "time in which the link is broken, jammed or not"),
+    "capacity_mbit_s": Measure("Capacity", "Mbit/s", "mean rate of the link"),
+    "rate_kept": Measure("Rate kept", "share", "share of the rate that the jamming leaves, on a radio link"),
+    "snr_db": Measure("SNR", "dB", "mean quality of the link"),
+    "hop_rate": Measure("Hops", "share", "time steps in which the ally pays for a hop"),
+    "frequency_changes": Measure(
+        "Frequency changes", "share", "steps in which the ally's frequency really changes"
+    ),
+    "hop_entropy_bits": Measure(
+        "Hop entropy", "bits", "entropy of a hop's destination, given the point it leaves"
+    ),
+    "spread_ratio": Measure("Spreading", "share", "time in which the ally spreads its signal to hide"),
+    "detection_rate": Measure("Heard", "share", "checks in which the opponent hears the ally"),
+    "near_ratio": Measure("Near", "share", "time in which the opponent is within 30 m"),
+    "success_given_overlap": Measure(
+        "Broken where covered", "share", "covered time in which the link is broken"
+    ),
+    "outage_mean_s": Measure("Mean outage", "s", "mean length of an outage"),
+    "outage_longest_s": Measure("Longest outage", "s", "longest outage of all rounds"),
+    "time_to_recover_s": Measure("Time to recover", "s", "from being heard and jammed to a working link"),
+    "share_tone": Measure("Single tone", "share", "time in which the opponent jams a single tone"),
+    "share_narrowband": Measure("Narrowband", "share", "time in which it jams a narrow band"),
+    "share_broadband": Measure("Broadband", "share", "time in which it jams a broad band"),
+    "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
+}
+MISSION = ("overlap_ratio", "jamming_success_rate")  # the two measures of the mission, right after each score
+
+
+@dataclass(frozen=True)
+class Role:
+    """Presentation of a suite's role: its label, and the rivals in it."""
+
+    label: str
+    about: str
+
+
+# In the order in which pages list them.
+ROLES = {
+    PUBLIC: Role("Public", "the public suite, which everybody can train on"),
+    UNSEEN: Role("Unseen", "rivals that were trained after entries were closed"),
+    SHIFTED: Role("Shifted", "trained rivals under changed rules"),
+    RESPONSES: Role("Best responses", "rivals that were trained to beat one entry"),
+    PUBLIC_SEEDS: Role("Public seeds", "the public suite on seeds that were known before"),
+}
+
+
+def format_number(value: float | None, style: str = "score") -> str:
+    """Format a number as ``score`` (one digit), ``step`` (two), ``whole``, ``share`` or with a unit."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    if style == "share":
+        return f"{100 * value:.1f} %"
+    if style == "whole":
+        return f"{value:,.0f}".replace("-", "−")
+    text = f"{value:.{2 if style == 'step' else 1}f}".replace("-", "−")
+    return text if style in ("score", "step") else f"{text} {style}"
+
+
+def sort_key(value: float | None) -> str:
+    """Return a number as the key by which tables are sorted, to six digits; empty for None."""
+    return "" if value is None else f"{value:.6g}"
+
+
+def format_interval(score: Interval | None) -> str:
+    """Format an interval as ``low to high``; empty where there is none."""
+    if score is None or not math.isfinite(score.half):
+        return ""
+    return f"{format_number(score.low)} to {format_number(score.high)}"
+
+
+def format_signed(value: float) -> str:
+    """Format a difference of scores with its sign."""
+    return f"+{format_number(value)}" if value >= 0 else format_number(value)
+
+
+def format_rank(rank: tuple[int, int] | None) -> str:
+    """Format a rank as ``2``, or as ``2–4`` where it is shared; a dash without one."""
+    if rank is None:
+        return NONE
+    best, worst = rank
+    return str(best) if best == worst else f"{best}–{worst}"
+
+
+# What scores 100: a bound for allies alone; see scripts/measure_scales.py.
+_TOPS = {
+    "ally": "a link that is never jammed",
+    "opponent": "that of the best script or oracle against each public rival",
+    "planner": "that of the planner optimised over the public suite",
+}
+
+
+def scale_text(track: BoardTrack) -> str:
+    """Describe the returns per step that score 0 and 100."""
+    zero, top = (format_number(end, "step") for end in (track.scale.zero, track.scale.top))
+    text = f"a score of 0 is the return of random play ({zero} per step)"
+    text += f", 100 is {_TOPS[track.side]} ({top} per step)"
+    return text if track.side == "ally" else f"{text}; it can be exceeded"
+
+
+def safe_link(text: str | None) -> str | None:
+    """Return an https link; None for anything else that a submission has as its reference."""
+    return text if text is not None and len(text) < 500 and _LINK.fullmatch(text) else None
+
+
+def ordered_suites(track: BoardTrack, without: Sequence[str] = (PUBLIC_SEEDS,)) -> list[BoardSuite]:
+    """Return a track's suites in the order in which pages list them, by default without the public seeds."""
+    return sorted(
+        (suite for suite in track.suites if suite.role not in without),
+        key=lambda suite: list(ROLES).index(suite.role),
+    )
+
+
+def entry_page(track: BoardTrack, entry: BoardEntry) -> str:
+    """Return the address of an entry's page from the site's root."""
+    return f"entries/{track.key}/{entry.slug}.html"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Horizontal axis of small charts of intervals, in pixels."""
+
+    low: float
+    high: float
+    width: float = 130
+    margin: float = 5
+
+    @classmethod
+    def of_scores(cls, scores: Iterable[Interval]) -> Axis:
+        """Return the axis that spans scores with their intervals, and 0 to 100."""
+        ends = [end for score in scores for end in (score.value, score.low, score.high)]
+        ends = [0.0, 100.0, *filter(math.isfinite, ends)]
+        return cls(min(ends), max(ends))
+
+    def place(self, value: float) -> float:
+        """Return the position of a value."""
+        share = (value - self.low) / (self.high - self.low)
+        return round(self.margin + share * (self.width - 2 * self.margin), 1)
+
+    def ends(self, score: Interval) -> tuple[float, float]:
+        """Return the positions of an interval's ends; both are its value's if it has none."""
+        if not math.isfinite(score.half):
+            return (self.place(score.value),) * 2
+        return self.place(score.low), self.place(score.high)
+
+
+@dataclass(frozen=True)
+class WorstView:
+    """The worst case of an entry: its rival's name, and where they met, in words.
+
+    Attributes:
+        seed: the lowest return of a single training seed, in words; empty where there are fewer than two.
+        seed_rival: against whom that was.
+    """
+
+    score: Interval
+    return_per_step: Interval
+    rival: str
+    where: str
+    seed: str
+    seed_rival: str
+
+
+def worst_view(board: Board, track: BoardTrack, figures: Figures) -> WorstView:
+    """Return the presentation of an entry's worst case."""
+    worst, seed = figures.worst, figures.worst.seed
+    text = ""
+    if seed is not None:
+        text = f"seed {seed.training_seed} alone {format_number(seed.return_per_step, 'step')} per step"
+    return WorstView(
+        worst.score,
+        worst.return_per_step,
+        _rival(board, track, worst.rival, worst.where),
+        worst.where if worst.where == CROSSPLAY else ROLES[worst.where].label.lower(),
+        text,
+        "" if seed is None else _rival(board, track, seed.rival, seed.where),
+    )
+
+
+def _rival(board: Board, track: BoardTrack, rival: str, where: str) -> str:
+    """Return the name of a rival of a suite, or of an entry of the other side."""
+    if where == CROSSPLAY:
+        return board.names(track.other_side)[rival]
+    return next(suite.label(rival) for suite in track.suites if suite.role == where)
+
+
+@dataclass(frozen=True)
+class ExploitedView:
+    """The least that an entry keeps against responses to it, in words; see :class:`Exploited`."""
+
+    value: float
+    at_most: str
+    interval: str
+    search: str
+
+
+def exploited_view(figures: Figures) -> ExploitedView | None:
+    """Return the presentation of what an entry keeps against responses; None where none was trained."""
+    lowest = figures.exploited
+    if lowest is None:
+        return None
+    reward = lowest.return_per_step
+    low, high = (format_number(end, "step") for end in (reward.low, reward.high))
+    seed = "" if lowest.training_seed is None else f", seed {lowest.training_seed}"
+    search = f"{lowest.algorithm}, {lowest.steps:,} steps{seed}"
+    return ExploitedView(
+        reward.value,
+        f"at most {format_number(reward.value, 'step')}",
+        f"{low} to {high}",
+        search if lowest.is_recipe else f"{search}, by {lowest.response}",
+    )
+
+
+def warnings(figures: Figures | None) -> list[str]:
+    """Return the remarks shown below an entry's name in tables."""
+    if figures is None:
+        return []
+    texts = [
+        "reference: it sees the ally's path" if figures.is_reference else "",
+        "late entry" if figures.is_late else "",
+        seeds_gap_text(figures),
+        lost_text(figures),
+        same_policies_text(figures),
+    ]
+    return [text for text in texts if text]
+
+
+def seeds_gap_text(figures: Figures) -> str:
+    """Describe a flagged gain on public seeds; empty where there is none."""
+    gap = figures.seeds_gap
+    if gap is None or not gap.is_flagged:
+        return ""
+    return f"scores {format_number(gap.value)} more on public seeds"
+
+
+def same_policies_text(figures: Figures) -> str:
+    """Name the other entries that have one of an entry's policies; empty where there is none."""
+    return f"has a policy of {', '.join(figures.same_policies)}, too" if figures.same_policies else ""
+
+
+def lost_text(figures: Figures) -> str:
+    """Describe the rounds that were lost by rule; empty where there is none."""
+    lost, rounds = (format_number(number, "whole") for number in (figures.lost, figures.rounds))
+    return f"{lost} of {rounds} rounds lost by rule" if figures.lost else ""
+
+
+@dataclass(frozen=True)
+class RowView:
+    """An entry's row in the table of its track.
+
+    Attributes:
+        page: its address.
+        ranking, public, shifted: scores over the suite that ranks the track, and over two others.
+        warnings: remarks below its name.
+    """
+
+    entry: BoardEntry
+    page: str
+    figures: Figures | None
+    ranking: Interval | None
+    public: Interval | None
+    shifted: Interval | None
+    worst: WorstView | None
+    exploited: ExploitedView | None
+    warnings: list[str]
+
+
+@dataclass(frozen=True)
+class TrackView:
+    """A track's table and heat map.
+
+    Attributes:
+        ranking: the suite that ranks it.
+        mission: presentations of the two measures of the mission by name, as far as they were measured.
+        heat_suites: suites of the heat map; ``heat_rows`` have a score and a tint, 0 to 8, per rival.
+        leaders: names of entries that may be first.
+    """
+
+    track: BoardTrack
+    ranking: BoardSuite
+    scale: str
+    axis: Axis
+    has_tiers: bool
+    has_shifted: bool
+    has_exploited: bool
+    mission: dict[str, Measure]
+    rows: list[RowView]
+    heat_suites: list[BoardSuite]
+    heat_rows: list[tuple[RowView, list[tuple[float, int] | None]]]
+    leaders: list[str]
+
+
+def track_view(board: Board, track: BoardTrack) -> TrackView:
+    """Return the view of a track in the ranking."""
+    verified = list(track.verified())
+    measured = {name for _, figures in verified for name in figures.measures}
+    rows = [row_view(board, track, entry) for entry in track.entries]
+    heat_suites = ordered_suites(track, without=(SHIFTED, RESPONSES, PUBLIC_SEEDS))
+    top = max(
+        [100.0]
+        + [
+            score.value
+            for _, figures in verified
+            for suite in heat_suites
+            for score in figures.by_rival.get(suite.role, {}).values()
+        ]
+    )
+    return TrackView(
+        track=track,
+        ranking=next(suite for suite in track.suites if suite.role == track.ranked_by),
+        scale=scale_text(track),
+        axis=Axis.of_scores(row.ranking for row in rows if row.ranking is not None),
+        has_tiers=any(figures.planner is not None for _, figures in verified),
+        has_shifted=any(SHIFTED in figures.scores for _, figures in verified),
+        has_exploited=track.side in SIDES,
+        mission={name: MEASURES[name] for name in MISSION if name in measured},
+        rows=rows,
+        heat_suites=heat_suites,
+        heat_rows=[
+            (row, _heat_cells(row.figures, heat_suites, top)) for row in rows if row.figures is not None
+        ],
+        leaders=[e.name for e, figures in verified if figures.rank is not None and figures.rank[0] == 1],
+    )
+
+
+def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
+    """Return the view of an entry's row."""
+    figures = entry.figures
+    scores: Mapping[str, Interval] = {} if figures is None else figures.scores
+    return RowView(
+        entry,
+        entry_page(track, entry),
+        figures,
+        ranking=scores.get(track.ranked_by),
+        public=scores.get(PUBLIC),
+        shifted=scores.get(SHIFTED),
+        worst=None if figures is None else worst_view(board, track, figures),
+        exploited=None if figures is None else exploited_view(figures),
+        warnings=warnings(figures),
+    )
+
+
+def _heat_cells(figures: Figures, suites: Iterable[BoardSuite], top: float) -> list[tuple[float, int] | None]:
+    """Return the score against each rival with its tint; None where it has not played the suite."""
+    cells: list[tuple[float, int] | None] = []
+    for suite in suites:
+        scores = figures.by_rival.get(suite.role, {})
+        for rival in suite.rivals:
+            value = scores[rival].value if rival in scores else None
+            tint = 0 if value is None else max(0, min(_TINTS - 1, int(value / top * _TINTS)))
+            cells.append(None if value is None else (value, tint))
+    return cells
+
+
+@dataclass(frozen=True)
+class CrossPlayView:
+    """Names that a page of cross-play mentions: who is missing, and who is shown as the same player.
+
+    Attributes:
+        is_watched: rounds of pairs can be watched in the browser.
+        has_learned_flight: a track of the scenario has opponents that fly themselves.
+    """
+
+    missing: list[str]
+    same_player: list[tuple[str, str]]
+    is_watched: bool
+    has_learned_flight: bool
+
+
+def crossplay_view(board: Board, scenario: str) -> CrossPlayView | None:
+    """Return the view of a scenario's cross-play; None where it has not been played."""
+    crossplay = board.crossplay.get(scenario)
+    if crossplay is None:
+        return None
+    names = {side: board.names(side) for side in SIDES}
+    return CrossPlayView(
+        [names[side][slug] for side in SIDES for slug in crossplay.missing[side]],
+        [(names["opponent"][one], names["opponent"][other]) for one, other in crossplay.same_player.items()],
+        scenario == PLAYED_SCENARIO,
+        any(track.path == "learned" for track in TRACKS.values() if track.scenario == scenario),
+    )
+
+
+def crossplay_page(scenario: str) -> str:
+    """Return the name of the page of a scenario's cross-play, and of its data, without the ending."""
+    return "crossplay" if scenario == SCENARIOS[0] else f"crossplay-{scenario}"

@@ -1,0 +1,347 @@
+"""The verbs of ``fpg-bench submit`` and ``fpg-bench leaderboard``."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fpg_bench.cli.fields import with_fields
+from fpg_bench.cli.options import LocalWorkersOption, WorkersOption, share
+from fpg_bench.common.documentation import page
+from fpg_bench.common.extras import require_extra
+from fpg_bench.common.output import print_line
+from fpg_bench.common.parallel import Workers
+
+submit = typer.Typer(help="Check a submission and play it.", no_args_is_help=True)
+leaderboard = typer.Typer(
+    help="Build the leaderboard's site, verify its results, and close its seasons.", no_args_is_help=True
+)
+SITE = Path("leaderboard/site")
+UpdateOption = Annotated[
+    bool,
+    typer.Option("--update", help="Replay and replace results that differ or were edited."),
+]
+SinceOption = Annotated[
+    str | None,
+    typer.Option(
+        help="A trusted git revision; entries that changed since are played again and replaced, others with "
+        "--sample alone."
+    ),
+]
+ChangesKnownOption = Annotated[
+    bool,
+    typer.Option(
+        "--changes-known", help="With --since: confirm that you have reviewed the other changed files."
+    ),
+]
+FolderOption = Annotated[Path, typer.Option(help="Folder of the leaderboard.")]
+
+
+@leaderboard.callback()
+@submit.callback()
+def _forget_keys() -> None:
+    """Check a submission and play it."""
+    from fpg_bench.products.sandbox.process import forget_keys
+
+    forget_keys()
+
+
+@submit.command()
+def check(folder: Annotated[Path, typer.Argument(help="Folder of the submission.")]) -> None:
+    """Check a submission's files and try its policies in a few rounds.
+
+    Each fault is printed on one line. Notes do not count as faults.
+
+    Example: fpg-bench submit check leaderboard/submissions/ally/my-agent
+    """
+    from fpg_bench.products.leaderboard.playing import smoke_test, suites_of
+    from fpg_bench.products.leaderboard.submission import load_submission, notes, problems
+    from fpg_bench.products.leaderboard.tracks import PUBLIC, TrackSuites
+
+    faults = problems(folder)
+    if not faults:
+        submission = load_submission(folder)
+        suite = suites_of(submission, TrackSuites())[PUBLIC]
+        for policy in submission.policies:
+            faults += [f"seed_{policy.seed}: {line}" for line in smoke_test(policy, suite)]
+        for line in notes(submission):
+            print_line(f"{folder}: note: {line}")
+    for line in faults:
+        print_line(f"{folder}: {line}")
+    if faults:
+        raise typer.Exit(1)
+    print_line(f"{folder}: nothing is wrong")
+
+
+@submit.command()
+@with_fields
+def run(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of the submission, <leaderboard>/submissions/<track>/<name>.")
+    ],
+    update: UpdateOption = False,
+    workers: WorkersOption = Workers(1),
+) -> None:
+    """Play a submission and write its result, or compare with the existing one.
+
+    Example: fpg-bench submit run leaderboard/submissions/ally/my-agent
+    """
+    from fpg_bench.products.leaderboard.verification import run_one
+
+    verdict = run_one(folder, update, workers=workers)
+    raise typer.Exit(0 if verdict.is_good else 1)
+
+
+@leaderboard.command()
+def init(
+    folder: Annotated[Path, typer.Argument(help="Folder of the leaderboard: new or empty.")],
+) -> None:
+    """Start a leaderboard of your own, without entries.
+
+    Put submissions into FOLDER/submissions, play them with fpg-bench submit run, and build the site and its
+    browser game with fpg-bench leaderboard build --folder FOLDER.
+
+    Example: fpg-bench leaderboard init leaderboard
+    """
+    from fpg_bench.products.leaderboard.folders import start_board
+
+    start_board(folder)
+    print_line(
+        f"started: {folder}; an entry is a folder in {folder}/submissions/<track>, "
+        f"see {page('benchmark/submitting')}"
+    )
+
+
+@leaderboard.command()
+@with_fields
+def verify(
+    names: Annotated[list[str] | None, typer.Argument(help="Entries, track/name. Default: all.")] = None,
+    folder: FolderOption = Path("leaderboard"),
+    sample: Annotated[
+        str | None,
+        typer.Option(
+            help="Share of records to play again, such as 5%, drawn at random; at least one per entry."
+        ),
+    ] = None,
+    sample_seed: Annotated[
+        int | None, typer.Option(help="Seed of the draw. Default: a new one, which is printed.")
+    ] = None,
+    update: UpdateOption = False,
+    since: SinceOption = None,
+    changes_known: ChangesKnownOption = False,
+    workers: WorkersOption = Workers(1),
+) -> None:
+    """Play entries, and responses to them, again and compare with their results; write missing results.
+
+    Example: fpg-bench leaderboard verify --sample 5%
+    """
+    from fpg_bench.products.leaderboard.exploited import verify_responses
+    from fpg_bench.products.leaderboard.verification import verify as verify_all
+
+    verdicts = []
+    for verify_part in (partial(verify_all, changes_known=changes_known), verify_responses):
+        verdicts += verify_part(
+            folder,
+            names or (),
+            sample=None if sample is None else share(sample),
+            sample_seed=sample_seed,
+            update=update,
+            since=since,
+            workers=workers,
+        )
+    bad = sum(not verdict.is_good for verdict in verdicts)
+    print_line(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
+    raise typer.Exit(1 if bad else 0)
+
+
+@leaderboard.command()
+@with_fields
+def crossplay(
+    folder: FolderOption = Path("leaderboard"),
+    check: Annotated[
+        str | None, typer.Option(help="Share of each ally's pairs to play again and compare, such as 5%.")
+    ] = None,
+    sample_seed: Annotated[
+        int | None, typer.Option(help="Seed of the draw. Default: a new one, which is printed.")
+    ] = None,
+    since: SinceOption = None,
+    workers: WorkersOption = Workers(1),
+) -> None:
+    """Play every verified ally against every verified opponent of its scenario; existing pairs are kept.
+
+    Example: fpg-bench leaderboard crossplay
+    """
+    from fpg_bench.products.leaderboard.changed_entries import rows_at
+    from fpg_bench.products.leaderboard.crossplay import check_pairs, play_missing
+    from fpg_bench.products.leaderboard.folders import crossplay_file
+
+    trusted = None if since is None else rows_at(folder, since, crossplay_file)
+    if check is None:
+        failed = play_missing(folder, trusted=trusted, workers=workers)
+    else:
+        failed = check_pairs(folder, share(check), sample_seed, workers=workers)
+    for line in failed:
+        print_line(line)
+    raise typer.Exit(1 if failed else 0)
+
+
+@leaderboard.command()
+@with_fields
+def exploit(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Entries, track/name. Default: all allies and opponents.")
+    ] = None,
+    work: Annotated[Path, typer.Option(help="Folder of the trainings; a stopped call resumes there.")] = Path(
+        "runs/exploited"
+    ),
+    folder: FolderOption = Path("leaderboard"),
+    workers: WorkersOption = Workers(1),
+) -> None:
+    """Train the board's own responses to verified entries, and play them.
+
+    Two responses are trained to each entry, in about three minutes of one core. Each is on the board, with
+    its result, as soon as it is finished.
+
+    Example: fpg-bench leaderboard exploit ally/expert
+    """
+    require_extra("train", "torch")
+    from fpg_bench.products.leaderboard.exploited import exploit as make_responses
+
+    for line in make_responses(folder, work, names or (), workers=workers):
+        print_line(line)
+
+
+@leaderboard.command()
+def build(
+    out: Annotated[Path, typer.Option(help="Folder of the site.")] = SITE,
+    folder: FolderOption = Path("leaderboard"),
+    replays: Annotated[bool, typer.Option(help="Simulate missing replays; existing ones are kept.")] = True,
+    docs: Annotated[
+        str,
+        typer.Option(help="URL of the documentation, relative to OUT. Default: the site includes the rules."),
+    ] = "",
+) -> None:
+    """Build the static site; it can be viewed offline.
+
+    Example: fpg-bench leaderboard build
+    """
+    require_extra("leaderboard", "jinja2")
+    from fpg_bench.products.leaderboard.board import make_board
+    from fpg_bench.products.leaderboard.entries import load_entries
+    from fpg_bench.products.leaderboard.past_seasons import read_seasons
+    from fpg_bench.products.leaderboard.site.build import build_site, check_folder
+    from fpg_bench.products.leaderboard.site.page_data import submitted_policies
+    from fpg_bench.products.leaderboard.site.replays import make_replays
+
+    check_folder(out)
+    entries = load_entries(folder)
+    rounds = make_replays(entries, out, simulate=replays)
+    board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
+    files = build_site(board, out, rounds, docs, submitted_policies(entries), read_seasons(folder))
+    n_entries, n_rounds = len(entries.verified) + len(entries.rejected), sum(map(len, rounds.values()))
+    print_line(
+        f"{n_entries} entries, {n_rounds} rounds to watch, {len(files)} files: open {out / 'index.html'}"
+    )
+
+
+@leaderboard.command()
+def serve(
+    site: Annotated[Path, typer.Argument(help="Folder of the site.")] = SITE,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port on this machine; 0 for any free one.")
+    ] = 8000,
+) -> None:
+    """Serve a built site on this machine, until Ctrl-C.
+
+    Example: fpg-bench leaderboard serve --port 8000
+    """
+    import signal
+
+    from fpg_bench.products.leaderboard.site.serve import HOST, make_server
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # background shells ignore it
+    with make_server(site, port) as server:
+        try:
+            print_line(f"http://{HOST}:{server.server_port}/ (stop with Ctrl-C)")
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print_line("stopped")
+
+
+@leaderboard.command()
+@with_fields
+def close_season(
+    name: Annotated[str, typer.Argument(help="The season's number, or the name of a training population.")],
+    work: Annotated[Path, typer.Option(help="Folder of the candidates; a stopped closing resumes there.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the suite. Default: baselines/suites/<name>.")
+    ] = None,
+    folder: FolderOption = Path("leaderboard"),
+    side: Annotated[str | None, typer.Option(help="Train candidates of this side only.")] = None,
+    n_candidates: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of candidates of each side. Default: that of the recipe."),
+    ] = None,
+    size: Annotated[
+        int | None, typer.Option(min=1, help="Number of members of each side. Default: that of the recipe.")
+    ] = None,
+    scenario: Annotated[
+        str, typer.Option(help="The preset whose entries determine the season: standard or link.")
+    ] = "standard",
+    workers: WorkersOption = Workers(2),
+) -> None:
+    """Close a season: train candidates with a seed derived from the entries, and select the suite from them.
+
+    Example: fpg-bench leaderboard close-season 4 --work runs/season-4
+    """
+    require_extra("train", "torch")
+    from fpg_bench.players.agent import baselines_folder
+    from fpg_bench.players.player import SIDES
+    from fpg_bench.products.leaderboard.season import closing as seasons
+
+    closing = seasons.make_closing(
+        name, folder, work, n_candidates or seasons.CANDIDATES, size or seasons.SIZE, scenario=scenario
+    )
+    season = seasons.close_season(
+        closing,
+        out or baselines_folder() / "suites" / closing.name,
+        SIDES if side is None else [side],
+        workers=workers,
+    )
+    if season is not None:
+        print_line(f"{season.name}: closed, hash {season.hash[:16]}, {season.folder}")
+
+
+@leaderboard.command()
+@with_fields
+def audit_season(
+    name: Annotated[str, typer.Argument(help="A shipped season (season-3), or its folder.")],
+    work: Annotated[Path, typer.Option(help="Folder to train in.")],
+    folder: FolderOption = Path("leaderboard"),
+    member: Annotated[list[str] | None, typer.Option(help="Member to train again; can be repeated.")] = None,
+    n_members: Annotated[
+        int, typer.Option(min=1, help="Number of members of each side if none is named.")
+    ] = 2,
+    workers: LocalWorkersOption = Workers(2),
+) -> None:
+    """Train members of a season again, and compare the entries' returns against old and new members.
+
+    Example: fpg-bench leaderboard audit-season season-3 --work runs/audit
+    """
+    require_extra("train", "torch")
+    from fpg_bench.products.leaderboard.season import audit
+    from fpg_bench.products.leaderboard.season.entries import read_entries
+    from fpg_bench.products.leaderboard.season.season import load_season
+
+    season = load_season(name)
+    for audited in audit.audit_season(
+        season, read_entries(folder, scenario=season.scenario), work, member, n_members, workers=workers
+    ):
+        policies = "the same policy" if audited.is_same else "another policy"
+        print_line(
+            f"{audited.side}/{audited.name}: {policies}; entries earn {audited.difference:.2f} per step "
+            f"more or less, correlation {audited.correlation:.3f}"
+        )

@@ -1,0 +1,681 @@
+"""Verification: submissions are played, or played again and compared with their results."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import logging
+import math
+import random
+import shutil
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from fpg_bench.common.errors import UserError, meant, printable
+from fpg_bench.common.ids import NAMED
+from fpg_bench.common.parallel import Job, Workers, folder_job, outcome_of, run_jobs
+from fpg_bench.evaluation.record import TALLIES, Record
+from fpg_bench.evaluation.suite import Suite
+from fpg_bench.evaluation.summary import summary_of
+from fpg_bench.game.metrics import GREATEST
+from fpg_bench.products.leaderboard.changed_entries import changed_entries
+from fpg_bench.products.leaderboard.folders import (
+    TRACK_FOLDERS,
+    at_work,
+    remove,
+    result_file,
+    set_aside,
+    short_path,
+    submission_folders,
+    work_folder,
+)
+from fpg_bench.products.leaderboard.playing import (
+    Key,
+    Matchup,
+    Part,
+    PlayedPart,
+    fill,
+    key_of,
+    matchups_of,
+    parts_of,
+    read_part,
+    suites_of,
+)
+from fpg_bench.products.leaderboard.result import (
+    Fingerprint,
+    Result,
+    fingerprint,
+    read_result,
+    write_result,
+)
+from fpg_bench.products.leaderboard.submission import Reader, Submission, load_submission, name_conflicts
+from fpg_bench.products.leaderboard.tracks import PUBLIC, TrackSuites, ranked_by
+
+_logger = logging.getLogger(__name__)
+
+_SUBMITTED = {"submission", "policies", "planner"}  # keys of a fingerprint that depend on the submission
+
+
+# Cases: submissions with their results
+
+
+@dataclass(frozen=True)
+class Case:
+    """A submission to be verified.
+
+    Attributes:
+        submission: the submission.
+        suites: the suites that it plays, by role.
+        fingerprint: of the submission on these suites.
+        path: the file of its result.
+        result: its result; None if there is none that counts.
+        work: the folder of unfinished work.
+        wanted: the matchups of each of its parts that are to be played.
+        claimed: the file of an untrusted result that came along with it; None if its result is trusted.
+    """
+
+    submission: Submission
+    suites: Mapping[str, Suite]
+    fingerprint: Fingerprint
+    path: Path
+    result: Result | None
+    work: Path
+    wanted: tuple[tuple[Part, tuple[Matchup, ...]], ...]
+    claimed: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Name in messages: ``track/slug``."""
+        return f"{self.submission.track}/{self.submission.slug}"
+
+    @property
+    def is_complete(self) -> bool:
+        """True if everything that it could play is wanted."""
+        n_all = len(parts_of(self.submission)) * len(matchups_of(self.suites.values()))
+        return sum(len(matchups) for _, matchups in self.wanted) == n_all
+
+
+def board_reader(board: Path, new: Collection[str] = ()) -> Reader:
+    """Return the reader of a board's submissions.
+
+    Of entries with the same name, those that are not new take precedence, then those with a result; others
+    are in the order of their folders.
+
+    Args:
+        board: the leaderboard's folder.
+        new: the submissions, ``track/name``, that are new or have changed.
+    """
+
+    def precedence(folder: Path) -> tuple[bool, bool, str]:
+        track, slug = folder.parent.name, folder.name
+        return f"{track}/{slug}" in new, not result_file(board, track, slug).exists(), slug
+
+    return Reader(precedence)
+
+
+def load_case(board: Path, folder: Path, update: bool = False, reader: Reader | None = None) -> Case:
+    """Load the case of a submission's folder, fully checked; see :func:`load_entry` and :func:`make_case`."""
+    reader = reader or board_reader(board)
+    return make_case(board, load_entry(folder, reader), reader.suites, update)
+
+
+def load_entry(folder: Path, reader: Reader, inspect_onnx: bool = True) -> Submission:
+    """Load a submission of a board, and check that no entry that takes precedence has its name.
+
+    Args:
+        folder: the submission's folder.
+        reader: see :func:`board_reader`.
+        inspect_onnx: inspect each of its ONNX files.
+
+    Raises:
+        UserError: the first of its problems.
+    """
+    submission = load_submission(folder, inspect_onnx, reader)
+    for line in name_conflicts(submission, reader, earlier=True):
+        raise UserError(f"submission {folder}: {line}")
+    return submission
+
+
+def make_case(board: Path, submission: Submission, suites: TrackSuites, update: bool = False) -> Case:
+    """Return a submission with its result; everything that it plays is wanted.
+
+    Args:
+        board: the leaderboard's folder.
+        submission: one of its submissions.
+        suites: the suites of the tracks.
+        update: ignore a result that does not fit.
+
+    Raises:
+        UserError: the result was edited, or is of another submission or of other suites.
+    """
+    played = suites_of(submission, suites)
+    expected = fingerprint(submission, played)
+    path = result_file(board, submission.track, submission.slug)
+    try:
+        result = _result_at(path, submission, played, expected)
+    except UserError:
+        if not update:
+            raise
+        result = None
+    digest = hashlib.sha256(expected.model_dump_json().encode()).hexdigest()[:16]
+    work = work_folder(board) / submission.track / f"{submission.slug}-{digest}"
+    everything = tuple(matchups_of(played.values()))
+    wanted = tuple((part, everything) for part in parts_of(submission))
+    return Case(submission, played, expected, path, result, work, wanted)
+
+
+def shared_policies(cases: Iterable[Case]) -> dict[str, list[str]]:
+    """Return the other entries that have one of an entry's policies, by the entry's name.
+
+    Policies are the same if their files are, or if every public round was the same to the bit. Authors may
+    enter theirs in several tables of the board.
+    """
+    owners: dict[object, list[Case]] = {}
+    for case in cases:
+        for identity in set(_identities(case)):
+            owners.setdefault(identity, []).append(case)
+    shared: dict[str, set[str]] = {}
+    for sharing in owners.values():
+        for one, other in itertools.permutations(sharing, 2):
+            is_same_table = one.submission.board_track is other.submission.board_track
+            if is_same_table or one.submission.authors != other.submission.authors:
+                shared.setdefault(one.name, set()).add(other.name)
+    return {name: sorted(others) for name, others in shared.items()}
+
+
+def _identities(case: Case) -> Iterator[object]:
+    by_seed: dict[int | None, list[tuple[str, str, str]]] = {}
+    for record in () if case.result is None else case.result.records:
+        if record.suite_hash == case.suites[PUBLIC].hash[:16]:
+            played = record.suite_hash, record.rival, record.rounds_sha256
+            by_seed.setdefault(record.training_seed, []).append(played)
+    for policy in case.submission.policies:
+        yield policy.sha256
+        if policy.seed in by_seed:
+            yield tuple(sorted(by_seed[policy.seed]))
+
+
+def _result_at(
+    path: Path, submission: Submission, suites: Mapping[str, Suite], expected: Fingerprint
+) -> Result | None:
+    """Read the result of just this submission on just these suites; None if there is no file.
+
+    Raises:
+        UserError: the result was edited, or is of another submission or of other suites.
+    """
+    if not path.exists() and not path.is_symlink():
+        return None
+    result = read_result(path, suites)
+    differing = result.fingerprint.differences(expected)
+    if not differing:
+        return result
+    if set(differing) <= _SUBMITTED:
+        changed = "transcript" if submission.transcripts else "policy"
+        raise UserError(
+            f"submission.yaml or a {changed} changed since this result was made; {_rerun_hint(submission)}"
+        )
+    raise UserError(f"result {path}: of other {', '.join(differing)}; {_rerun_hint(submission)}")
+
+
+def _rerun_hint(submission: Submission) -> str:
+    return f"make it again: fpg-bench submit run --update {short_path(submission.folder)}"
+
+
+# Samples
+
+
+def check_share(share: float) -> None:
+    """Raise UserError for a share that is not above 0 and at most 1."""
+    if not 0 < share <= 1:
+        raise UserError(f"sample: expected a share above 0 and at most 100 %, got {100 * share:g} %")
+
+
+def draw_sample(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
+    """Draw records to be played again at random, at least one per result; cases without result stay whole.
+
+    Args:
+        cases: the cases.
+        share: of all records, above 0 and at most 1.
+        seed: of the draw.
+    """
+    cases, rng = list(cases), random.Random(seed)
+    records = [
+        (number, part.name, key_of(*matchup))
+        for number, case in enumerate(cases)
+        if case.result is not None and case.result.verified
+        for part, matchups in case.wanted
+        for matchup in matchups
+    ]
+    drawn = set(rng.sample(records, math.ceil(share * len(records))))
+    for number in sorted({record[0] for record in records} - {record[0] for record in drawn}):
+        drawn.add(rng.choice([record for record in records if record[0] == number]))
+    return [
+        _restrict(case, {(part, key) for number, part, key in drawn if number == k})
+        for k, case in enumerate(cases)
+    ]
+
+
+def _restrict(case: Case, drawn: set[tuple[str, Key]]) -> Case:
+    if case.result is None:
+        return case
+    left = (
+        (part, tuple(matchup for matchup in matchups if (part.name, key_of(*matchup)) in drawn))
+        for part, matchups in case.wanted
+    )
+    return dataclasses.replace(case, wanted=tuple((part, matchups) for part, matchups in left if matchups))
+
+
+# Agreement of records
+
+# Returns are compared in shares of the distance from 0 to 100 on the suite's scale.
+ROUND_WITHIN, MEAN_WITHIN = 1e-3, 5e-3
+SHARE_OF_ROUNDS = 0.99
+_STEPS_WITHIN = 0.005  # of all steps, for counts of steps
+_LEVEL_WITHIN = 0.005  # of a sum of levels or rates
+_POINTS_WITHIN = 0.01
+_SAME_WITHIN = 1e-6  # of sums over identical rounds, which are rounded once more when they are added up
+_LEVELS = ("snr_db", "capacity_mbit_s")
+_RETURNS = ("ally_return", "opponent_return")
+_BY_STEP = tuple(name for name in TALLIES if name not in (*_LEVELS, *_RETURNS, "steps", GREATEST))
+_Pair = tuple[Record, Record]
+
+
+def disagreements(played: Iterable[Record], kept: Iterable[Record], suites: Mapping[str, Suite]) -> list[str]:
+    """Return why a result does not hold, one line each; none if it does.
+
+    At least 99 % of all rounds must return the same within a thousandth of the distance from 0 to 100, and
+    the mean against each rival must agree within half a hundredth of that distance. Rounds between scripts
+    have to be the same to the bit, as they are on every machine.
+
+    Args:
+        played: records just played, perhaps against some rivals only.
+        kept: the records of the result.
+        suites: the suites that they were played on.
+    """
+    before = {_record_key(record): record for record in kept}
+    pairs = [(record, before[_record_key(record)]) for record in played]
+    changed = [pair for pair in pairs if not pair[0].same_as(pair[1])]
+    if not changed:
+        return []
+    spans = {  # of a round's return, from 0 to 100
+        suite.hash[:16]: (suite.scale.top - suite.scale.zero) * suite.scenario.steps_per_round
+        for suite in suites.values()
+    }
+    lines = _round_disagreements(pairs, spans) + _mean_disagreements(pairs, spans)
+    lines += _bit_disagreements(changed, suites)
+    return lines + [line for now, then in changed for line in _sum_disagreements(now, then, spans)]
+
+
+def count_identical(played: Iterable[Record], kept: Iterable[Record]) -> int:
+    """Return the number of records that are the same to the bit."""
+    before = {_record_key(record): record for record in kept}
+    return sum(record.same_as(before[_record_key(record)]) for record in played)
+
+
+def _record_key(record: Record) -> tuple[int | None, str, str, str]:
+    return record.training_seed, record.suite, record.suite_hash, record.rival
+
+
+def _round_disagreements(pairs: Sequence[_Pair], spans: Mapping[str, float]) -> list[str]:
+    near = [
+        np.abs(np.subtract(now.returns, then.returns)) <= ROUND_WITHIN * spans[now.suite_hash]
+        for now, then in pairs
+    ]
+    share = float(np.concatenate(near).mean())
+    if share >= SHARE_OF_ROUNDS:
+        return []
+    return [f"{100 * (1 - share):.1f} % of {sum(map(len, near))} rounds return something else"]
+
+
+def _bit_disagreements(changed: Sequence[_Pair], suites: Mapping[str, Suite]) -> list[str]:
+    """Name the records between scripts whose rounds are not the same to the bit."""
+    between_scripts = {
+        (suite.hash[:16], rival.name)
+        for suite in suites.values()
+        for rival in suite.rivals
+        if rival.planner is None
+        and suite.side in NAMED
+        and set(rival.players) <= set(NAMED[suite.other_side])
+    }
+    scripts = {name[:16] for names in NAMED.values() for name in names}
+    return [
+        f"{_where(now)}: other rounds, though scripts play the same to the bit on every machine"
+        for now, then in changed
+        if now.fingerprint in scripts
+        and (now.suite_hash, now.rival) in between_scripts
+        and now.rounds_sha256 != then.rounds_sha256
+    ]
+
+
+def _mean_disagreements(pairs: Sequence[_Pair], spans: Mapping[str, float]) -> list[str]:
+    lines = []
+    for which in dict.fromkeys(_record_key(now)[1:] for now, _ in pairs):
+        of_rival = [pair for pair in pairs if _record_key(pair[0])[1:] == which]
+        means = [np.mean([record.returns for record in side]) for side in zip(*of_rival, strict=True)]
+        if abs(means[0] - means[1]) > MEAN_WITHIN * spans[which[1]]:
+            where = _where(of_rival[0][0])
+            lines.append(f"{where}: mean return {means[0]:.1f}, the result says {means[1]:.1f}")
+    return lines
+
+
+def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) -> list[str]:
+    """Compare lost rounds, sums, frequency points and plans of a record."""
+    seed = "" if now.training_seed is None else f"seed {now.training_seed}, "
+    where, lines = f"{seed}{_where(now)}", []
+    is_same = now.returns == then.returns
+    if now.fingerprint != then.fingerprint:
+        lines.append(f"{where}: of the player {now.fingerprint}, the result says {then.fingerprint:.20}")
+    if abs(now.lost - then.lost) > (0 if is_same else (1 - SHARE_OF_ROUNDS) * len(now.returns)):
+        lines.append(f"{where}: {now.lost} rounds lost, the result says {then.lost}")
+    if now.plans != then.plans:
+        lines.append(f"{where}: other plans: {now.plans}, the result says {then.plans}")
+    for name, most in _tolerances(now, then, spans[now.suite_hash]).items():
+        if abs(now.tally[name] - then.tally[name]) > most:
+            lines.append(f"{where}: {name} {now.tally[name]:g}, the result says {then.tally[name]:g}")
+    for name in ("ally_points", "jam_points"):
+        shares = [
+            np.array(getattr(record, name)) / max(sum(getattr(record, name)), 1) for record in (now, then)
+        ]
+        if len(shares[0]) != len(shares[1]) or np.abs(shares[0] - shares[1]).sum() / 2 > (
+            0 if is_same else _POINTS_WITHIN
+        ):
+            lines.append(f"{where}: other {name}")
+    return lines
+
+
+def _tolerances(now: Record, then: Record, span: float) -> dict[str, float]:
+    """Return how far the sums of two records may differ.
+
+    Rounds that return the same are the same, though the last bits of their sums may be another machine's. Of
+    others, a single round decides the longest outage, which may last for all of that round.
+    """
+    if now.rounds_sha256 == then.rounds_sha256 or now.returns == then.returns:
+        return {name: _SAME_WITHIN * abs(now.tally[name]) for name in TALLIES}
+    within = {"steps": 0.0} | dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
+    within |= {name: _LEVEL_WITHIN * abs(now.tally[name]) for name in _LEVELS}
+    within[GREATEST] = now.tally["steps"] / len(now.returns)
+    return within | dict.fromkeys(_RETURNS, MEAN_WITHIN * span * len(now.returns))
+
+
+def _where(record: Record) -> str:
+    return f"{record.suite}, {record.rival}"
+
+
+# Verdicts
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on one submission, and the line that explains it."""
+
+    name: str
+    is_good: bool
+    line: str
+
+
+def _played_parts(case: Case) -> list[PlayedPart]:
+    """Return the parts of a case as they were played, in the order of ``case.wanted``."""
+    return [read_part(case.work / part.name) for part, _ in case.wanted]
+
+
+def _judge(case: Case, played: Sequence[PlayedPart]) -> tuple[bool, str]:
+    """Return the verdict on a case that was played; writes the result if there is none."""
+    failure = next((part.failure for part in played if part.failure is not None), None)
+    records: list[Record] = []
+    for part, (_, matchups) in zip(played, case.wanted, strict=True) if failure is None else ():
+        records += [part.records[key_of(*matchup)] for matchup in matchups]
+    if case.is_complete and records and all(record.lost == len(record.returns) for record in records):
+        failure = "all of its rounds are lost by rule: its answers are not valid actions"
+    if case.result is None:
+        return _judge_first(case, records, failure)
+    if not case.result.verified:
+        if not case.wanted:
+            return True, "not verified; not part of a sample"
+        if failure is None:
+            return False, f"the result is not verified, but it plays; {_rerun_hint(case.submission)}"
+        return True, f"not verified, as before: {failure}"
+    if failure is not None:
+        return False, f"the result is verified, but now: {failure}"
+    differing = disagreements(records, case.result.records, case.suites)
+    if differing:
+        others = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
+        return False, f"the result does not hold: {differing[0]}{others}"
+    same = count_identical(records, case.result.records)
+    return True, f"holds: {same} of {len(records)} records played again are the same to the bit"
+
+
+def _judge_first(case: Case, records: list[Record], failure: str | None) -> tuple[bool, str]:
+    """Write the first result of a case."""
+    result = Result(case.submission.slug, case.submission.track, case.fingerprint, reason=failure)
+    if failure is None:
+        result = dataclasses.replace(result, records=tuple(records))
+    write_result(case.path, result)
+    line = _describe(result, case.suites)
+    wrong = None if case.claimed is None or failure else _false_claim(case, case.claimed, records)
+    if wrong is not None:
+        return False, f"replaced: the result that came along {wrong}; commit this one: {line}"
+    return failure is None, line
+
+
+def _false_claim(case: Case, claimed: Path, records: list[Record]) -> str | None:
+    """Return what is wrong with a result that came along; None if it holds or there was none."""
+    read = outcome_of(partial(_result_at, claimed, case.submission, case.suites, case.fingerprint))
+    if read.error is not None:
+        return "is not of this entry, or was edited"
+    claim: Result | None = read.result
+    if claim is None:
+        return None
+    if not claim.verified:
+        return "says that it is not verified"
+    differing = disagreements(records, claim.records, case.suites)
+    return f"does not hold: {differing[0]}" if differing else None
+
+
+def _describe(result: Result, suites: Mapping[str, Suite]) -> str:
+    """Return a result as one line."""
+    if not result.verified:
+        return f"not verified: {result.reason}"
+    role = ranked_by(suites)
+    score = summary_of(result.records, suites[role]).score
+    lost = sum(record.lost for record in result.records)
+    rounds = sum(len(record.returns) for record in result.records)
+    lost_text = f", {lost:,} of {rounds:,} rounds lost by rule" if lost else ""
+    return f"verified: {role} {score.value:.1f} [{score.low:.1f}, {score.high:.1f}]{lost_text}"
+
+
+def _missing_isolation(played: Sequence[PlayedPart]) -> str:
+    """Return text on what the processes of policies could not be kept from; empty if all was blocked."""
+    names = dict.fromkeys(name for part in played for name in part.unprotected)
+    return f"; this machine cannot keep a policy from {', '.join(names)}" if names else ""
+
+
+# Boards
+
+
+def verify(
+    board: str | Path,
+    names: Sequence[str] = (),
+    *,
+    sample: float | None = None,
+    sample_seed: int | None = None,
+    update: bool = False,
+    since: str | None = None,
+    changes_known: bool = False,
+    workers: Workers | int = 1,
+) -> list[Verdict]:
+    """Verify submissions; one with problems does not stop the others.
+
+    A submission without a result is played and its result written. Any other is played again and compared
+    with its result. An interrupted verification is resumed.
+
+    Args:
+        board: the leaderboard's folder.
+        names: ``track/name`` each; empty: all.
+        sample: play only this share of the records again, drawn at random, at least one per submission.
+        sample_seed: of the draw; None: a new one, which is reported.
+        update: play again, and replace, results that do not fit the submission or were edited.
+        since: a trusted git revision. Entries whose submission or result differs from it are played in full,
+            whatever the sample, and their results are replaced; the results that came along are compared. Of
+            the others only those that are named, or a sample, are played again.
+        changes_known: accept that other files changed since, too.
+        workers: number of policies that are played at once, or :class:`fpg_bench.common.parallel.Workers`.
+
+    Returns:
+        The verdicts, by track and name.
+
+    Raises:
+        UserError: no such board or submission, a share out of range, unknown changes, or no cluster.
+    """
+    if sample is not None:
+        check_share(sample)
+    board = Path(board)
+    new = frozenset() if since is None else _new_entries(board, since, changes_known)
+    with at_work(board):
+        verification = _Verification(board, new)
+        cases = verification.cases(submission_folders(board, names), update)
+        if sample is not None:
+            seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
+            _logger.info(f"sample: {100 * sample:g} % of all records, --sample-seed {seed}")
+            cases = draw_sample(cases, sample, seed)
+        elif since is not None and not names:
+            cases = verification.changed(cases, since)
+        if not names:
+            verification.check_orphans()
+        every = [job for case in cases for job in verification.jobs(case)]
+        verification.failed |= run_jobs(every, workers, level=logging.DEBUG)
+        for case in cases:
+            verification.settle(case)
+    return sorted(verification.verdicts.values(), key=lambda verdict: verdict.name)
+
+
+def _new_entries(board: Path, since: str, changes_known: bool) -> frozenset[str]:
+    """Return the entries that changed since a revision; other changes must be known."""
+    changes = changed_entries(board, since)
+    if changes.others and not changes_known:
+        few = ", ".join(changes.others[:5]) + (", ..." if len(changes.others) > 5 else "")
+        raise UserError(
+            f"since: {len(changes.others)} files outside of entries have changed: {few}; review them, then "
+            "pass --changes-known"
+        )
+    if changes.has_pairs:
+        _logger.info(
+            f"pairs of cross-play changed: fpg-bench leaderboard crossplay --since {since} plays them"
+        )
+    return changes.entries
+
+
+class _Verification:
+    """Collects verdicts; each submission is settled as soon as its last record is there."""
+
+    def __init__(self, board: Path, new: Collection[str]) -> None:
+        self.verdicts: dict[str, Verdict] = {}
+        self.failed: dict[str, str] = {}
+        self._board, self._new = board, new
+        self._shared: dict[str, list[str]] = {}
+
+    def cases(self, folders: Sequence[Path], update: bool) -> list[Case]:
+        """Return the cases of folders; those that are wrong, or gone, get their verdicts."""
+        aside = {name: outcome_of(partial(set_aside, self._board, *name.split("/"))) for name in self._new}
+        for name in sorted(self._new):
+            if not (self._board / "submissions" / name).is_dir():
+                self._add(name, False, "has no submission: it was removed, or only a result was added")
+        reader, cases = board_reader(self._board, self._new), []
+        for folder in folders:
+            name = f"{folder.parent.name}/{folder.name}"
+            read = outcome_of(partial(load_case, self._board, folder, update, reader))
+            error = read.error if name not in aside else read.error or aside[name].error
+            if error is not None:
+                self._add(name, False, error)
+            else:
+                claimed = aside[name].result if name in aside else None
+                cases.append(dataclasses.replace(read.result, claimed=claimed))
+        self._shared = shared_policies(cases)
+        return cases
+
+    def changed(self, cases: Sequence[Case], since: str) -> list[Case]:
+        """Return the cases that are new, or without a result; the others hold as they were at a revision."""
+        is_kept = [case.result is not None and case.name not in self._new for case in cases]
+        for case in itertools.compress(cases, is_kept):
+            self._add(case.name, True, f"unchanged since {since}, not played again")
+        return [case for case, kept in zip(cases, is_kept, strict=True) if not kept]
+
+    def check_orphans(self) -> None:
+        """Give a verdict on results whose submission is not there."""
+        for track in TRACK_FOLDERS:
+            for path in sorted((self._board / "results" / track).glob("*.jsonl")):
+                if not (self._board / "submissions" / track / path.stem).is_dir():
+                    self._add(f"{track}/{path.stem}", False, f"result {path}: no such submission")
+
+    def jobs(self, case: Case) -> Iterator[Job]:
+        """Yield a job per part of a case."""
+        for part, matchups in case.wanted:
+            folder = case.work / part.name
+            done = partial(_is_done, folder, matchups)
+            job = folder_job(_job_name(case, part), folder, partial(fill, part, matchups), done)
+            yield dataclasses.replace(job, keep=partial(self._keep, job, case))
+
+    def settle(self, case: Case) -> None:
+        """Give the verdict on a case, unless it was given already."""
+        if case.name in self.verdicts:
+            return
+        names = [_job_name(case, part) for part, _ in case.wanted]
+        if errors := [self.failed[name] for name in names if name in self.failed]:
+            self._add(case.name, False, errors[0])
+            return
+        played = outcome_of(partial(_played_parts, case))
+        judged = played if played.error is not None else outcome_of(partial(_judge, case, played.result))
+        if played.error is None and judged.error is not None:  # a full disk, or a folder of somebody else's
+            good, line = False, f"{judged.error}; what was played is kept, run it again"
+        else:
+            shutil.rmtree(case.work, ignore_errors=True)
+            if case.claimed is not None:
+                remove(case.claimed)
+            good, line = judged.result if judged.error is None else (False, judged.error)
+        if others := self._shared.get(case.name):
+            line += f"; it has a policy of {', '.join(others)}, too: ask whose it is"
+        self._add(case.name, good, line + _missing_isolation(played.result or ()))
+
+    def _keep(self, job: Job, case: Case, result: object) -> None:
+        job.keep(result)
+        if all(_is_done(case.work / part.name, matchups) for part, matchups in case.wanted):
+            self.settle(case)
+
+    def _add(self, name: str, good: bool, line: str) -> None:
+        self.verdicts[name] = Verdict(name, good, printable(line))
+        _logger.info(printable(f"{name}: {line}"))
+
+
+def _job_name(case: Case, part: Part) -> str:
+    return f"{case.name} {part.name}"
+
+
+def _is_done(folder: Path, matchups: Sequence[Matchup]) -> bool:
+    return read_part(folder).is_done(matchups)
+
+
+def run_one(
+    folder: str | Path,
+    update: bool = False,
+    *,
+    workers: Workers | int = 1,
+) -> Verdict:
+    """Verify the submission of a folder ``<board>/submissions/<track>/<name>``; see :func:`verify`.
+
+    Raises:
+        UserError: a folder elsewhere, or no cluster.
+    """
+    given, folder = folder, Path(folder).resolve()
+    track = folder.parent.name
+    if folder.parent.parent.name != "submissions" or track not in TRACK_FOLDERS:
+        hint = meant(track, TRACK_FOLDERS) if folder.parent.parent.name == "submissions" else ""
+        expected = f"<leaderboard>/submissions/<{'|'.join(TRACK_FOLDERS)}>/<name>"
+        raise UserError(f"{given}: expected a folder {expected}{hint}")
+    board = Path(short_path(folder.parents[2]))
+    name = f"{track}/{folder.name}"
+    (verdict,) = verify(board, [name], update=update, workers=workers)
+    return verdict

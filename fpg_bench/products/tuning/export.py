@@ -1,0 +1,305 @@
+"""Export: retrain the best trials of a study on fresh seeds, and write the best values into a file."""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+import textwrap
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import optuna
+import yaml
+
+from fpg_bench.common.checks import integer
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import check_target, read_yaml, write_whole
+from fpg_bench.common.imports import check_allowed, reason
+from fpg_bench.common.parallel import Job, Workers, run_jobs
+from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
+from fpg_bench.products.tuning.objective import FAILURES, Objective
+from fpg_bench.products.tuning.space import from_params, merge_values
+from fpg_bench.products.tuning.study import (
+    Storage,
+    Task,
+    best_trials,
+    count_finished,
+    load_study,
+    open_storage,
+)
+from fpg_bench.training.rl_zoo3_format import Entry
+
+N_BEST = 3
+N_SEEDS = 3
+FRESH_SEED = 200_000  # used neither by trials nor by shipped agents
+
+_PACKAGES = ("fpg-bench", "stable-baselines3", "torch", "optuna")
+_PRESENT = "present values"
+_COMMENT = "  # tuned: "
+_CONTINUED = "  #        "
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """A trial that was retrained on fresh seeds.
+
+    Attributes:
+        study_name: name of the study.
+        n_trials: number of its finished trials.
+        trial: number of the trial.
+        values: the tuned hyper-parameters, by name.
+        study_score: score of the trial in the study.
+        score: score on the fresh seeds, with its interval.
+        seeds: the fresh training seeds.
+        task: the study's task, with the budget of the retraining.
+    """
+
+    study_name: str
+    n_trials: int
+    trial: int
+    values: Entry
+    study_score: float
+    score: Interval
+    seeds: range
+    task: Task
+
+
+def export_values(
+    out: str | Path,
+    file: str | Path,
+    *,
+    n_best: int = N_BEST,
+    n_seeds: int = N_SEEDS,
+    steps: int | None = None,
+    force: bool = False,
+    study_name: str | None = None,
+    storage: str | None = None,
+    workers: Workers | int = 1,
+    allow: Collection[str] = (),
+) -> list[Confirmed]:
+    """Retrain the best trials of a study on the same fresh seeds, and write the best values into a file.
+
+    The values that the study began with are retrained as well for comparison. The study stores the score of
+    each training, so that none is repeated.
+
+    Args:
+        out: the study's folder.
+        file: a hyper-parameter file; see :func:`write_values`.
+        n_best: number of trials to retrain.
+        n_seeds: number of fresh training seeds.
+        steps: training budget of a seed; None for that of the study.
+        force: write the values even if they score less than the present ones.
+        study_name: name of the study; None for the only one in the storage.
+        storage: SQLAlchemy URL of a database; None for SQLite in the folder.
+        workers: number of parallel trainings, or :class:`fpg_bench.common.parallel.Workers`.
+        allow: the ``package.module:object`` and agents of the Hub that the study and its suite may name;
+            neither is run on their word.
+
+    Returns:
+        The trials that could be trained on all seeds, best first.
+
+    Raises:
+        UserError: there is no study or no complete trial, the database fails, the file cannot be
+            written, no trial could be retrained, or the best one scores less on the fresh seeds than the
+            present values.
+    """
+    for name, value in (("n_best", n_best), ("n_seeds", n_seeds), ("steps", steps)):
+        if value is not None:
+            integer(value, name)
+    _check_file(Path(file))
+    opened = open_storage(Path(out), storage, must_exist=True)
+    study, task = load_study(opened, study_name)
+    check_allowed(task.model_dump(), allow, f"study {study.study_name!r} in {opened.where}")
+    task = task.model_copy(update={"steps": steps or task.steps})
+    with opened.errors():
+        trials = best_trials(study, n_best)
+        n_trials = count_finished(study)
+    if not trials:
+        raise UserError(f"study {study.study_name!r} in {opened.where}: no trial is complete yet")
+    seeds = range(FRESH_SEED, FRESH_SEED + n_seeds)
+    values = {f"trial {trial.number}": from_params(task.space, trial.params) for trial in trials}
+    present = next((name for name, each in values.items() if _is_present(task, each)), _PRESENT)
+    candidates = values | ({} if present in values else {_PRESENT: {}})
+    jobs = [
+        Job(
+            name := _run_name(candidate, seed, task.steps),
+            partial(_train_again, task, changes, seed, allow),
+            keep=partial(_store_score, opened, study, name),
+            done=partial(_has_score, opened, study, name),
+        )
+        for candidate, changes in candidates.items()
+        for seed in seeds
+    ]
+    run_jobs(jobs, workers)
+    with opened.errors():
+        stored = study.user_attrs
+    intervals = {}
+    for candidate in candidates:
+        scores = [stored.get(_run_name(candidate, seed, task.steps)) for seed in seeds]
+        if None not in scores:
+            intervals[candidate] = mean_interval(np.array(scores), TRAINING_SEEDS)
+    confirmed = []
+    for trial in trials:
+        if (interval := intervals.get(f"trial {trial.number}")) is not None:
+            study_score = float(trial.value or 0.0)
+            _logger.info(
+                "trial %d: %s on fresh seeds, %.1f in the study",
+                trial.number,
+                format_score(interval),
+                study_score,
+            )
+            confirmed.append(
+                Confirmed(
+                    study.study_name,
+                    n_trials,
+                    trial.number,
+                    values[f"trial {trial.number}"],
+                    study_score,
+                    interval,
+                    seeds,
+                    task,
+                )
+            )
+    if not confirmed:
+        raise UserError(f"{out}: no trial could be retrained on all fresh seeds; see the lines above")
+    confirmed.sort(key=lambda trial: -trial.score.value)
+    if present not in intervals:
+        _logger.info("present values: could not be trained on all fresh seeds")
+    elif present in values:
+        _logger.info("present values: those of %s", present)
+    else:
+        _logger.info("present values: %s on fresh seeds", format_score(intervals[present]))
+    best = confirmed[0]
+    if not force and present in intervals and best.score.value < intervals[present].value:
+        raise UserError(
+            f"{file}: not written, on fresh seeds trial {best.trial} scores {best.score.value:.1f}, less "
+            f"than the present values with {intervals[present].value:.1f}; search further, or add --force"
+        )
+    write_values(Path(file), best)
+    _logger.info("written: %s, %s", file, task.game.id)
+    return confirmed
+
+
+def _is_present(task: Task, values: Entry) -> bool:
+    """Return True if a trial has the values that the study began with."""
+    return merge_values(task.hyperparameters, values) == task.hyperparameters
+
+
+def _run_name(candidate: str, seed: int, steps: int) -> str:
+    """Return the name of a retraining, under which a study stores its score."""
+    return f"{candidate} again, seed {seed}, {steps} steps"
+
+
+def _train_again(task: Task, values: Entry, seed: int, allow: Collection[str]) -> float:
+    try:
+        return Objective(task, allow=allow).train(values, [seed]).value
+    except UserError:
+        raise
+    except FAILURES as error:
+        raise UserError(reason(error)) from error
+
+
+def _store_score(storage: Storage, study: optuna.Study, name: str, score: float) -> None:
+    with storage.errors():
+        study.set_user_attr(name, score)
+    _logger.info("%s: score %.1f", name, score)
+
+
+def _has_score(storage: Storage, study: optuna.Study, name: str) -> bool:
+    with storage.errors():
+        return name in study.user_attrs
+
+
+def _check_file(file: Path) -> None:
+    """Raise UserError if a hyper-parameter file cannot be written, before anything is trained for it."""
+    if file.exists() and file.read_text(encoding="utf-8").strip():
+        read_yaml(file, "hyper-parameters")
+    check_target(file, "hyper-parameters")
+
+
+def write_values(file: Path, best: Confirmed) -> None:
+    """Write a trial's values into a file's entry of its id, with a comment on where they come from.
+
+    Comments, keys that were not tuned and other ids stay. Ids that are YAML aliases of this one follow it.
+    An entry that is an alias itself, or missing, becomes a separate one.
+
+    Raises:
+        UserError: the file cannot be read, or its entry has a form that cannot be edited.
+    """
+    env_id = best.task.game.id
+    text = file.read_text(encoding="utf-8") if file.exists() else ""
+    content = read_yaml(file, "hyper-parameters") if text.strip() else {}
+    entry = merge_values(content.get(env_id) or best.task.hyperparameters, best.values)
+    changed = {name.partition(".")[0] for name in best.values}
+    written = "\n".join(_edit(text.splitlines(), env_id, entry, changed, provenance(best))) + "\n"
+    try:
+        edited = yaml.safe_load(written)
+    except yaml.YAMLError:
+        edited = None
+    is_kept = isinstance(edited, dict) and edited.get(env_id) == entry and content.keys() <= edited.keys()
+    if not is_kept or written.count(f"{env_id}:") + written.count(f'{env_id}":') > 1:
+        raise UserError(
+            f"hyper-parameters {file}: the entry of {env_id} cannot be edited; write it as one key a line, "
+            f"or set yourself: {json.dumps(best.values)}"
+        )
+    write_whole(file, written)
+
+
+def provenance(best: Confirmed) -> list[str]:
+    """Return the lines of the comment: study, trial, scores, seeds and versions."""
+    task = best.task
+    text = (
+        f"study {best.study_name!r}, trial {best.trial} (of {best.n_trials}): "
+        f"score {format_score(best.score)} over the fresh training seeds {best.seeds[0]} to {best.seeds[-1]} "
+        f"of {task.steps:,} steps each, {best.study_score:.1f} in the study; "
+        f"suite {task.suite} on tuning seeds, {task.rounds} rounds "
+        "per rival; " + ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+    )
+    return textwrap.wrap(text, 110, initial_indent=_COMMENT, subsequent_indent=_CONTINUED)
+
+
+def format_score(score: Interval) -> str:
+    """Return a score with its interval, if it has one."""
+    interval = f" [{score.low:.1f}, {score.high:.1f}]" if score.low < score.high else ""
+    return f"{score.value:.1f}{interval}"
+
+
+def _edit(lines: list[str], env_id: str, entry: Entry, changed: set[str], comment: list[str]) -> list[str]:
+    """Return the file's lines with the entry's changed keys and the comment."""
+    start = next((i for i, line in enumerate(lines) if line.startswith(f"{env_id}:")), None)
+    if start is None:
+        return [*lines, f"{env_id}:", *comment, *_format(entry, set(entry))]
+    head = lines[start]
+    end = next((i for i in range(start + 1, len(lines)) if not lines[i].startswith(" ")), len(lines))
+    if not re.fullmatch(rf"{re.escape(env_id)}:\s*(&\S+)?\s*(#.*)?", head):  # an alias, or in one line
+        anchor = re.match(rf"{re.escape(env_id)}:\s*(&\S+)", head)
+        head = f"{env_id}: {anchor[1]}" if anchor else f"{env_id}:"
+        return [*lines[:start], head, *comment, *_format(entry, set(entry)), *lines[end:]]
+    kept, unwritten = [], set(changed)
+    is_replaced = False
+    for line in lines[start + 1 : end]:
+        if line.startswith((_COMMENT, _CONTINUED)):
+            continue
+        if key := re.match(r"  (\w+):", line):
+            is_replaced = key[1] in changed
+            unwritten.discard(key[1])
+            kept += _format(entry, {key[1]}) if is_replaced else []
+        if not is_replaced:
+            kept.append(line)
+    return [*lines[: start + 1], *comment, *kept, *_format(entry, unwritten), *lines[end:]]
+
+
+def _format(entry: Entry, keys: set[str]) -> list[str]:
+    """Return keys of an entry, one a line, with mappings and lists in brackets."""
+    lines = []
+    for key in (key for key in entry if key in keys):
+        text = yaml.safe_dump(entry[key], default_flow_style=True, width=10**6, sort_keys=False)
+        lines.append(f"  {key}: " + text.removesuffix("\n").removesuffix("\n..."))
+    return lines

@@ -1,0 +1,139 @@
+"""The LLM planner's transcript: a replay asks nobody, a record goes on and loses nothing."""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+
+import numpy as np
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.products.language_models.llm_planner import LLMPlanner
+from fpg_bench.products.language_models.prompts import load_prompt
+
+from .fault_server import FaultServer, ok, refusal, status
+from .playing import BAD, GOOD, SHORT, assert_same, endpoint, path_text, planner, play, request, statuses
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """A transcript of a match with good, repaired, bad and no answers, and the match."""
+    file = tmp_path / "transcript.jsonl"
+    behaviours = [ok(BAD), ok(path_text(1)), ok(BAD), refusal(), status(400), ok(path_text(2) + "!")]
+    with FaultServer(behaviours) as server:
+        return file, play(planner(server, transcript=file))
+
+
+def test_a_replay_is_identical_without_a_server_a_key_or_the_openai_package(recorded, monkeypatch):
+    file, played = recorded
+    assert statuses(played[0]) == ["reasked", "fallback-refused", "fallback-http", "ok"]
+    before = file.read_bytes()
+    monkeypatch.setitem(sys.modules, "openai", None)
+    assert_same(played, play(planner(transcript=file, mode="replay")))
+    assert file.read_bytes() == before
+    with (
+        FaultServer([GOOD]) as server,
+        pytest.raises(UserError, match=r"is not installed: pip install .*\[llm\]"),
+    ):
+        planner(server)
+
+
+def test_the_server_s_prompt_is_asked_with_and_a_replay_takes_the_transcript_s(tmp_path):
+    file = tmp_path / "transcript.jsonl"
+    with FaultServer([GOOD]) as server:
+        asking = LLMPlanner(SHORT, endpoint(server, "embedded"), transcript=file)
+        played = play(asking)
+    assert asking.prompt == load_prompt("brief")
+    assert_same(played, play(planner(transcript=file, mode="replay")))
+
+
+def test_a_recorded_match_calls_nothing_again(recorded):
+    file, played = recorded
+    with FaultServer([GOOD]) as server:
+        assert_same(played, play(planner(server, transcript=file)))
+        assert not server.requests
+
+
+def test_a_run_that_was_stopped_goes_on_and_calls_nothing_twice(recorded):
+    file, (plans, states) = recorded
+    lines = file.read_bytes().splitlines(keepends=True)
+    file.write_bytes(b"".join(lines[:3]) + lines[3][:-20])
+    with FaultServer([refusal(), status(400), ok(path_text(2) + "!")]) as server:
+        again = play(planner(server, transcript=file))
+        assert len(server.requests) == 3
+    assert np.array_equal(again[1], states)
+    assert statuses(again[0]) == statuses(plans)
+    assert file.read_bytes().startswith(b"".join(lines[:3]))
+    assert_same(again, play(planner(transcript=file, mode="replay")))
+
+
+def test_a_transcript_is_read_by_the_version_of_the_parser_that_it_was_recorded_with(tmp_path):
+    file = tmp_path / "transcript.jsonl"
+    surplus = ", ".join(f"[{i + 1}, 2, 3]" for i in range(17))  # cut by version 1, asked again by version 2
+    with FaultServer([ok(surplus)]) as server:
+        played = play(planner(server, transcript=file, parser=1))
+    rows = [json.loads(line) for line in file.read_text().splitlines()]
+    for row in rows:
+        assert row.pop("parser") == 1
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows[:-1]))  # as before there were versions
+    assert set(statuses(played[0])) == {"repaired"}
+    with FaultServer([ok(surplus)]) as server:
+        resumed = play(planner(server, transcript=file))
+        assert len(server.requests) == 1
+    assert np.array_equal(resumed[1], played[1])
+    assert_same(resumed, play(planner(transcript=file, mode="replay")))
+    with FaultServer([ok(surplus)]) as server:
+        assert set(statuses(play(planner(server))[0])) == {"fallback-invalid"}
+    with pytest.raises(UserError, match="parser: expected one of 1, 2, got 3"):
+        planner(server, parser=3)
+
+
+def set_field(index, name, value):
+    return lambda rows: rows[index].update({name: value})
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (lambda rows: rows.pop(0), "round 0, attempt 0 is missing"),
+        (lambda rows: rows.pop(1), "round 0, attempt 1 is missing"),
+        (lambda rows: rows.pop(5), "round 3, attempt 0 is missing"),
+        (set_field(1, "text", path_text(1).replace("201", "202")), "round 0, attempt 1 is changed"),
+        (set_field(0, "text", "Next directions: [[1, 2, 3]]"), "round 0, attempt 0 is changed"),
+        (set_field(1, "status", "repaired"), "round 0, attempt 1 is changed"),
+        (set_field(4, "error", "timeout"), "round 2, attempt 0 is changed"),
+        (set_field(5, "request", {"messages": []}), "round 3, attempt 0 was recorded with other messages"),
+    ],
+)
+def test_a_replay_of_a_missing_or_changed_entry_is_refused_by_name(recorded, change, named):
+    file, _ = recorded
+    rows = [json.loads(line) for line in file.read_text().splitlines()]
+    change(rows)
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    with pytest.raises(UserError, match=f"seed 5, match 0, {named}"):
+        play(planner(transcript=file, mode="replay"))
+
+
+@pytest.mark.parametrize("options", [{"prompt": "paper"}, {"control": "no-history"}])
+def test_a_replay_with_another_prompt_is_told_the_recorded_one(recorded, options):
+    with pytest.raises(UserError, match="prompt 'standard', control 'none'"):
+        play(planner(transcript=recorded[0], mode="replay", **options))
+
+
+def test_a_full_disk_ends_the_run_and_loses_nothing(tmp_path):
+    file, soft_hard = tmp_path / "transcript.jsonl", resource.getrlimit(resource.RLIMIT_FSIZE)
+    with FaultServer([GOOD]) as server:
+        asking = planner(server, transcript=file)
+        asking.plan_batch([request(0)])
+        kept = file.read_bytes()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(kept) + 100, soft_hard[1]))
+        try:
+            with pytest.raises(OSError, match="too large"):
+                asking.plan_batch([request(1)])
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, soft_hard)
+        assert file.read_bytes()[: len(kept)] == kept
+        asking.plan_batch([request(1)])
+    assert [json.loads(line)["round"] for line in file.read_text().splitlines()] == [0, 1]

@@ -1,0 +1,107 @@
+"""Policies and submissions for tests, sound ones and hostile ones."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import yaml
+from onnx import TensorProto, helper, numpy_helper
+
+from fpg_bench.products.sandbox.client import Policy
+
+FIELDS = {
+    "name": "Mine",
+    "authors": ["A. Author"],
+    "algorithm": "linear",
+    "reference": None,
+    "licence": "MIT",
+    "track": "ally",
+    "training": {"steps": 1000, "hours": 0.1, "seeds": [0, 1]},
+    "saw": "the scripted opponents",
+    "unable": "nothing else",
+}
+ABOUT = {
+    "format": 1,
+    "algorithm": "linear",
+    "id": "FPG/AllyVsScripted-v0",
+    "scenario": "0" * 64,
+    "training_steps": 1000,
+}
+
+
+def value(name, size=15, kind=TensorProto.FLOAT, batch="n"):
+    return helper.make_tensor_value_info(name, kind, [batch, size])
+
+
+def weights(name="w", rows=15, columns=9, scale=1.0):
+    return numpy_helper.from_array(np.full((rows, columns), scale, np.float32), name)
+
+
+def whole(content, name):
+    return numpy_helper.from_array(np.array(content, np.int64), name)
+
+
+def node(kind, inputs, outputs, **attributes):
+    return helper.make_node(kind, inputs, outputs, **attributes)
+
+
+def model(nodes, constants=(), inputs=None, outputs=None, opsets=(("", 18),), **more) -> bytes:
+    """An ONNX file of these operators, from ``observation`` to ``action`` by default."""
+    graph = helper.make_graph(
+        nodes, "policy", inputs or [value("observation")], outputs or [value("action", 9)], list(constants)
+    )
+    imports = [helper.make_opsetid(*opset) for opset in opsets]
+    return helper.make_model(graph, opset_imports=imports, ir_version=9, **more).SerializeToString()
+
+
+def through(*kinds, scale=1.0, **attributes) -> bytes:
+    """A product with constant weights, then these operators in turn."""
+    names = [f"x{i}" for i in range(len(kinds))] + ["action"]
+    nodes = [node("MatMul", ["observation", "w"], [names[0]])]
+    nodes += [node(k, [a], [b], **attributes) for k, a, b in zip(kinds, names[:-1], names[1:], strict=True)]
+    return model(nodes, [weights(scale=scale)])
+
+
+def dividing_by_zero() -> bytes:
+    """A policy that divides integers by zero, which ends its process."""
+    nodes = [
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("Cast", ["x"], ["whole"], to=TensorProto.INT64),
+        node("Div", ["one", "whole"], ["part"]),
+        node("Cast", ["part"], ["y"], to=TensorProto.FLOAT),
+        node("Tanh", ["y"], ["action"]),
+    ]
+    return model(nodes, [weights(scale=0.0), whole([1], "one")])
+
+
+def policy(seed: int) -> bytes:
+    """A random linear policy, for which nothing has to be trained."""
+    drawn = np.random.default_rng(seed).normal(size=(15, 9)).astype(np.float32)
+    nodes = [node("MatMul", ["observation", "w"], ["raw"]), node("Tanh", ["raw"], ["action"])]
+    return model(nodes, [numpy_helper.from_array(drawn, "w")])
+
+
+def as_policy(data: bytes, seed: int = 0) -> Policy:
+    return Policy(seed, None, data, hashlib.sha256(data).hexdigest())
+
+
+def write_seed(folder: Path, seed: int, data: bytes | None = None, **changes) -> None:
+    data = policy(seed) if data is None else data
+    folder.mkdir(parents=True, exist_ok=True)
+    sha256 = hashlib.sha256(data).hexdigest()
+    about = {**ABOUT, "training_seed": seed, "policy_sha256": sha256, **changes}
+    (folder / "policy.onnx").write_bytes(data)
+    (folder / "agent.json").write_text(json.dumps(about))
+
+
+def write_submission(folder: Path, seeds=(0, 1), **changes) -> Path:
+    """A sound submission, but for what is changed; a suite that is to be ``...`` is left out."""
+    folder.mkdir(parents=True)
+    suites = {key: content for key, content in (FIELDS | changes).items() if content is not ...}
+    (folder / "submission.yaml").write_text(yaml.safe_dump(suites))
+    for seed in seeds:
+        write_seed(folder / f"seed_{seed}", seed)
+    return folder

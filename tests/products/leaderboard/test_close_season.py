@@ -1,0 +1,515 @@
+"""Closing a season, from entries to a folder that others can check."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import json
+import logging
+import multiprocessing
+import re
+import shutil
+from collections import Counter
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+import yaml
+
+from fpg_bench import UserError
+from fpg_bench.evaluation.store import Store
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.players.agent import load_agent
+from fpg_bench.players.trust import remember_exported
+from fpg_bench.products.leaderboard.season.audit import audit_season, check_entries, late_entries
+from fpg_bench.products.leaderboard.season.candidates import (
+    PROFILE,
+    against_candidate,
+    earned,
+    play_candidate,
+)
+from fpg_bench.products.leaderboard.season.closing import _lock, close_season, make_closing
+from fpg_bench.products.leaderboard.season.entries import SeasonEntry, read_entries, season_seed
+from fpg_bench.products.leaderboard.season.recipes import (
+    ALGORITHMS,
+    REWARDS,
+    STEPS,
+    assign_balanced,
+    draw_number,
+    draw_recipes,
+    hyperparameters,
+    shuffled,
+)
+from fpg_bench.products.leaderboard.season.season import FILE, load_season
+from fpg_bench.products.leaderboard.season.selection import (
+    PROBE,
+    Meeting,
+    entry_returns,
+    group_candidates,
+    limit_influence,
+    select_by_group,
+    select_diverse,
+    select_representative,
+)
+from tests.logged import logged
+from tests.products.leaderboard.making import (
+    dividing_by_zero,
+    model,
+    node,
+    through,
+    weights,
+    write_seed,
+    write_submission,
+)
+
+ALLIES = [
+    SeasonEntry(f"ally/{name}", "ally", None, tuple(f"{name}/seed_{k}" for k in range(5))) for name in "abcd"
+]
+ALLIES += [SeasonEntry(f"ally/{name}", "ally", None, (name,)) for name in ("expert", "idle")]
+OPPONENTS = [
+    SeasonEntry("opponent/pursuer", "opponent", "pursuit", ("p/seed_0", "p/seed_1")),
+    SeasonEntry("opponent/flyer", "opponent", "learned", ("f/seed_0", "f/seed_1")),
+    SeasonEntry("opponent/tone", "opponent", "pursuit", ("tone",)),
+]
+
+# Three entries against five candidates: 0 is weak, 1 to 3 hurt one entry each, 4 is the strongest.
+RETURNS = np.array([[20.0, 0, 9, 9, 1], [20.0, 9, 0, 9, 1], [20.0, 9, 9, 0, 1]])
+both_selections = pytest.mark.parametrize("select", [select_diverse, select_representative])
+
+
+def test_draws_are_the_same_everywhere_and_values_are_balanced():
+    assert shuffled("abcdef", "seed") == list("edbfca")
+    assert [draw_number(100, "seed", i) for i in range(5)] == [79, 20, 87, 63, 35]
+    assert Counter(assign_balanced("abc", 8, "seed")) == {"a": 3, "b": 3, "c": 2}
+    assert assign_balanced("abc", 8, "seed") != assign_balanced("abc", 8, "other")
+
+
+@pytest.mark.parametrize(("side", "entries"), [("opponent", ALLIES), ("ally", OPPONENTS)])
+def test_seeds_change_only_how_properties_are_combined(side, entries):
+    a, b = (draw_recipes(seed, side, 24, entries) for seed in ("a", "b"))
+    for kind in ("algorithm", "reward", "gamma"):
+        counts = Counter(getattr(recipe, kind) for recipe in a)
+        assert counts == Counter(getattr(recipe, kind) for recipe in b)
+        assert kind == "algorithm" or max(counts.values()) - min(counts.values()) <= 3
+    assert {recipe.reward for recipe in a} == set(REWARDS[side])
+    assert all(recipe.steps in STEPS[recipe.algorithm] for recipe in a)
+    assert [(r.reward, r.targets) for r in a] != [(r.reward, r.targets) for r in b]
+    assert not {r.training_seed for r in a} & {r.training_seed for r in b}
+    assert draw_recipes("a", side, 24, entries) == a
+
+
+def test_every_trained_entry_is_the_first_target_equally_often_and_paths_are_never_mixed():
+    recipes = draw_recipes("a", "opponent", 24, ALLIES)
+    firsts = Counter(recipe.targets[0].partition("/")[0] for recipe in recipes)
+    assert firsts == dict.fromkeys("abcd", 6)
+    assert {len(recipe.targets) for recipe in recipes} == {1, 3, 5}
+    assert all(len({t.partition("/")[0] for t in r.targets}) == len(r.targets) for r in recipes)
+
+    for recipe in draw_recipes("a", "ally", 24, OPPONENTS):
+        paths = {"p": "pursuit", "f": "learned"}
+        assert {paths[t[0]] for t in recipe.targets if "/" in t} == {recipe.path}
+
+
+def test_scripts_are_targets_where_nobody_was_trained():
+    recipes = draw_recipes("a", "opponent", 4, ALLIES[-2:])
+    assert {recipe.targets[0] for recipe in recipes} == {"expert", "idle"}
+    with pytest.raises(UserError, match="no entries to train candidates of the ally against"):
+        draw_recipes("a", "ally", 4, [])
+
+
+@pytest.mark.parametrize("algorithm", sorted(set(ALGORITHMS)))
+def test_hyperparameters_follow_the_recipe(algorithm):
+    recipe = next(r for r in draw_recipes("a", "opponent", 24, ALLIES) if r.algorithm == algorithm)
+    values = hyperparameters(recipe)
+    assert (values["gamma"], values["n_timesteps"]) == (recipe.gamma, recipe.steps)
+    assert values["policy_kwargs"].get("log_std_init") == recipe.log_std
+
+
+@both_selections
+def test_the_strongest_candidate_is_selected_first_and_invalid_returns_are_refused(select):
+    assert select(RETURNS, 1) == [4]
+    assert sorted(select(RETURNS, 5)) == list(range(5))
+    with pytest.raises(UserError, match="cannot select 6 members from 5 candidates"):
+        select(RETURNS, 6)
+    invalid = RETURNS.copy()
+    invalid[1, 2] = np.nan
+    with pytest.raises(UserError, match="season: an entry has a return that is not finite"):
+        select(invalid, 2)
+
+
+def test_a_diverse_selection_has_the_most_different_candidates():
+    assert select_diverse(RETURNS, 2) == [4, 0]
+    copied = np.concatenate((RETURNS, RETURNS[:, 1:2] + 0.1), axis=1)
+    assert select_diverse(copied, 6)[-1] in (1, 5)
+
+
+def test_a_representative_selection_has_the_mean_of_all_candidates():
+    rng = np.random.default_rng(0)
+    returns = rng.normal(0, 8, (10, 24))
+
+    def distance(selected):
+        return np.linalg.norm(returns[:, selected].mean(axis=1) - returns.mean(axis=1))
+
+    representative = distance(select_representative(returns, 12))
+    assert representative < 0.5 * distance(select_diverse(returns, 12))
+    random = [distance(rng.choice(24, 12, replace=False)) for _ in range(50)]
+    assert representative < 0.5 * np.median(random)
+
+
+def two_kinds(n_herders, n_aimers, n_entries=12):
+    """Returns of entries of two independent skills against candidates that ask for one of them each."""
+    rng = np.random.default_rng(1)
+    standing, moving = rng.normal(0, 5, (2, n_entries, 1))
+    level, noise = (
+        rng.normal(0, 10, n_herders + n_aimers),
+        rng.normal(0, 1, (n_entries, n_herders + n_aimers)),
+    )
+    return level + noise + np.hstack([standing] * n_herders + [moving] * n_aimers)
+
+
+def test_candidates_are_grouped_by_who_fares_well_against_them_and_named_by_two_scripts():
+    returns, leads = two_kinds(5, 7), np.array([3.0, -1, 8, 9, 2, 1, -5, -3, -9, 2, 0, -8])
+    assert group_candidates(returns, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
+    assert group_candidates(100 * returns + 1000, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
+    assert group_candidates(returns, -leads, "ally") == ["evasive"] * 5 + ["herdable"] * 7
+    with pytest.raises(UserError, match="not finite"):
+        group_candidates(np.where(returns == returns.max(), np.inf, returns), leads, "ally")
+
+
+def profiles_of(returns, seeds):
+    """As a closing keeps them: a meeting per training seed of each entry, and the probes."""
+    return [
+        [
+            *(Meeting(f"e{i}", "", {"ally": x}) for i, x in enumerate(column) for _ in range(seeds[i])),
+            Meeting(PROBE, "", {"ally": -1e9}),
+        ]
+        for column in returns.T
+    ]
+
+
+def test_an_entry_has_one_row_however_many_training_seeds_it_has():
+    returns = np.random.default_rng(0).normal(0, 8, (4, 6))
+    assert entry_returns(profiles_of(returns, [1, 5, 2, 10]), "ally") == pytest.approx(returns)
+
+
+@pytest.mark.parametrize("chance", range(10))
+def test_an_entry_that_loses_against_candidates_of_its_choice_does_not_steer_the_halves(chance):
+    rng, kinds = np.random.default_rng(chance), np.arange(24) % 2
+    taste = np.where(kinds, 1, -1) * rng.normal(0, 2, (20, 1))
+    honest = taste + rng.normal(8, 4, (20, 1)) + rng.normal(0, 2, (1, 24)) + rng.normal(0, 1, (20, 24))
+    chosen = rng.permutation(kinds)
+    hostile = np.where(chosen, -35.8, rng.normal(8, 1, 24))
+    profiles = profiles_of(np.vstack([honest, hostile]), [1] * 20 + [10])
+    returns = limit_influence(entry_returns(profiles, "ally"))
+    groups = group_candidates(returns, kinds.astype(float), "opponent")
+    assert groups == [["aimers", "herders"][kind] for kind in kinds]
+
+
+def test_a_season_has_as_many_members_of_each_group():
+    returns = two_kinds(4, 16)
+    groups = ["herders"] * 4 + ["aimers"] * 16
+    assert Counter(groups[i] for i in select_by_group(returns, groups, 6)) == {"herders": 3, "aimers": 3}
+    with logged() as messages:
+        selected = select_by_group(returns, groups, 12)
+    assert messages == ["season: selected 8 members instead of 12, from 16 aimers, 4 herders"]
+    assert Counter(groups[i] for i in selected) == {"herders": 4, "aimers": 4}
+    aimers = [i for i in selected if groups[i] == "aimers"]
+    assert aimers == [4 + i for i in select_representative(returns[:, 4:], 4)]
+    assert sorted(select_by_group(returns, ["aimers"] * 20, 20)) == list(range(20))  # all are of one kind
+
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = "fpg_bench.products.leaderboard.season"
+ENTRIES = (
+    "ally/ally-scripted-td3",
+    "ally/expert",
+    "opponent/opponent-pursuit-td3",
+    "opponent/tone",
+    "planner/circle",
+)
+TINY_STEPS = {algorithm: tuple(n // 2000 for n in steps) for algorithm, steps in STEPS.items()}
+
+
+def run_here(jobs, workers=1):
+    """Run jobs one after the other, as workers do."""
+    for job in jobs:
+        if not job.done():
+            logging.getLogger("fpg_bench").info(f"{job.name}: begins")
+            job.keep(job.run())
+    return {}
+
+
+@contextlib.contextmanager
+def few_steps():
+    """Two rounds against each candidate, and short trainings."""
+    rounds = patch(f"{PACKAGE}.candidates.ROUNDS", 2)
+    with rounds, patch(f"{PACKAGE}.recipes.STEPS", TINY_STEPS):
+        yield
+
+
+def close_tiny(board, work, out, name="1", scenario="standard", **options):
+    """Close a season of two candidates per side; returns it and the messages."""
+    with few_steps(), patch(f"{PACKAGE}.closing.run_jobs", run_here), logged() as messages:
+        closing = make_closing(name, board, work, candidates=2, size=2, scenario=scenario)
+        season = close_season(closing, out, **options)
+    return season, messages
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory):
+    """A leaderboard of a few shipped entries, and one that answers NaN or dies."""
+    folder = tmp_path_factory.mktemp("board")
+    for name in ENTRIES:
+        shutil.copytree(ROOT / "leaderboard/submissions" / name, folder / "submissions" / name)
+    broken = write_submission(folder / "submissions/ally/broken", seeds=(0, 1), name="Broken")
+    write_seed(broken / "seed_0", 0, through("Abs", "Neg", "Log"))  # NaN or infinity
+    write_seed(broken / "seed_1", 1, dividing_by_zero())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def closed(board, tmp_path_factory):
+    """A closed season and the folder of its candidates."""
+    folder = tmp_path_factory.mktemp("closed")
+    season, _ = close_tiny(board, folder / "work", folder / "season-1")
+    return season, folder / "work"
+
+
+@pytest.fixture
+def season(closed):
+    return closed[0]
+
+
+@pytest.fixture
+def copied(closed, tmp_path):
+    """A copy of both folders, to be damaged."""
+    season, work = closed
+    shutil.copytree(season.folder, tmp_path / "season-1")
+    shutil.copytree(work, tmp_path / "work")
+    return tmp_path
+
+
+def policies(season):
+    return [(side, member.name, member.policy_sha256) for side, member in season.all_members()]
+
+
+@pytest.mark.slow
+def test_a_season_has_members_of_both_sides_with_their_recipes(season):
+    loaded = load_season(season.folder)
+    assert (loaded, loaded.hash) == (season, season.hash)
+    assert {side: {member.group for member in members} for side, members in loaded.members.items()} == {
+        "ally": {"herdable", "evasive"},
+        "opponent": {"herders", "aimers"},
+    }
+    suite = yaml.safe_load((season.folder.parent / "ally-season-1.yml").read_text())
+    assert {(rival["name"], rival["group"]) for rival in suite["rivals"]} == {
+        (member.name, member.group) for member in loaded.members["opponent"]
+    }
+    for side, member in loaded.all_members():
+        agent = load_agent(loaded.agent(side, member), side)
+        assert agent.card.training_seed == member.training_seed
+        assert agent.card.game.reward == member.reward
+
+
+@pytest.mark.slow
+def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board, copied):
+    (copied / "season-1" / FILE).unlink()  # killed while it was published
+    run = copied / "work/opponent/o00"
+    about = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps(about | {"finished": False}))
+    shutil.rmtree(run / "agent")
+    rows = copied / "work/ally/a01" / PROFILE
+    rows.write_text(rows.read_text()[:-20])  # killed while it was played
+    again, messages = close_tiny(board, copied / "work", copied / "season-1")
+    assert policies(again) == policies(season)
+    assert (again.folder / FILE).read_text() == (season.folder / FILE).read_text()
+    assert messages[0] == f"season-1, seed {season.seed[:16]}: 4 candidates, 2 of them done"
+    begun = [line for line in messages if line.endswith(": begins")]
+    assert begun == ["ally/a01: begins", "opponent/o00: begins"]
+
+
+@pytest.mark.slow
+def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(closed):
+    season, work = closed
+    assert season.entries["ally/broken"]
+    profile = Store(work / "opponent/o00" / PROFILE).records()
+    lost = [earned(record, "ally")["ally"] for record in profile if record.entry == "ally/broken"]
+    assert lost == [pytest.approx(load_suite("ally-v2").scale.reward(-100), rel=0.01)] * 2
+
+
+@pytest.mark.slow
+def test_each_scenario_is_closed_by_itself(season, tmp_path):
+    board = tmp_path / "board"
+    for name in (*ENTRIES, "ally/sulk-link", "ally/ally-link-dqn", "opponent/herd-link"):
+        shutil.copytree(ROOT / "leaderboard/submissions" / name, board / "submissions" / name)
+    link, _ = close_tiny(board, tmp_path / "work", tmp_path / "season-1-link", scenario="link")
+    assert (link.name, link.number, link.scenario) == ("season-1-link", 1, "link")
+    assert sorted(link.entries) == ["ally/ally-link-dqn", "ally/sulk-link", "opponent/herd-link"]
+    assert link.seed == season_seed("1", "1-link", read_entries(board, scenario="link")) != season.seed
+    for side, member in link.all_members():
+        assert load_agent(link.agent(side, member)).card.game.scenario == "link"
+    made = {file.stem: yaml.safe_load(file.read_text()) for file in tmp_path.glob("*.yml")}
+    assert sorted(made) == ["ally-link-season-1", "opponent-link-season-1"]
+    assert {suite["scenario"] for suite in made.values()} == {"link"}
+    check_entries(link, read_entries(board, scenario="link"))
+    assert late_entries(link, read_entries(board)) == []  # those of the other scenario were not asked
+    with pytest.raises(UserError, match="scenario: expected standard or link, got 'paper'"):
+        make_closing("1", board, tmp_path, scenario="paper")
+
+
+@pytest.mark.slow
+def test_one_side_can_be_trained_first(board, copied):
+    shutil.rmtree(copied / "season-1")
+    shutil.rmtree(copied / "work/ally")
+    season, messages = close_tiny(board, copied / "work", copied / "season-1", sides=["opponent"])
+    assert season is None
+    assert messages[-1] == "season-1: not closed yet: candidates of the ally are missing"
+
+
+@pytest.mark.slow
+def test_a_season_is_closed_once_and_in_a_folder_of_its_own(closed, board, tmp_path):
+    season, work = closed
+    with pytest.raises(UserError, match="is closed already; choose another number"):
+        close_tiny(board, work, season.folder)
+    with pytest.raises(UserError, match=r"holds candidates of another closing .seed"):
+        close_tiny(board, work, tmp_path / "season-2", name="2")
+
+
+@contextlib.contextmanager
+def locked_elsewhere(work, task):
+    """Hold a lock of a closing in another process."""
+    fork = multiprocessing.get_context("fork")
+    held, released = fork.Event(), fork.Event()
+
+    def hold():
+        with _lock(work, task, ""):
+            held.set()
+            released.wait(60)
+
+    other = fork.Process(target=hold)
+    other.start()
+    assert held.wait(60)
+    yield
+    released.set()
+    other.join()
+
+
+@pytest.mark.process
+def test_two_closings_at_once_in_one_folder_are_refused(board, tmp_path):
+    message = "another process is training candidates of the opponent in .*; wait until it ends"
+    with locked_elsewhere(tmp_path, "opponent"), pytest.raises(UserError, match=message):
+        close_tiny(board, tmp_path, tmp_path / "season")
+    assert not (tmp_path / "season").exists()
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_two_processes_with_a_side_each_publish_a_season_once(season, board, copied, monkeypatch):
+    out, work = copied / "season-1", copied / "work"
+    shutil.rmtree(out)
+    message = "another process is publishing season-1 in .*; wait until it ends"
+    with locked_elsewhere(work, "publish"), pytest.raises(UserError, match=message):
+        close_tiny(board, work, out, sides=["ally"])
+    assert not out.exists()
+
+    def finish_other_side(jobs, *_):
+        monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", run_here)
+        close_season(closing, out, sides=["opponent"])
+        (out / "ally" / "kept").touch()
+        return {}
+
+    monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", finish_other_side)
+    closing = make_closing("1", board, work, candidates=2, size=2)
+    with few_steps():
+        assert close_season(closing, out, sides=["ally"]) == season.model_copy(update={"folder": out})
+    assert (out / "ally" / "kept").exists()
+
+
+@pytest.mark.parametrize("name", ["0", "season-1", "Mine", "../x", ""])
+def test_invalid_names_of_closings_are_refused(board, tmp_path, name):
+    with pytest.raises(UserError, match="expected a number, or a word for a training population"):
+        make_closing(name, board, tmp_path)
+
+
+def test_the_seed_depends_on_all_entries_in_any_order(board):
+    entries = read_entries(board)
+    seed = season_seed("1", 1, entries)
+    assert season_seed("1", 1, entries[::-1]) == seed
+    others = [season_seed("1", 2, entries), season_seed("2", 1, entries)]
+    others += [season_seed("1", 1, entries[:i] + entries[i + 1 :]) for i in range(len(entries))]
+    assert len({seed, *others}) == len(others) + 1
+
+
+def test_missing_and_invalid_entries_are_refused(board, tmp_path):
+    shutil.copytree(board, tmp_path / "board")
+    (tmp_path / "board/submissions/opponent/tone/submission.yaml").write_text("name: x\n")
+    with pytest.raises(UserError, match=r"entry opponent/tone: submission.yaml: lacks"):
+        read_entries(tmp_path / "board")
+
+
+@pytest.mark.slow
+def test_missing_and_late_entries_are_named(season, board):
+    entries = read_entries(board)
+    check_entries(season, entries)
+    assert late_entries(season, entries) == []
+    with pytest.raises(
+        UserError, match="the entry ally/expert, which it was closed over, is missing; audit the season"
+    ):
+        check_entries(season, [entry for entry in entries if entry.name != "ally/expert"])
+    changed = [dataclasses.replace(entry, hashes=("0" * 64,)) for entry in entries]
+    with pytest.raises(UserError, match="which it was closed over, has changed; audit the season"):
+        check_entries(season, changed)
+    others = {name: hashes for name, hashes in season.entries.items() if name != "ally/expert"}
+    other = season.model_copy(update={"entries": others})
+    assert late_entries(other, entries) == ["ally/expert"]
+    with pytest.raises(UserError, match="its seed does not follow from its entries"):
+        check_entries(other, entries)
+
+
+@pytest.mark.slow
+def test_what_is_wrong_in_a_season_s_folder_is_one_line(copied):
+    def problem():
+        with pytest.raises(UserError) as error:
+            load_season(copied / "season-1")
+        assert "\n" not in str(error.value)
+        return str(error.value)
+
+    policy, file = copied / "season-1/opponent/o00/policy.onnx", copied / "season-1" / FILE
+    policy.write_bytes(policy.read_bytes()[:-1])
+    assert re.search(r"member o00: .*policy.onnx is not the file of season.yml", problem())
+    policy.unlink()
+    assert re.search(r"member o00: .*policy.onnx is missing", problem())
+    for change, message in (
+        (lambda c: c["members"]["ally"][0].update(more=1), "members.ally[0]: unknown key 'more'"),
+        (lambda c: c["members"].pop("ally"), "members: expected members of ally and opponent, got opponent"),
+        (lambda c: c.pop("seed"), "season.yml: lacks seed"),
+    ):
+        content = yaml.safe_load(file.read_text())
+        change(content)
+        file.write_text(yaml.safe_dump(content))
+        assert message in problem()
+
+
+@pytest.mark.slow
+def test_a_member_that_answers_nan_is_named(season, tmp_path):
+    shutil.copytree(season.agent("opponent", season.members["opponent"][0]), tmp_path / "agent")
+    policy = model([node("MatMul", ["observation", "w"], ["action"])], [weights(scale=float("nan"))])
+    (tmp_path / "agent/policy.onnx").write_bytes(policy)
+    about = json.loads((tmp_path / "agent/agent.json").read_text())
+    about["policy_sha256"] = hashlib.sha256(policy).hexdigest()
+    (tmp_path / "agent/agent.json").write_text(json.dumps(about))
+    remember_exported(about["policy_sha256"])  # by the closing itself; others would play in a sandbox
+    with pytest.raises(UserError, match=r"expert against .*agent: opponent action of game 0: index 0 is nan"):
+        play_candidate(*against_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed"))
+
+
+@pytest.mark.slow
+def test_an_audit_trains_a_member_again(season, board, tmp_path, monkeypatch):
+    monkeypatch.setattr("fpg_bench.products.leaderboard.season.audit.run_jobs", run_here)
+    monkeypatch.setattr(f"{PACKAGE}.candidates.ROUNDS", 2)
+    (audited,) = audit_season(season, read_entries(board), tmp_path, ["o00"])
+    assert (audited.side, audited.name, audited.is_same, audited.difference) == ("opponent", "o00", True, 0.0)
+    with pytest.raises(UserError, match="has no member 'o99'"):
+        audit_season(season, read_entries(board), tmp_path, ["o99"])

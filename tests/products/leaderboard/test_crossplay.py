@@ -1,0 +1,352 @@
+import dataclasses
+import json
+import shutil
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import LOST_SCORE, play
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.game.scenario import as_scenario
+from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.registry import as_player
+from fpg_bench.products.leaderboard import crossplay
+from fpg_bench.products.leaderboard.crossplay import (
+    CrossplayEntry,
+    Pair,
+    Pairs,
+    Team,
+    check_pairs,
+    fully_played,
+    pair_key,
+    play_missing,
+    play_pair,
+    players_of_board,
+    read_pairs,
+)
+from fpg_bench.products.leaderboard.folders import crossplay_file
+from fpg_bench.products.leaderboard.playing import Part
+from fpg_bench.products.leaderboard.tracks import SCENARIOS
+from fpg_bench.products.leaderboard.verification import verify
+from fpg_bench.products.sandbox.client import Policy
+from tests.logged import logged
+from tests.products.leaderboard.entering import close_season, enter
+from tests.products.leaderboard.making import policy
+
+pytestmark = pytest.mark.slow
+
+ROUNDS = 6
+
+
+def entry(suite, slug, *plays, shipped=True):
+    suite, preset = load_suite(suite), "link" if "link" in suite else "standard"
+    parts = tuple(
+        Part(slug, None, p)
+        if isinstance(p, str)
+        else Part(slug, p, Policy(p, None, policy(p), str(p)), shipped)
+        for p in plays
+    )
+    scenario = suite.rivals[0].scenario
+    return CrossplayEntry(slug, suite.side, preset, parts, scenario, suite.scale, suite.season)
+
+
+def record_of(player, suite, rival):
+    """As an evaluation of so many rounds has it."""
+    suite = dataclasses.replace(load_suite(suite), matches=ROUNDS)
+    return play(player_entry(player), suite, suite.named(rival))
+
+
+@pytest.mark.parametrize("spec", ["reactive", 3])
+def test_a_pair_plays_as_an_evaluation_does(spec, monkeypatch):
+    """Both sides' returns per step, and how much was jammed."""
+    monkeypatch.setattr(crossplay, "ROUNDS", ROUNDS)
+    pair = play_pair(entry("ally-v2", "a", spec), entry("opponent-v2", "o", "adaptive"))
+    player = spec if isinstance(spec, str) else OnnxPlayer(policy(spec))
+    tally = record_of(player, "ally-v2", "adaptive/pursuit").tally
+    expected = {
+        "ally_rewards": pytest.approx((tally["ally_return"] / tally["steps"],), rel=1e-5),
+        "opponent_rewards": pytest.approx((tally["opponent_return"] / tally["steps"],), rel=1e-5),
+        "jamming_success_rate": pytest.approx(tally["jammed"] / tally["steps"], rel=1e-5),
+    }
+    assert {name: getattr(pair, name) for name in expected} == expected
+    assert (pair.rounds, pair.lost) == (ROUNDS, (0, 0))
+
+
+@pytest.mark.parametrize(("suffix", "least", "most"), [("v2", -598.0, 22.0), ("link-v1", -0.99, 10.0)])
+def test_a_pair_that_was_played_lies_within_the_bounds_of_its_game(suffix, least, most, monkeypatch):
+    monkeypatch.setattr(crossplay, "ROUNDS", ROUNDS)
+    allies = [entry(f"ally-{suffix}", script, script) for script in ("idle", "expert")]
+    opponents = [entry(f"opponent-{suffix}", script, script) for script in ("random", "adaptive")]
+    for ally in allies:
+        for opponent in opponents:
+            pair = play_pair(ally, opponent)
+            assert pair.is_possible(ally, opponent)
+            left = most - pair.reward("ally") + opponent.scenario.distance_reward
+            for side, earned in (
+                ("ally", most + 0.01),
+                ("ally", least - 0.01),
+                ("opponent", left + 0.02),
+                ("opponent", min(0.0, opponent.scale.reward(LOST_SCORE)) - 0.01),
+            ):
+                forged = pair.model_copy(update={f"{side}_rewards": (earned,)})
+                assert not forged.is_possible(ally, opponent), (side, earned)
+
+
+def test_a_team_plays_each_game_as_its_member_alone_would():
+    members = [as_player("random", "ally", as_scenario(None)), OnnxPlayer(policy(1))]
+    runners = np.array([0, 1, 1, 0, 1])
+    team = Team(members, runners)
+    seeds, seen = np.arange(5, dtype=np.uint64), np.random.default_rng(0).normal(size=(3, 5, 15)).astype("f")
+    team.reset(np.ones(5, bool), seeds)
+    memory, played = None, []
+    for step in seen:
+        actions, memory = team.predict(step, memory, np.zeros(5, bool))
+        played.append(actions)
+    for k, alone in enumerate([as_player("random", "ally", as_scenario(None)), members[1]]):
+        games = runners == k
+        if hasattr(alone, "reset"):
+            alone.reset(np.ones(games.sum(), bool), seeds[games])
+        memory = None
+        for step, actions in zip(seen, played, strict=True):
+            expected, memory = alone.predict(step[games], memory, np.zeros(games.sum(), bool))
+            assert (actions[games] == expected).all()
+
+
+def test_lost_rounds_go_to_the_other_side(in_process, monkeypatch):
+    monkeypatch.setattr(crossplay, "ROUNDS", 2)
+    in_process.loses = (0,)
+    opponent = entry("opponent-v2", "o", "tone")
+    lost = play_pair(ally := entry("ally-v2", "a", 0, shipped=False), opponent)
+    assert lost.lost == (1, 0)
+    assert lost.jamming_success_rate >= 0.5
+    scale, (reward,) = ally.scale, lost.ally_rewards
+    worst = scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)
+    assert reward <= (worst + scale.top) / 2
+    ally = entry("ally-v2", "a", "idle")
+    lost = play_pair(ally, entry("opponent-v2", "o", 0, shipped=False))
+    assert lost.lost == (0, 1)
+    assert lost.jamming_success_rate <= 0.5
+
+
+@pytest.fixture
+def entered(board, in_process, kept):
+    """A board of verified scripts and one policy."""
+    if kept.exists():
+        shutil.copytree(kept, board, dirs_exist_ok=True)
+        return board
+    for slug in ("expert", "idle"):
+        enter(board, "ally", slug, script=slug)
+    enter(board, "opponent", "adaptive", script="adaptive")
+    enter(board, "opponent", "linear", seeds=(0, 1))
+    assert all(verdict.is_good for verdict in verify(board))
+    shutil.copytree(board, kept)
+    return board
+
+
+@pytest.fixture
+def played(entered, tmp_path_factory):
+    """The same board with all pairs, which are played once."""
+    kept = tmp_path_factory.getbasetemp() / "crossplay.jsonl"
+    if not kept.exists():
+        assert play_all(entered) == "crossplay: 4 of 4 pairs to play"
+        shutil.copy(crossplay_file(entered), kept)
+    shutil.copy(kept, crossplay_file(entered))
+    return entered
+
+
+def rows(board):
+    return [json.loads(record) for record in crossplay_file(board).read_text().splitlines()]
+
+
+def play_all(board):
+    with logged() as messages:
+        assert play_missing(board) == []
+    return messages[0]
+
+
+def test_only_new_pairs_are_played(played):
+    entered, first = played, rows(played)
+    pairs = [(a, o) for a in ("expert", "idle") for o in ("adaptive", "linear")]
+    assert [(row["ally"], row["opponent"]) for row in first] == pairs
+    assert play_all(entered) == "crossplay: 0 of 4 pairs to play"
+    enter(entered, "ally", "always-hop", script="always-hop")
+    enter(entered, "ally", "unplayed", script="reactive")
+    verify(entered, ["ally/always-hop"])
+    assert play_all(entered) == "crossplay: 2 of 6 pairs to play"
+    assert rows(entered)[2:] == first
+    assert rows(entered)[0]["ally"] == "always-hop"
+
+
+def test_those_who_play_one_scenario_meet_each_other_alone(played, small_suites):
+    before = rows(played)
+    enter(played, "ally", "bold", script="idle", scenario="link")
+    enter(played, "opponent", "apt", script="adaptive", scenario="link")
+    verify(played, ["ally/bold", "opponent/apt"])
+    assert play_all(played) == "crossplay: 1 of 5 pairs to play"
+    *first, new = rows(played)
+    assert first == before
+    assert (new["ally"], new["opponent"]) == ("bold", "apt")
+    assert check_pairs(played, 1.0, seed=0) == []
+    pairs = read_pairs(played, players_of_board(played))
+    names = {
+        scenario: tuple([entry.slug for entry in side] for side in fully_played(pairs.of(scenario)))
+        for scenario in SCENARIOS
+    }
+    assert names == {
+        "standard": (["expert", "idle"], ["adaptive", "linear"]),
+        "link": (["bold"], ["apt"]),
+    }
+    close_season(small_suites)  # of the other scenario
+    verify(played, update=True)
+    assert play_all(played) == "crossplay: 4 of 5 pairs to play"
+    assert rows(played)[-1] == new
+
+
+@pytest.mark.parametrize(
+    ("played", "left"),
+    [
+        (["111", "111", "111"], ("012", "012")),
+        (["111", "111", "000"], ("01", "012")),  # a new ally
+        (["110", "110", "110"], ("012", "01")),  # a new opponent
+        (["110", "110", "000"], ("01", "01")),  # both
+        (["111", "101", "111"], ("02", "012")),  # a pair that failed
+        (["000", "000"], ("", "012")),
+        ([], ("", "012")),
+    ],
+)
+def test_who_lacks_pairs_is_taken_out(played, left):
+    opponents = [entry("opponent-v2", str(k), *["tone"] * (k + 1)) for k in range(3)]
+    allies = [entry("ally-v2", str(k), *["idle"] * (k + 1)) for k in range(len(played))]
+    known = {
+        pair_key(ally, opponent): None
+        for ally, row in zip(allies, played, strict=True)
+        for opponent, there in zip(opponents, row, strict=True)
+        if there == "1"
+    }
+    complete = fully_played(Pairs(allies, opponents, known))
+    assert tuple("".join(player.slug for player in side) for side in complete) == left
+
+
+def test_a_policy_that_fails_leaves_a_gap_and_a_line(entered, in_process):
+    in_process.fails = True
+    assert play_missing(entered) == [
+        "expert - linear: took longer than it may",
+        "idle - linear: took longer than it may",
+    ]
+    assert [row["opponent"] for row in rows(entered)] == ["adaptive"] * 2
+
+
+def change(board, row, **values):
+    kept = rows(board)
+    kept[row] |= values
+    crossplay_file(board).write_text("".join(json.dumps(row) + "\n" for row in kept))
+
+
+def test_figures_that_were_edited_are_found(played, messages):
+    entered = played
+    assert check_pairs(entered, 1.0, seed=0) == []
+    messages.clear()
+    assert check_pairs(entered, 0.01) == check_pairs(entered, 0.01) == []
+    first, second = (line.split()[-1] for line in messages if "--sample-seed" in line)
+    assert first != second  # drawn anew each time
+    first = rows(entered)[0]
+    change(entered, 0, jamming_success_rate=first["jamming_success_rate"] + 0.01)
+    (line,) = check_pairs(entered, 1.0, seed=0)
+    assert line.startswith("expert - adaptive: jammed 0.")
+    assert len([seed for seed in range(6) if check_pairs(entered, 0.01, seed)]) in range(1, 6)
+    change(entered, 0, **first)
+    last = rows(entered)[-1]
+    for side in ("ally", "opponent"):
+        change(entered, -1, **last | {f"{side}_rewards": [x + 1 for x in last[f"{side}_rewards"]]})
+        line, *more = check_pairs(entered, 1.0, seed=0)
+        assert line.startswith(f"idle - linear: {side}'s return per step ")
+        assert all("of training seed" in each for each in more)
+    change(entered, -1, **last)
+    mean = float(np.mean(last["opponent_rewards"]))
+    apart = [mean - 2, mean + 2]  # whose mean is the same, but not its interval
+    for forged, name in (
+        ({"opponent_rewards": apart}, "opponent's return per step of training seed"),
+        ({"lost": [50, 0]}, "ally's lost rounds 0.0000, the figure says 50.0000"),
+        ({"lost": [0, 100]}, "opponent's lost rounds"),
+    ):
+        change(entered, -1, **last | forged)
+        (line,) = check_pairs(entered, 1.0, seed=0)
+        assert line.startswith(f"idle - linear: {name}")
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        {"ally_rewards": [22.1]},
+        {"ally_rewards": [21.9], "opponent_rewards": [25.0]},
+        {"ally_rewards": [900_000.0], "lost": [1, 0]},
+        {"opponent_rewards": [900_000.0], "lost": [1, 0]},
+        {"opponent_rewards": [900_000.0], "lost": [100, 100]},
+        {"ally_rewards": [-900_000.0], "opponent_rewards": [900_000.0]},
+        {"opponent_rewards": [-900_000.0], "lost": [0, 1]},
+        {"lost": [101, 0]},
+        {"rounds": 1},
+    ],
+)
+def test_a_return_that_no_rounds_can_earn_is_left_out(played, forged, messages):
+    before = rows(played)
+    change(played, 0, **forged)
+    assert play_missing(played) == []
+    assert "expert - adaptive: no rounds can earn this" in messages[0]
+    assert messages[1] == "crossplay: 1 of 4 pairs to play"
+    assert rows(played) == before
+
+
+reward = st.floats(-999_999, 999_999) | st.floats(-50, 50)
+
+
+@pytest.mark.parametrize(("suffix", "most", "taken"), [("v2", 22.0, 1200.0), ("link-v1", 10.0, 135.0)])
+@settings(max_examples=500)
+@given(
+    st.lists(reward, min_size=1, max_size=3),
+    st.lists(reward, min_size=1, max_size=3),
+    *[st.integers(0, 150)] * 2,
+)
+def test_no_return_beyond_the_game_is_possible_however_many_rounds_are_lost(
+    suffix, most, taken, ally, opponent, lost, lost_by_other
+):
+    players = entry(f"ally-{suffix}", "a", "expert"), entry(f"opponent-{suffix}", "o", "tone")
+    forged = Pair(
+        ally="a",
+        opponent="o",
+        key="0",
+        rounds=100,
+        ally_rewards=tuple(ally),
+        opponent_rewards=tuple(opponent),
+        jamming_success_rate=0.5,
+        lost=(lost, lost_by_other),
+    )
+    if forged.is_possible(*players):
+        assert max(lost, lost_by_other) <= 100
+        assert -1000 < min(ally) <= max(ally) < most + 0.1
+        assert min(opponent) > (-0.1 if suffix == "v2" else -1.3)
+        assert forged.reward("opponent") < taken
+
+
+def test_a_new_season_wants_new_pairs(played, small_suites):
+    """Its rounds are others, so that figures of two seasons never stand in one matrix."""
+    entered, before = played, rows(played)
+    close_season(small_suites)
+    assert play_missing(entered) == []
+    assert rows(entered) == []
+    verify(entered, update=True)
+    assert play_all(entered) == "crossplay: 4 of 4 pairs to play"
+    assert not {row["key"] for row in before} & {row["key"] for row in rows(entered)}
+
+
+@pytest.mark.parametrize("row", [{"ally": "x"}, {"ally": "a", "opponent": "o", "rounds": 100}])
+def test_a_line_that_is_no_pair_is_left_out_and_said(played, row, messages):
+    before = rows(played)
+    with crossplay_file(played).open("a") as file:
+        file.write(json.dumps(row) + "\n")
+    assert play_missing(played) == []
+    assert "crossplay.jsonl: 1 lines are left out: not a pair, or of an older protocol" in messages[0]
+    assert rows(played) == before

@@ -1,0 +1,558 @@
+"""The built site as files: their contents, and that they refer to nothing but each other."""
+
+import csv
+import dataclasses
+import hashlib
+import html
+import json
+import re
+import runpy
+import subprocess
+import sys
+from email.message import Message
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+from urllib.parse import unquote
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import yaml
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.game.metrics import measures
+from fpg_bench.game.state import TALLY
+from fpg_bench.players.player import SIDES
+from fpg_bench.products.leaderboard.site import page_data, views
+from fpg_bench.products.leaderboard.site.build import build_site
+from fpg_bench.products.leaderboard.site.entry_page import commands
+from fpg_bench.products.leaderboard.site.findings import CLAIMS, finding_cards, play_round
+from fpg_bench.products.leaderboard.site.reading_pages import PAGES
+from fpg_bench.products.leaderboard.site.replays import Replay
+from fpg_bench.products.leaderboard.site.serve import make_server
+from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
+from fpg_bench.products.league.champions import load_champions
+from tests.products.leaderboard.example_board import (
+    HOSTILE,
+    example_board,
+    past_seasons,
+    small_zoo,
+    with_entry,
+    with_figures,
+    with_link,
+)
+
+ROOT = Path(__file__).parents[2]
+ROUND = Replay("replays/ally/player-1/ab.js", HOSTILE[0], HOSTILE[1], 'fpgRound({"label":"x"});\n')
+LOADING = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
+FINDINGS = (ROOT / "docs/results/findings.md").read_text()
+SHARED_PAGES = {"index", "ranking", "play", "try", "crossplay", "crossplay-link", "statistics", "compare"}
+SHARED_PAGES |= {"submit"}
+
+
+class Page(HTMLParser):
+    """A page as a browser reads it: elements with their attributes, and text."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.elements, self.texts = [], []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+    @property
+    def text(self):
+        return " ".join("".join(self.texts).split())
+
+    def values(self, name):
+        return [attrs[name] for _, attrs in self.elements if name in attrs]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_agents():
+    with small_zoo():
+        yield
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """A site whose every text tries to become markup."""
+    folder = tmp_path_factory.mktemp("site") / "out"
+    build_site(example_board(7, hostile=True), folder, {("ally", "player-1"): [ROUND]})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def plain_site(tmp_path_factory):
+    """A site with unusual figures and without rounds, which links to the documentation."""
+    folder, board = tmp_path_factory.mktemp("plain"), example_board(5)
+    verified = {entry.slug: figures for entry, figures in board.tracks[0].verified()}
+    figures = verified.pop("player-2")  # has not played the unseen suite
+    changes = {name: {PUBLIC: getattr(figures, name)[PUBLIC]} for name in ("scores", "by_rival", "units")}
+    board = with_figures(board, "player-2", rank=None, score=figures.scores[PUBLIC], **changes)
+    for slug, rank in zip(verified, [(1, 2), (1, 3), (3, 3)], strict=True):
+        board = with_figures(board, slug, rank=rank)
+    board = with_figures(board, "player-1", scores={PUBLIC: Interval(60.25), UNSEEN: Interval(20.0)})
+    played = dataclasses.replace(board.crossplay["standard"], same_player={"player-1": "player-0"})
+    build_site(dataclasses.replace(board, crossplay={"standard": played}), folder, docs="../site")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(site):
+    return {str(path.relative_to(site)): Page(path) for path in site.rglob("*.html")}
+
+
+def entry_file(number, track="ally"):
+    return f"entries/{track}/player-{number}.html"
+
+
+def test_every_entry_has_a_page(pages):
+    entries = {entry_file(k) for k in range(7)} | {entry_file(k, "opponent-pursuit") for k in range(2)}
+    assert pages.keys() == {f"{name}.html" for name in SHARED_PAGES | PAGES.keys()} | entries
+
+
+def test_no_text_of_a_submission_becomes_markup(site, pages):
+    for path, page in pages.items():
+        assert not [name for _, attrs in page.elements for name in attrs if name.startswith("on")], path
+        images = [attrs["src"] for tag, attrs in page.elements if tag == "img"]
+        assert all(re.fullmatch(r"\.\./\.\./badges/[\w/-]+\.svg", image) for image in images), path
+        assert all("src" in attrs for tag, attrs in page.elements if tag == "script"), path
+        raw = (site / path).read_text(encoding="utf-8")
+        assert not [text for text in HOSTILE if re.search("[<>']", text) and text in raw], path
+        links = [attrs["href"] for tag, attrs in page.elements if tag == "a"]
+        assert not [link for link in links if re.match(r"(?i)\s*(javascript|data|vbscript):", link)], path
+    texts = "".join("".join(page.texts) for page in pages.values())
+    assert all(text in texts for text in HOSTILE)
+    for path in (site / "data").rglob("*.js"):
+        assert not re.search("[<>]", path.read_text(encoding="utf-8")), path
+
+
+def columns(site, kind='[^"]*'):
+    """The headings of the first table of the ranking, by their class."""
+    table = (site / "ranking.html").read_text().split('id="ally"')[1].split("</thead>")[0]
+    return re.findall(rf'<th [^>]*class="{kind}"[^>]*><button [^>]*class="sort"[^>]*>([^<]*)</button>', table)
+
+
+def test_tables_have_columns_for_what_was_played(site, tmp_path):
+    mission = ["Overlap ratio", "Jamming success rate"]  # right after the score, in the default columns
+    scores = ["Score, unseen", *mission, "Public", "Gap", "Herders", "Aimers", "Shifted"]
+    assert columns(site) == ["Rank", "Entry", *scores, "Worst", "Exploited", "Return per step"]
+    shown = [c for c in columns(site, "num") if c not in ("Rank", "Worst", "Exploited")]
+    assert shown == ["Score, unseen", *mission, "Public"]
+    assert "Against herders" in (site / "entries/ally/player-1.html").read_text()
+    build_site(example_board(3, season=None), tmp_path)
+    last = ["Worst", "Exploited", "Return per step"]
+    assert columns(tmp_path) == ["Rank", "Entry", "Score, public", *mission, *last]
+    assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
+    assert "no season closed yet" in (tmp_path / "compare.html").read_text()
+    unchanged = (tmp_path / "submit.html").stat().st_mtime_ns
+    build_site(example_board(2, season=None), tmp_path)  # equal files stay, and old ones go
+    assert (tmp_path / "submit.html").stat().st_mtime_ns == unchanged
+    assert len(list((tmp_path / "entries" / "ally").iterdir())) == 2
+
+
+def test_the_best_and_its_gap_are_named(plain_site):
+    leader = "Player 3 has the highest score; 1 other may be first as well. Ranked by"  # of those with a rank
+    assert leader in Page(plain_site / "ranking.html").text
+    gap = '<td class="extra">+40.2</td>'  # public minus unseen
+    assert gap in (plain_site / "ranking.html").read_text()
+    assert "+40.2" in (plain_site / entry_file(1)).read_text()
+    assert "shown once here: Player 1 as Player 0" in Page(plain_site / "crossplay.html").text
+
+
+@pytest.mark.parametrize("page", ["ranking.html", entry_file(3)])
+def test_the_worst_case_names_an_entry_of_the_other_side(pages, page):
+    assert "Player 1" in pages[page].text
+    assert "cross-play" in pages[page].text
+    assert "−13.96 per step" in pages[page].text
+
+
+def test_what_fresh_trainings_take_stands_beside_the_worst_case_and_is_an_upper_bound(pages):
+    ranking, entry, other = (pages[name].text for name in ("ranking.html", entry_file(2), entry_file(1)))
+    assert "at most −14.65" in ranking
+    assert "1,500,000 steps, seed 0, by breaker" in ranking
+    assert "not searched" in ranking
+    assert "seed 3 alone −1.25 per step" in ranking
+    assert "Exploited: at most −14.65 per step (−15.00 to −14.30)" in entry
+    assert "of 3 such" in entry
+    assert "seed 3 alone −1.25 per step, against Player 1" in entry
+    assert "No agent was trained to lower it yet" in other
+    assert "among the entries; no guarantee" in pages["crossplay.html"].text
+
+
+@pytest.mark.parametrize(
+    ("number", "in_ranking", "on_page"),
+    [
+        (1, "late entry", "Late entry: it was submitted or changed"),
+        (2, "scores 7.2 more on public seeds", "It scores 7.2 more on public seeds than"),
+        (4, "1,234 of 5,000 rounds lost by rule", "1,234 of 5,000 rounds lost by rule: its answer"),
+        (
+            6,
+            "has a policy of ally/player-9, too",
+            "It has a policy of ally/player-9, too: the files",
+        ),
+    ],
+)
+def test_remarks_are_in_the_ranking_and_on_the_entry_s_page(site, pages, number, in_ranking, on_page):
+    ranking = (site / "ranking.html").read_text()
+    assert ranking.count(f'<small class="reason">{in_ranking}</small>') == (2 if number == 1 else 1)  # tables
+    assert on_page in pages[entry_file(number)].text
+    assert on_page not in pages[entry_file(3)].text
+
+
+def test_the_page_of_an_entry_has_its_citation_badge_and_rivals(site, pages):
+    assert re.search(r"against \w+/pursuit \(public\) it earns 2.50 per step", pages[entry_file(2)].text)
+    assert "@misc{fpg-bench-ally-player-1," in pages[entry_file(1)].text
+    badge = (site / "badges/ally/player-1.svg").read_text()
+    assert ElementTree.fromstring(badge).attrib["aria-label"].startswith("fpg-bench ally: rank ")
+    assert "none: it was submitted or changed after" in pages[entry_file(1)].text
+    assert "TD3 trained-0, trained-1, trained-2" in pages[entry_file(2)].text
+    assert "TD3 trained-0trained against expert its rounds" in pages[entry_file(2)].text
+    command = (
+        f"fpg-bench play --ally no-such/agent/seed_0{HOSTILE[1]} --opponent trained-0 --path pursuit --seed 7"
+    )
+    assert command in pages[entry_file(1)].texts
+    learned = "Learned offlinefrom fpg/ally-mixed-v0"
+    assert [number for number in range(1, 5) if learned in pages[entry_file(number)].text] == [2]
+    assert "returns 1234.5 in all" in pages[entry_file(3)].text
+    assert "fpg-bench play --ally idle --opponent trained-0" in pages[entry_file(3)].text
+    assert 'title="TD3, trained against expert">TD3 trained-0</th>' in (site / "statistics.html").read_text()
+
+
+def test_an_entry_without_a_score_that_ranks_has_no_rank(plain_site):
+    data = (plain_site / "data/compare/ally.js").read_text().removeprefix('fpgCompared("ally", ')[:-3]
+    (row,) = [row for row in json.loads(data)["rows"] if row["slug"] == "player-2"]
+    assert (row["rank"], row["gap"], row["scores"][UNSEEN]) == ("–", None, [None] * 3)
+    text = Page(plain_site / entry_file(2)).text
+    assert "over the public suite" in text
+    assert "It has not played the unseen suite, so it has no rank." in text
+
+
+def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, pages, plain_site):
+    board, text = example_board(7, hostile=True), pages["index.html"].text
+    leaders = [next(track.verified()) for track in board.tracks]
+    rows = re.findall(r'href="entries/([\w-]+)/([\w-]+).html"', (site / "index.html").read_text())
+    assert rows == [(t.key, entry.slug) for t, (entry, _) in zip(board.tracks, leaders, strict=True)]
+    cells = re.findall(r'<td class="num[^>]*>(?:<b>)?([^<]*)<', (site / "index.html").read_text())
+    for k, (_, figures) in enumerate(leaders):
+        score, rank = views.format_number(figures.score.value), views.format_rank(figures.rank)
+        mission = [views.format_number(figures.measures[name], "share") for name in views.MISSION]
+        assert cells[5 * k : 5 * k + 5] == [score, *mission, rank, "6 of 7" if k == 0 else "2"]
+        assert f"<small>{views.format_interval(figures.score)}</small>" in (site / "index.html").read_text()
+    assert "9 agents and scripts" in text
+    assert "8 of 9 entries are verified: their 400 records, 40,000 rounds" in text
+    assert ROUND.file in pages["index.html"].values("src")
+    elements = pages["index.html"].elements
+    loaded = [a.get("src") or a.get("href") for tag, a in elements if tag in ("script", "link")]
+    assert sum((site / name).stat().st_size for name in ["index.html", *loaded]) < 100_000
+    without_rounds = (plain_site / "index.html").read_text()
+    assert "<canvas" not in without_rounds
+    assert "film.js" not in without_rounds
+
+
+def test_the_champion_of_the_game_is_the_leader_of_the_board():
+    board, zoo = example_board(6), page_data.zoo_policies()
+    slug = next(board.tracks[0].verified())[0].slug
+    data = page_data.data_files(with_entry(board, slug, kind="zoo", plays=next(iter(zoo))), {})[
+        "data/play.js"
+    ]
+    file = f"agents/{next(iter(zoo)).replace('/', '-')}.js"
+    assert json.loads(data.removeprefix("window.fpgData = ")[:-2])["leaders"]["ally"] == f"agent:{file}"
+
+
+def test_the_map_of_cross_play_has_each_season_in_which_both_sides_can_be_placed():
+    board = example_board(6, season=3)
+    past = past_seasons(board)  # of season 1
+    one_kind = [row.model_copy(update={"season": 2, "by_group": {"all": 1.0}}) for row in past]
+    unplayed = [row.model_copy(update={"season": 2, "share": None}) for row in past]
+    gone = [row.model_copy(update={"track": "gone"}) for row in past]
+    later = [row.model_copy(update={"season": season}) for row in past for season in (3, 4)]
+    for rows in ([], one_kind, unplayed, gone, later):
+        (present,) = page_data.crossplay_data(board, "standard", {}, {}, rows)["maps"]
+        assert present["season"] == 3
+        assert [len(present[side]) for side in SIDES] == [5, 2]
+    before, present = page_data.crossplay_data(board, "standard", {}, {}, past)["maps"]
+    assert (before["season"], present["season"]) == (1, 3)
+    (ally, *_), (opponent, *_) = (before[side] for side in SIDES)
+    assert list(ally["by"]) == ["aimers", "herders"]
+    assert (ally["flies"], opponent["flies"]) == (False, False)
+    assert page_data.crossplay_data(example_board(3, season=None), "standard", {}, {}, past)["maps"] == []
+
+
+def test_each_scenario_has_a_page_of_cross_play_with_its_own_players(tmp_path):
+    board = example_board(4, season=3)
+    both, past = with_link(board, season=2), past_seasons(board)
+    alone, standard, link = (
+        page_data.crossplay_data(shown, scenario, {}, {}, past)
+        for shown, scenario in ((board, "standard"), (both, "standard"), (both, "link"))
+    )
+    assert standard == alone
+    (present,) = link["maps"]
+    assert present["season"] == 2
+    assert {ally["slug"] for ally in present["ally"]} == {f"player-{k}-link" for k in range(1, 4)}
+    assert link["names"]["opponent"] == {f"player-{k}-link": f"Player {k} on a link" for k in range(2)}
+    assert standard["watch"]["opponent"]
+    assert link["watch"] == {"ally": {}, "opponent": {}}  # the game in the browser is another one
+    build_site(both, tmp_path)
+    pages = {name: Page(tmp_path / f"{name}.html") for name in ("crossplay", "crossplay-link")}
+    for name, page in pages.items():
+        assert {"crossplay.html", "crossplay-link.html"} <= set(page.values("href"))
+        assert f"data/{name}.js" in page.values("src")
+        assert ("A cell that is a link plays" in page.text) == (name == "crossplay")
+        assert ("Diamonds are opponents that fly themselves" in page.text) == (name == "crossplay")
+        assert ("only which group is nearer" in page.text) == (name == "crossplay-link")
+        assert ("Not in it yet: Player 1 on a link." in page.text) == (name == "crossplay-link")
+
+
+def test_the_install_box_of_the_front_page_holds_commands_of_the_readme(pages):
+    readme = (ROOT / "README.md").read_text().splitlines()
+    box = next(text for text in pages["index.html"].texts if text.startswith("make "))
+    assert [line for line in box.splitlines() if not any(known.startswith(line) for known in readme)] == []
+
+
+def software(page):
+    """The links of a page's header to the software, by label."""
+    header = page.read_text().split('aria-label="Software"')[1].split("</nav>")[0]
+    return {label: link for link, label in re.findall(r'<a href="([^"]*)"[^>]*>(\w+)</a>', header)}
+
+
+def test_every_header_leads_to_docs_source_and_paper_where_their_address_is_known(
+    site, plain_site, tmp_path, monkeypatch
+):
+    paper = yaml.safe_load((ROOT / "CITATION.cff").read_text())["references"][0]["doi"]
+    known = {"Paper": f"https://doi.org/{paper}"}
+    for path in site.rglob("*.html"):
+        root = "../" * (len(path.relative_to(site).parts) - 1)
+        assert software(path) == {"Docs": f"{root}rules.html"} | known
+    assert software(plain_site / entry_file(1)) == {"Docs": "../../../site/index.html"} | known
+    urls = ["Repository, https://git.example.org/fpg", "Documentation, https://docs.example.org"]
+    message = Message()
+    for url in urls:
+        message["Project-URL"] = url
+    monkeypatch.setattr("fpg_bench.common.documentation.metadata", lambda name: message)
+    build_site(example_board(2), tmp_path)
+    published = {"Docs": "https://docs.example.org", "Source": "https://git.example.org/fpg"}
+    assert software(tmp_path / "index.html") == published | known
+
+
+def test_pages_load_only_files_of_the_site_and_say_so(site, pages):
+    for path, page in pages.items():
+        loaded = [(tag, name, attrs[name]) for tag, attrs in page.elements for name in LOADING & attrs.keys()]
+        security = [
+            a["content"] for _, a in page.elements if a.get("http-equiv") == "Content-Security-Policy"
+        ]
+        assert len(security) == 1, path
+        assert "default-src 'none'" in security[0], path
+        assert re.search("script-src ([^;]*)", security[0])[1] == "'self' file:", path
+        assert "unsafe" not in security[0], path
+        addresses = [value for tag, _, value in loaded if tag != "a"]
+        addresses += [attrs["href"] for tag, attrs in page.elements if tag == "link"]
+        assert not [value for value in addresses if re.match(r"(?i)([a-z]+:)?//|[a-z]+:", value)], path
+        for address in page.values("href") + page.values("src") + page.values("data-file"):
+            if not address.startswith(("#", "https://")):
+                target = (site / path).parent / unquote(address.partition("#")[0])
+                assert target.is_file(), (path, address)
+        ids = page.values("id")
+        assert len(ids) == len(set(ids)), path
+        assert {link[1:] for link in page.values("href") if link.startswith("#")} <= set(ids), path
+
+
+def test_a_link_to_a_page_has_a_description_and_a_picture(site, pages):
+    assert (site / "static/preview.png").read_bytes().startswith(b"\x89PNG")
+    for path, page in pages.items():
+        found = [attrs for tag, attrs in page.elements if tag == "meta"]
+        metas = {a.get("name") or a.get("property"): a.get("content") for a in found}
+        assert len(metas["description"]) > 50, path
+        assert (site / path).parent.joinpath(metas["og:image"]).is_file(), path
+
+
+def test_styles_and_scripts_load_nothing(site):
+    for path in {*(site / "static").glob("*")} - {*(site / "static").glob("*.png")}:
+        text = path.read_text(encoding="utf-8")
+        for word in ("fetch(", "XMLHttpRequest", "@import", "url(", "innerHTML", "eval(", "insertAdjacent"):
+            assert word not in text, (path, word)
+
+
+def test_the_page_on_submitting_shows_the_commands_of_the_docs(pages):
+    docs = (ROOT / "docs/benchmark/submitting.md").read_text()
+    lines = [line for text in pages["submit.html"].texts for line in text.splitlines()]
+    commands = [line for line in lines if line.startswith("fpg-bench ") and line in docs]
+    assert [command.split()[1] for command in commands] == ["train", "export", "submit", "submit"]
+
+
+def test_pages_link_to_the_documentation_where_its_address_is_known(plain_site, pages):
+    links = re.findall(r'<a href="../site/([\w/-]+)\.html[^"]*">', (plain_site / "submit.html").read_text())
+    assert len(links) == 10  # one of them in the header, three in the footer
+    assert [page for page in links if not (ROOT / "docs" / f"{page}.md").is_file()] == []
+    assert "../../../site/reference/rules.html" in Page(plain_site / entry_file(0)).values("href")
+    assert not (plain_site / "rules.html").exists()
+    assert "docs/benchmark/leaderboard.md" in pages["submit.html"].texts
+    assert {"./submitting.html", "./submitting-planners.html"} <= set(pages["submit.html"].values("href"))
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_pages_of_the_docs_are_in_the_site_with_working_links(pages, name):
+    page, text = pages[f"{name}.html"], "".join(pages[f"{name}.html"].texts)
+    source = (ROOT / "docs" / PAGES[name][0]).read_text()
+    titles = [line.lstrip("# ") for line in source.splitlines() if re.match(r"##? \S", line)]
+    assert [title for title in titles if title.replace("`", "") not in text] == []
+    assert not re.search(r":::|<!--|\]\(|\*\*\w[^*]*\*\*", text)
+    for link in [attrs["href"] for tag, attrs in page.elements if tag == "a" and "href" in attrs]:
+        target, _, anchor = link.partition("#")
+        assert not anchor or anchor in pages[target or f"{name}.html"].values("id"), link
+
+
+def test_the_docs_example_of_ranks_holds(capsys):
+    text = (ROOT / "docs/benchmark/protocol.md").read_text()
+    code, output = re.search(r"```python\n([^`]*rank_ranges\(.*?)# (.*?)\n```", text, re.DOTALL).groups()
+    exec(code)
+    assert capsys.readouterr().out.strip() == output
+
+
+def test_the_board_can_be_downloaded_as_json(site):
+    board = json.loads((site / "board.json").read_text())
+    entries = {entry["slug"]: entry for entry in board["tracks"][0]["entries"]}
+    assert sorted(entries) == [f"player-{k}" for k in range(7)]
+    assert entries["player-0"]["figures"] is None
+
+
+def test_scores_can_be_downloaded_as_csv_with_metadata_of_both_files(site):
+    board = json.loads((site / "board.json").read_text())
+    with (site / "scores.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    shown = {
+        (track["key"], entry["slug"], role): score["value"]
+        for track in board["tracks"]
+        for entry in track["entries"]
+        if entry["figures"]
+        for role, score in entry["figures"]["scores"].items()
+    }
+    assert {(row["track"], row["entry"], row["suite"]): float(row["score"]) for row in rows} == shown
+    about = json.loads((site / "croissant.json").read_text())
+    assert about["version"] == board["version"]
+    for file in about["distribution"]:
+        content = (site / file["contentUrl"]).read_bytes()
+        assert file["sha256"] == hashlib.sha256(content).hexdigest()
+        assert file["contentSize"] == f"{len(content)} B"
+    (records,) = about["recordSet"]
+    columns = [field["source"]["extract"]["column"] for field in records["field"]]
+    assert columns == list(rows[0])
+    sources = {field["source"]["fileObject"]["@id"] for field in records["field"]}
+    assert sources == {"scores.csv"} < {file["@id"] for file in about["distribution"]}
+
+
+def test_commands_that_train_an_entry_name_an_agent_of_the_zoo_or_a_champion():
+    zoo, champions, seen = load_zoo(), load_champions(ROOT / "baselines/champions.yml"), set()
+    for path in sorted((ROOT / "leaderboard/submissions").glob("*/*/submission.yaml")):
+        if name := yaml.safe_load(path.read_text()).get("zoo"):
+            entry = SimpleNamespace(kind="zoo", plays=name, slug=path.parent.name)
+            _, (_, command) = commands(SimpleNamespace(side=path.parent.parent.name), entry)
+            _, script, _, only = command.split()
+            seen.add(script)
+            assert only in champions if script == "scripts/train_champions.py" else zoo.members(only), name
+    assert seen == {"scripts/train_champions.py", "scripts/train_zoo.py"}
+
+
+def test_every_measure_of_a_round_has_a_label():
+    measured = measures(dict.fromkeys(TALLY.names, 0), np.zeros((2, 3)))
+    of_records = {"return", "hop_entropy_bits"}
+    assert views.MEASURES.keys() == {*of_records, *measured} - {"recoveries_cut"}
+
+
+def test_a_folder_of_other_files_is_left_alone(tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(UserError, match="holds other files, but no leaderboard's site"):
+        build_site(example_board(1), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_a_slug_that_is_no_file_name_is_refused(tmp_path):
+    for slug in ("../../escaped", "", "UPPER", "x" * 41, ".hidden", "a\n"):
+        board = with_entry(example_board(1), "player-0", slug=slug)
+        with pytest.raises(UserError, match="entry of ally"):
+            build_site(board, tmp_path / "out")
+        assert not list(tmp_path.iterdir())
+
+
+def test_only_plain_https_links_are_kept():
+    kept = ["https://example.org/a?b=1&c=2#d", "https://example.org:8080/"]
+    refused = ["http://example.org", "javascript:alert(1)", "https://user@evil.example", None]
+    refused += ['https://x.org/"onmouseover="alert(1)', "https://x.org/ y", "https://x.org\n"]
+    assert [views.safe_link(link) for link in kept] == kept
+    assert not any(views.safe_link(link) for link in refused)
+
+
+def test_numbers_have_one_format_and_missing_ones_are_a_dash():
+    number = views.format_number
+    assert [number(value) for value in (1.26, -3, None, float("nan"))] == ["1.3", "−3.0", "–", "–"]
+    pairs = [(0.1234, "share"), (12345.6, "whole"), (2, "dB"), (-2, "step")]
+    assert [number(*pair) for pair in pairs] == ["12.3 %", "12,346", "2.0 dB", "−2.00"]
+    assert [views.format_signed(value) for value in (1.26, -3)] == ["+1.3", "−3.0"]
+    assert [views.format_rank(rank) for rank in ((1, 1), (2, 5), None)] == ["1", "2–5", "–"]
+    assert views.format_interval(Interval(0.0, -1.0, 2.0)) == "−1.0 to 2.0"
+    assert views.format_interval(Interval(0.0)) == views.format_interval(None) == ""
+
+
+def test_the_rounds_on_the_cards_show_what_the_cards_claim():
+    def jammed(ally, opponent):
+        return play_round(ally, opponent)["jamming_success_rate"]
+
+    def earned(ally, opponent):
+        return play_round(ally, opponent)["ally_return"]
+
+    types, best, population = (claim.rounds for claim in CLAIMS)
+    idle_tone, idle_broadband, hop_tone, hop_broadband = (jammed(*players) for _, *players in types)
+    assert idle_tone > idle_broadband
+    assert hop_tone < hop_broadband
+    script, trained = (earned(*players) for _, *players in best)
+    assert script > 0 > trained
+    assert [opponent for *_, opponent in best] == [opponent for *_, opponent in population]
+    assert earned(*population[1][1:]) > 0
+    assert all(claim.title in FINDINGS for claim in CLAIMS)
+
+
+def test_the_findings_link_the_rounds_of_the_cards():
+    links = re.findall(r'<a href="../board/(play.html#[^"]*)">', FINDINGS)
+    assert [html.unescape(link) for link in links] == [
+        shown.href for _, rounds in finding_cards() for shown in rounds
+    ]
+
+
+def test_the_waterfalls_of_a_training_are_rounds_that_can_be_played_again():
+    script = runpy.run_path(str(ROOT / "scripts/make_theatre.py"))
+    text = script["OUT"].read_text()
+    assert len(text) < 30_000
+    first, *trained = json.loads(text.removeprefix("fpgTheatre(").removesuffix(");\n"))["rounds"]
+    assert first == script["record"]("random", 0)
+    assert tuple(one["steps"] for one in trained) == script["BUDGETS"]
+    assert trained[-1]["earned"] == max(one["earned"] for one in trained) > first["earned"]
+
+
+def test_serving_needs_a_site_and_a_free_port(site, tmp_path):
+    with pytest.raises(UserError, match="nothing is built there"):
+        make_server(tmp_path, 0)
+    with make_server(site, 0) as server, pytest.raises(UserError, match="is in use"):
+        make_server(site, server.server_port)
+
+
+@pytest.mark.process
+def test_ctrl_c_ends_serving_with_one_line(site):
+    import signal
+
+    words = [sys.executable, "-m", "fpg_bench", "leaderboard", "serve", str(site), "--port", "0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline().startswith("http://127.0.0.1:")
+        process.send_signal(signal.SIGINT)
+        try:
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert (process.returncode, out, err) == (0, "stopped\n", "")

@@ -1,0 +1,517 @@
+"""Verification: submissions are played, results written, and results that do not hold are found."""
+
+import dataclasses
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import onnx
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.evaluate import evaluate
+from fpg_bench.evaluation.play import LOST_SCORE
+from fpg_bench.evaluation.record import TALLIES
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.products.leaderboard.board import make_board
+from fpg_bench.products.leaderboard.entries import load_entries
+from fpg_bench.products.leaderboard.folders import work_folder
+from fpg_bench.products.leaderboard.playing import Part, matchups_of, part_records
+from fpg_bench.products.leaderboard.result import summaries_of
+from fpg_bench.products.leaderboard.tracks import PUBLIC
+from fpg_bench.products.leaderboard.verification import (
+    count_identical,
+    disagreements,
+    draw_sample,
+    load_case,
+    run_one,
+    verify,
+)
+from tests.logged import logged
+from tests.products.leaderboard.entering import (
+    SUITE,
+    close_season,
+    enter,
+    verdicts_of,
+    write_suite,
+    write_verified,
+)
+from tests.products.leaderboard.making import policy, write_seed
+
+pytestmark = pytest.mark.slow
+
+BOARD = Path(__file__).parents[2] / "leaderboard"
+RIVALS = ("adaptive/pursuit", "sweep/circle")
+
+
+def result(board, name):
+    return board / "results" / f"{name}.jsonl"
+
+
+def edit(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+@pytest.fixture
+def two(board):
+    """A board with the results of two scripts."""
+    enter(board, "ally", "still", script="idle")
+    enter(board, "ally", "wise", script="expert")
+    verdicts_of(board)
+    return board
+
+
+# Verdicts
+
+
+def test_a_result_is_written_and_holds(board, in_process):
+    enter(board, "ally", "wise", script="expert")
+    enter(board, "ally", "linear", seeds=(0, 2))
+    first = verdicts_of(board)
+    assert [good for good, _ in first.values()] == [True, True]
+    assert first["ally/wise"][1].startswith("verified: public ")
+    before = result(board, "ally/linear").read_bytes()
+    assert verdicts_of(board)["ally/linear"] == (
+        True,
+        "holds: 4 of 4 records played again are the same to the bit",
+    )
+    assert result(board, "ally/linear").read_bytes() == before
+    head, *lines = map(json.loads, before.splitlines())
+    assert (head["status"], [line["lost"] for line in lines]) == ("verified", [0] * 4)
+    assert [(line["training_seed"], line["rival"]) for line in lines] == [
+        (seed, name) for seed in (0, 2) for name in RIVALS
+    ]
+
+
+def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, tmp_path):
+    """The same policies, once in processes of their own and once as agents' folders."""
+    folder = enter(board, "ally", "linear", seeds=(0, 2))
+    verdicts_of(board)
+    agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
+    (evaluated,) = evaluate(agents, "ally-v2", tmp_path / "results", name="linear")
+    case = load_case(board, folder)
+    summary = summaries_of(case.result.records, case.suites)[PUBLIC]
+    assert (summary.records, summary.score) == (evaluated.records, evaluated.score)
+
+
+def test_all_suites_of_the_track_are_played(board, small_suites):
+    """Before a season all on public seeds, and then on the season's."""
+    write_suite(small_suites, "ally-shifted-v2", SUITE | {"matches": 2})
+    write_suite(small_suites, "ally-responses-v2", SUITE | {"matches": 3})
+    folder = enter(board, "ally", "wise", script="expert")
+    verdicts_of(board)
+    head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
+    assert list(head["fingerprint"]["suites"]) == ["public", "shifted", "responses"]
+    assert [len(line["returns"]) for line in lines] == [4, 4, 2, 2, 3, 3]
+    close_season(small_suites, ally={"matches": 5})
+    assert verdicts_of(board)["ally/wise"] == (
+        False,
+        f"result {result(board, 'ally/wise')}: of other suites; make it again: "
+        f"fpg-bench submit run --update {folder}",
+    )
+    assert verdicts_of(board, update=True)["ally/wise"][1].startswith("verified: unseen ")
+    head, *lines = map(json.loads, result(board, "ally/wise").read_text().splitlines())
+    roles = ["public", "public-seeds", "unseen", "shifted", "responses"]
+    assert list(head["fingerprint"]["suites"]) == roles
+    assert len({line["rounds_sha256"] for line in lines}) == len(lines) == 10
+    assert verdicts_of(board)["ally/wise"][0]
+
+
+def test_lost_rounds_count_as_the_lowest_return(board, in_process):
+    in_process.loses = (1, 3)
+    folder = enter(board, "ally", "linear", seeds=(0,))
+    assert verdicts_of(board)["ally/linear"][1].endswith(", 4 of 8 rounds lost by rule")
+    case = load_case(board, folder)
+    scale = case.suites[PUBLIC].scale
+    worst = (scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)) * 300
+    for line in case.result.records:
+        lowest = min(worst, line.returns[0], line.returns[2])
+        assert [line.returns[k] for k in (1, 3)] == pytest.approx([lowest] * 2, abs=1e-3)
+        assert line.lost == 2
+
+    in_process.loses = (0, 1, 2, 3)
+    result(board, "ally/linear").unlink()
+    why = "all of its rounds are lost by rule: its answers are not valid actions"
+    assert verdicts_of(board)["ally/linear"] == (False, f"not verified: {why}")
+    assert verdicts_of(board)["ally/linear"] == (True, f"not verified, as before: {why}")
+
+
+def test_a_policy_that_fails_is_not_verified_and_stops_nobody(board, in_process):
+    enter(board, "ally", "linear", seeds=(0, 1))
+    enter(board, "ally", "wise", script="expert")
+    in_process.fails = True
+    verdicts, why = verdicts_of(board), "seed_0: took longer than it may"
+    assert verdicts["ally/linear"] == (False, f"not verified: {why}")
+    assert verdicts["ally/wise"][0]
+    head = json.loads(result(board, "ally/linear").read_text())
+    assert (head["status"], head["reason"]) == ("not verified", why)
+    assert verdicts_of(board)["ally/linear"] == (True, f"not verified, as before: {why}")
+    assert verdicts_of(board, sample=0.1)["ally/linear"] == (True, "not verified; not part of a sample")
+    in_process.fails = False
+    good, line = verdicts_of(board)["ally/linear"]
+    assert not good
+    assert line.startswith("the result is not verified, but it plays")
+    verdicts_of(board, update=True)
+    result(board, "ally/linear").unlink()
+    assert verdicts_of(board)["ally/linear"][0]
+    in_process.fails, before = True, result(board, "ally/linear").read_bytes()
+    assert verdicts_of(board)["ally/linear"] == (False, f"the result is verified, but now: {why}")
+    assert result(board, "ally/linear").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ('"returns":[', '"returns":[9', "its records are not those it was written with"),
+        ('"suites":{"public":["ally-v2","', '"suites":{"public":["ally-v2","0', "of other suites; make"),
+    ],
+    ids=["returns", "suites"],  # tests of results try all others
+)
+def test_a_result_that_was_edited_is_told_in_a_line(two, old, new, line):
+    edit(result(two, "ally/wise"), old, new)
+    verdicts = verdicts_of(two)
+    assert not verdicts["ally/wise"][0]
+    assert line in verdicts["ally/wise"][1]
+    assert "\n" not in verdicts["ally/wise"][1]
+    assert verdicts["ally/still"][0]
+    assert verdicts_of(two, update=True)["ally/wise"][1].startswith("verified: public ")
+    assert verdicts_of(two)["ally/wise"][0]
+
+
+def test_a_forged_result_is_found_by_playing_again(two):
+    """Records and hash fit each other; only the rounds were never played."""
+    board = two
+    still, wise = (load_case(board, board / "submissions/ally" / slug) for slug in ("still", "wise"))
+    write_verified(still, [dataclasses.replace(record, entry="still") for record in wise.result.records])
+    good, line = verdicts_of(board, sample=0.5)["ally/still"]
+    assert not good
+    assert line.startswith("the result does not hold: 100.0 % of ")
+
+
+def test_a_submission_that_has_changed_wants_a_new_result(board, in_process, monkeypatch):
+    folder = enter(board, "ally", "linear", seeds=(0,))
+    verdicts_of(board)
+    edit(folder / "submission.yaml", "nothing else", "much else")
+    message = "submission.yaml or a policy changed since this result was made; make it again: "
+    message += "fpg-bench submit run --update {}"
+    assert verdicts_of(board)["ally/linear"] == (False, message.format(folder))
+    monkeypatch.chdir(board)
+    for given in ("submissions/ally/linear", folder):
+        verdict = run_one(given)
+        assert verdict.line == message.format("submissions/ally/linear")
+    assert verdicts_of(board, update=True)["ally/linear"][0]
+    shutil.rmtree(folder)
+    enter(board, "ally", "linear", seeds=(1,))
+    assert verdicts_of(board)["ally/linear"][1].startswith("submission.yaml or a policy changed since")
+
+
+def test_entries_that_share_a_policy_are_told(board, in_process):
+    enter(board, "ally", "first", seeds=(0, 1))
+    enter(board, "ally", "second", seeds=(1, 2))
+    enter(board, "ally", "other", seeds=(3,))
+    again = onnx.load_from_string(policy(3))
+    again.doc_string = "Mine."
+    write_seed(enter(board, "ally", "renamed", seeds=(4,)) / "seed_4", 4, again.SerializeToString())
+    verdicts = verdicts_of(board)
+    assert all(good for good, _ in verdicts.values())
+    assert verdicts["ally/first"][1].endswith("; it has a policy of ally/second, too: ask whose it is")
+    assert "a policy of" not in verdicts["ally/renamed"][1]  # before it has a result, its file alone is known
+    assert verdicts_of(board)["ally/renamed"][1].endswith("a policy of ally/other, too: ask whose it is")
+    (track, *_) = make_board(load_entries(board)).tracks
+    shared = {entry.slug: figures.same_policies for entry, figures in track.verified()}
+    assert shared == {
+        "first": ("ally/second",),
+        "second": ("ally/first",),
+        "other": ("ally/renamed",),
+        "renamed": ("ally/other",),
+    }
+
+
+@pytest.mark.parametrize(("authors", "is_flagged"), [(["A. Student"], False), (["Somebody Else"], True)])
+def test_authors_may_enter_a_policy_in_two_tables(board, in_process, authors, is_flagged):
+    enter(board, "opponent", "one", seeds=(0,), authors=["A. Student"])
+    enter(board, "opponent", "two", seeds=(0,), authors=authors, path="learned")
+    lines = [line for _, line in verdicts_of(board).values()]
+    assert ["a policy of" in line for line in lines] == [is_flagged] * 2
+
+
+def test_a_result_with_a_record_of_another_policy_is_refused(board, in_process):
+    folder = enter(board, "ally", "linear", seeds=(0, 1))
+    verdicts_of(board)
+    case = load_case(board, folder)
+    first, *others = case.result.records
+    write_verified(case, [dataclasses.replace(first, fingerprint="0" * 16), *others])
+    assert "holds a record of another policy than the result's" in verdicts_of(board)["ally/linear"][1]
+
+
+def test_a_bad_submission_and_a_stray_result_stop_nobody(two):
+    (enter(two, "ally", "torn", script="expert") / "submission.yaml").write_text("{")
+    (two / "submissions/ally/still").rename(two / "submissions/ally/stiller")
+    verdicts = verdicts_of(two)
+    assert {name for name, (good, _) in verdicts.items() if not good} == {"ally/torn", "ally/still"}
+    assert "not valid YAML" in verdicts["ally/torn"][1]
+    assert verdicts["ally/still"][1].endswith("no such submission")
+    assert not result(two, "ally/torn").exists()
+
+
+# Samples and names
+
+
+def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process):
+    for slug in ("idle", "expert", "random"):
+        enter(board, "ally", f"the-{slug}", script=slug)
+    enter(board, "ally", "linear", seeds=(0, 1, 2, 3))
+    verdicts_of(board)
+    cases = [load_case(board, folder) for folder in sorted((board / "submissions/ally").iterdir())]
+
+    def drawn(share, seed):
+        return [
+            [(part.name, matchup[1].name) for part, matchups in case.wanted for matchup in matchups]
+            for case in draw_sample(cases, share, seed)
+        ]
+
+    assert [len(lines) for lines in drawn(0.01, 5)] == [1, 1, 1, 1]
+    assert sum(map(len, drawn(0.75, 5))) >= 11
+    assert sum(map(len, drawn(1, 5))) == 14
+    assert drawn(0.3, 5) == drawn(0.3, 5)
+    assert len({str(drawn(0.3, seed)) for seed in range(5)}) > 1
+    with logged() as lines:
+        verify(board, sample=0.05)
+    assert lines[0].startswith("sample: 5 % of all records, --sample-seed ")
+    assert all("holds: 1 of 1 records" in line for line in lines[1:])
+
+
+def test_names_and_shares_are_checked(board, tmp_path):
+    enter(board, "ally", "wise", script="expert")
+    assert list(verdicts_of(board, "ally/wise")) == ["ally/wise"]
+    for name, rest in (
+        ("ally/wide", "did you mean 'ally/wise'"),
+        ("opponent/wise", "did you mean 'ally/wise'"),
+        ("ally/tone", "; known: ally/wise$"),
+    ):
+        with pytest.raises(UserError, match=f"no submission '{name}'.*{rest}"):
+            verdicts_of(board, name)
+    for share in (0, -0.1, 1.5):
+        with pytest.raises(UserError, match="sample: expected a share above 0 and at most 100 %"):
+            verdicts_of(board, sample=share)
+
+
+def test_one_folder_is_run_where_it_lies(board, tmp_path):
+    folder = enter(board, "opponent", "near", script="adaptive")
+    verdict = run_one(folder)
+    assert (verdict.name, verdict.is_good) == ("opponent/near", True)
+    assert result(board, "opponent/near").exists()
+    with pytest.raises(UserError, match="expected a folder <leaderboard>/submissions/"):
+        run_one(tmp_path)
+    with pytest.raises(UserError, match="did you mean 'opponent'"):
+        run_one(board / "submissions/oponent/near")
+
+
+# Several at once, and interrupted ones
+
+
+def test_several_at_once_give_the_same_results(two):
+    alone = {path: path.read_bytes() for path in (two / "results/ally").iterdir()}
+    for path in alone:
+        path.unlink()
+    assert all(good for good, _ in verdicts_of(two, workers=2).values())
+    assert {path: path.read_bytes() for path in alone} == alone
+
+
+VERIFY = """
+import sys
+from pathlib import Path
+import platformdirs
+from fpg_bench.products.leaderboard.verification import verify
+from fpg_bench.players import agent
+agent.baselines_folder = lambda: Path(sys.argv[1])
+platformdirs.user_cache_path = lambda name: Path(sys.argv[2])
+verify(Path(sys.argv[3]))
+"""
+
+
+@pytest.mark.process
+def test_what_is_killed_goes_on_and_gives_the_same(board, small_suites, tmp_path):
+    write_suite(small_suites, "ally-v2", SUITE | {"matches": 100})
+    for slug in ("expert", "reactive"):
+        enter(board, "ally", f"the-{slug}", script=slug)
+    command = [sys.executable, "-c", VERIFY, small_suites, tmp_path / "cache", board]
+    killed = subprocess.Popen(command)
+    while not _lines_under_way(board) and killed.poll() is None:
+        time.sleep(0.005)
+    killed.kill()
+    assert killed.wait() == -signal.SIGKILL
+    assert all(good for good, _ in verdicts_of(board).values())
+    assert _lines_under_way(board) == []
+    files = {path: path.read_bytes() for path in (board / "results/ally").iterdir()}
+    assert len(files) == 2
+    for path in files:
+        path.unlink()
+    assert all(good for good, _ in verdicts_of(board).values())
+    assert {path: path.read_bytes() for path in files} == files
+
+
+def _lines_under_way(board):
+    rows = [RowFile(path).read() for path in work_folder(board).rglob("records.jsonl")]
+    return [row for each in rows for row in each]
+
+
+# Agreement of records
+
+
+@pytest.fixture(scope="module")
+def suites():
+    return {"public": load_suite("ally-v1")}
+
+
+AGENT = "0123456789abcdef"  # the hash of a policy
+
+
+@pytest.fixture(scope="module")
+def between_scripts(suites):
+    return list(part_records(Part("wise", None, "expert-spread"), matchups_of(suites.values())[:2]))
+
+
+@pytest.fixture(scope="module")
+def records(between_scripts):
+    """Records as of an agent, whose rounds may differ in their last bits."""
+    return [dataclasses.replace(record, fingerprint=AGENT) for record in between_scripts]
+
+
+@pytest.fixture(scope="module")
+def span(suites):
+    """Return the span of a round's return from score 0 to 100."""
+    scale = suites["public"].scale
+    return (scale.top - scale.zero) * suites["public"].scenario.steps_per_round
+
+
+def changed(records, **values):
+    return [dataclasses.replace(records[0], **values), *records[1:]]
+
+
+def moved(line, **sums):
+    return line.tally | {name: line.tally[name] + by for name, by in sums.items()}
+
+
+def test_the_same_lines_and_those_of_another_machine_agree(records, suites):
+    assert (disagreements(records, records, suites), count_identical(records, records)) == ([], 2)
+    kept = changed(records, rounds_sha256="other", returns=tuple(x + 0.01 for x in records[0].returns))
+    assert (disagreements(records, kept, suites), count_identical(records, kept)) == ([], 1)
+    assert disagreements(records[1:], changed(records, lost=50), suites) == []  # only some are compared
+
+
+@pytest.mark.parametrize(("count", "agrees"), [(2, True), (3, False)])
+def test_one_round_of_a_hundred_may_be_another(records, suites, span, count, agrees):
+    """Over all records that are compared, as long as the mean against the rival holds."""
+    returns = list(records[0].returns)
+    for k in range(count):
+        returns[k] += 0.01 * span * (-1) ** k
+    differing = disagreements(records, changed(records, returns=tuple(returns)), suites)
+    assert differing == ([] if agrees else ["1.5 % of 200 rounds return something else"])
+
+
+def test_other_means_sums_points_and_lost_rounds_are_told(records, suites, span):
+    then, points = records[0], [0] * len(records[0].ally_points)
+    where, steps, jammed = f"ally-v1, {then.rival}", then.tally["steps"], then.tally["jammed"]
+    (line,) = disagreements(
+        records, changed(records, returns=(then.returns[0] + 2 * span, *then.returns[1:])), suites
+    )
+    assert line.startswith(f"{where}: mean return ")
+    kept = changed(records, tally=moved(then, jammed=0.01 * steps), ally_points=(1, *points[1:]), lost=9)
+    assert disagreements(records, kept, suites) == [
+        f"{where}: 0 rounds lost, the result says 9",
+        f"{where}: jammed {jammed:g}, the result says {jammed + 0.01 * steps:g}",
+        f"{where}: other ally_points",
+    ]
+
+
+def test_other_sums_of_the_same_rounds_were_edited(records, suites):
+    for name in TALLIES:
+        kept = changed(records, tally=moved(records[0], **{name: 10.0}))
+        (line,) = disagreements(records, kept, suites)
+        assert line.startswith(f"ally-v1, {records[0].rival}: {name} ")
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [
+        *(("comb", 0.01), ("opponent_return", 0.4), ("snr_db", 0.01)),
+        *(("capacity_mbit_s", -0.01), ("hops", 0.01), ("near", 0.01)),
+    ],
+)
+def test_sums_are_compared_by_what_they_are_worth(records, suites, name, share):
+    tally = records[0].tally
+    unit = abs(tally[name]) if name in ("snr_db", "capacity_mbit_s") else tally["steps"]
+    for by, agrees in ((share / 4, True), (share, False)):
+        kept = changed(
+            records,
+            tally=moved(records[0], **{name: by * unit}),
+            rounds_sha256="other",
+            returns=tuple(x + 0.01 for x in records[0].returns),
+        )
+        assert (disagreements(records, kept, suites) == []) is agrees
+
+
+def test_rounds_that_return_the_same_have_the_same_sums_whatever_their_hash_is(records, suites):
+    then = records[0]
+    moved_points = list(then.ally_points)
+    moved_points[0] += 1
+    for values, name in (
+        ({"tally": moved(then, longest_outage=1.0)}, "longest_outage"),
+        ({"tally": moved(then, jammed=1.0)}, "jammed"),
+        ({"lost": 1}, "0 rounds lost, the result says 1"),
+        ({"ally_points": tuple(moved_points)}, "other ally_points"),
+    ):
+        (line,) = disagreements(records, changed(records, rounds_sha256="other", **values), suites)
+        assert name in line
+
+
+def test_an_outage_is_no_longer_than_a_round(records, suites):
+    then, steps = records[0], suites["public"].scenario.steps_per_round
+    returns = tuple(x + 0.01 for x in then.returns)
+    for by, agrees in ((steps / 2, True), (2 * steps, False)):
+        kept = changed(records, rounds_sha256="other", returns=returns, tally=moved(then, longest_outage=by))
+        assert (disagreements(records, kept, suites) == []) is agrees
+
+
+def test_a_record_of_another_player_is_told(records, suites):
+    (line,) = disagreements(records, changed(records, fingerprint="another"), suites)
+    assert line.endswith(f"of the player {AGENT}, the result says another")
+
+
+def test_rounds_between_scripts_are_the_same_to_the_bit(between_scripts, suites):
+    assert disagreements(between_scripts, between_scripts, suites) == []
+    (line,) = disagreements(between_scripts, changed(between_scripts, rounds_sha256="other"), suites)
+    assert "other rounds, though scripts play the same to the bit on every machine" in line
+
+
+def test_records_of_two_suites_are_kept_apart(records, suites):
+    other = dataclasses.replace(suites["public"], season="5eed", matches=2)
+    both = suites | {"unseen": other}
+    played = list(part_records(Part("wise", None, "expert-spread"), matchups_of([other])[:2]))
+    assert disagreements(played, [*records, *played], both) == []
+    edited = changed(played, lost=2)
+    assert len(disagreements(played, [*records, *edited], both)) == 1
+    assert disagreements(records, [*records, *edited], both) == []
+
+
+def test_the_boards_records_are_played_again_by_their_seasons_name(board, small_suites, in_process):
+    close_season(small_suites, 3)
+    folder = enter(board, "ally", "wise", script="expert")
+    assert run_one(folder).is_good
+    case = load_case(board, folder)
+    of_season = [record for record in case.result.records if record.season is not None]
+    assert {record.season for record in of_season} == {"season-3"}
+    assert len(of_season) < len(case.result.records)  # the public seeds are of no season
+    (again,) = evaluate(["expert"], "ally-v2@season-3")
+    before = {record.rival: record for record in of_season if record.suite == "ally-v2"}
+    for record in again.records:
+        assert dataclasses.replace(record, entry="wise", suite="ally-v2").same_as(before[record.rival])
+        assert record.season == "season-3"

@@ -1,0 +1,585 @@
+"""Best responses, self-play and champions: opponents, starting weights, results, and resumption."""
+
+import dataclasses
+import json
+import shlex
+
+import pytest
+import yaml
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.seeds import tuning_seeds
+from fpg_bench.evaluation.suite import Rival, Scale, load_suite
+from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
+from fpg_bench.players.agent import load_agent
+from fpg_bench.players.tactics import draw_variants
+from fpg_bench.products.league import best_responses as responding
+from fpg_bench.products.league import champions as championing
+from fpg_bench.products.league import double_oracle as searching
+from fpg_bench.products.league import evaluation
+from fpg_bench.products.league import selfplay as playing
+from fpg_bench.products.league.verbs import best_response
+from fpg_bench.training.callbacks import GameMeasuresCallback
+from tests.logged import logged
+from tests.training.tiny import settings, train, train_tiny
+
+OPPONENT = "FPG/OpponentVsScripted-v0"
+LIMITS = {"jamming_types": ["tone", "comb"], "knowledge": "none"}
+TINY = settings("ppo", normalize={"norm_obs": False})
+CHAMPION = {
+    "id": "FPG/AllyVsPolicy-v0",
+    "algorithm": "ppo",
+    "hyperparams": settings("ppo"),
+    "against": ["suite:training-1/o01", "tone", "opponent-pursuit/td3/seed_0"],
+    "stages": [{"steps": 400}, {"steps": 400, "hyperparams": {"learning_rate": 0.0001}}],
+    "responders": [
+        {"algorithm": "ppo", "steps": 400, "hyperparams": settings("ppo"), "options": {"reward": "zero_sum"}}
+    ],
+    "priority": 3,
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_matches():
+    """Few matches in each evaluation."""
+    with pytest.MonkeyPatch.context() as patched:
+        for module in (responding, playing):
+            patched.setattr(module, "MATCHES", 5)
+        yield
+
+
+@pytest.fixture
+def trained(monkeypatch):
+    """The runs that a league trains, in their order."""
+    runs, real = [], responding.train
+
+    def record(config, out, **options):
+        runs.append(config)
+        return real(config, out, **options)
+
+    for module in (responding, playing, championing):
+        monkeypatch.setattr(module, "train", record)
+    return runs
+
+
+def interrupt(*arguments, **options):
+    raise KeyboardInterrupt
+
+
+# Evaluation
+
+
+@pytest.mark.parametrize(
+    ("side", "scenario", "suite"),
+    [
+        ("ally", STANDARD, "ally-v1"),
+        ("ally", as_scenario(None, opponent_path=("circle", "pursuit")), "ally-v1"),
+        ("opponent", as_scenario(None, opponent_path="learned"), "opponent-learned-v1"),
+        ("ally", PAPER, None),
+        ("ally", as_scenario(None, hop_cost=41), None),
+    ],
+)
+def test_scores_are_on_the_scale_of_the_side_s_public_suite_in_its_own_scenario(side, scenario, suite):
+    other = "adaptive" if side == "ally" else "expert"
+    player = "idle" if side == "ally" else "tone"
+    summary = evaluation.evaluate_against(player, {"it": other}, side, scenario, matches=1)
+    assert summary.suite.scale == (Scale() if suite is None else load_suite(suite).scale)
+
+
+@pytest.mark.parametrize("seeds", [None, tuning_seeds])
+def test_the_evaluation_equals_that_of_a_suite_with_the_same_players(seeds):
+    suite = dataclasses.replace(load_suite("ally-v1"), matches=10)
+    others = {"mine": "tone", "yours": "comb"}
+    summary = evaluation.evaluate_against("idle", others, "ally", STANDARD, matches=10, seeds=seeds)
+    for name, other in (("mine", "tone/pursuit"), ("yours", "comb/pursuit")):
+        record = play(player_entry("idle"), suite, suite.named(other), seeds)
+        assert summary.by_rival[name].value == suite.rewards(record.returns).mean()
+
+
+# Best responses
+
+
+@pytest.fixture(scope="module")
+def ally(tmp_path_factory):
+    """The agent of a tiny ally."""
+    return train_tiny("ppo", tmp_path_factory.mktemp("responses") / "ally", steps=400)
+
+
+@pytest.fixture(scope="module")
+def result(ally):
+    """The results of two best responses to it."""
+    return respond(ally, ally.parent.parent / "responses", n_seeds=2)
+
+
+def respond(agent, out, **options):
+    given = {"hyperparams": settings("ppo"), "steps": 400, "n_seeds": 1, "progress": False}
+    return responding.best_responses(str(agent), out, **(given | options))
+
+
+def run_folder(out, seed, steps=400, algorithm="ppo"):
+    return out / f"nothing-{algorithm}-{steps}" / f"seed_{seed}"
+
+
+def lowest(result):
+    rows = {
+        f"{r['algorithm']}, {r['steps']:,} steps, seed {r['training_seed']}": r for r in result["responses"]
+    }
+    rows |= result["scripts"]
+    name = min(rows, key=lambda name: rows[name]["return"])
+    return {"return": rows[name]["return"], "against": name}
+
+
+def test_the_full_search_tries_every_kind_of_response_with_two_seeds(tmp_path, monkeypatch):
+    calls = []
+    measures = {"return": 0.0, "measures": {"jamming_success_rate": 0.0}}
+    row = {"responses": [], "scripts": {"tone": measures}, "lowest": {"return": 0.0, "against": "tone"}}
+    monkeypatch.setattr(responding, "best_responses", lambda agent, out, **given: calls.append(given) or row)
+    best_response("expert", tmp_path / "out", full=True, game={})
+    assert [call["algorithm"] for call in calls] == ["sac", "ppo-stack8", "ppo-stack8", "ppo-stack8"]
+    assert {call["n_seeds"] for call in calls} == {2}
+    assert [call.get("actions") for call in calls] == [None, None, "discrete", "discrete"]
+    assert calls[0]["search"] == 100
+    assert calls[3]["start"] == "strongest"
+
+
+@pytest.mark.slow
+def test_scripts_with_other_constants_are_tried_beside_the_scripts(ally, tmp_path):
+    out = tmp_path / "responses"
+    few = respond(ally, out, search=2)
+    more = respond(ally, out, search=5)
+    variants = list(more["scripts"])[len(SCRIPTED["opponent"]) :]
+    assert variants == draw_variants("opponent", 5, STANDARD)
+    assert few["scripts"].items() <= more["scripts"].items()
+    assert more["lowest"] == lowest(more)
+
+
+@pytest.mark.slow
+def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result, tmp_path):
+    out = tmp_path / "responses"
+    respond(ally, out)
+    found = respond(ally, out, actions="discrete")
+    assert [row.get("actions") for row in found["responses"]] == [None, "discrete"]
+    agent = load_agent(out / "nothing-ppo-discrete-400" / "seed_0" / "agent", "opponent")
+    assert agent.card.game.actions == "discrete"
+    assert respond(ally, out, actions="discrete") == found
+    assert responding.response_label(found["responses"][1]) == "ppo discrete, 400 steps, seed 0"
+
+
+@pytest.mark.slow
+def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys):
+    best_response("tone", tmp_path / "out", steps="400", n_seeds=1, hyperparams=settings("ppo"), game={})
+    result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
+    assert [row["reward"] for row in result["responses"]] == ["own"]
+    assert result["lowest"]["against"] in result["scripts"]
+    assert "not best responses" not in capsys.readouterr().out  # it was not paid for the opponent's loss
+
+
+@pytest.mark.slow
+def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, result):
+    out = ally.parent.parent / "responses"
+    assert json.loads((out / "best_responses.json").read_text()) == result
+    suite = dataclasses.replace(load_suite("ally-v1"), matches=5)
+    for seed, row in enumerate(result["responses"]):
+        assert (row["algorithm"], row["steps"], row["training_seed"]) == ("ppo", 400, seed)
+        agent = run_folder(out, seed) / "agent"
+        about = load_agent(agent, "opponent").card.to_dict()
+        assert (about["training_seed"], about["training_steps"]) == (seed, 400)
+        game = {"id": "FPG/OpponentVsScripted-v0", "ally": str(ally), "path": "pursuit", "reward": "zero_sum"}
+        assert about["game"] == game | {"id": "FPG/OpponentVsPolicy-v0"}
+        record = play(player_entry(str(ally)), suite, Rival("it", (str(agent),), suite.scenario))
+        reward = suite.rewards(record.returns).mean()
+        earned = record.tally["opponent_return"] / record.tally["steps"]
+        assert (row["return"], row["earned"]) == pytest.approx((reward, earned), abs=1e-4)
+        assert row["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
+    assert result["policy"] == load_agent(ally).card.policy_sha256
+    assert list(result["scripts"]) == list(SCRIPTED["opponent"])
+    adaptive = evaluation.evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
+    assert result["scripts"]["adaptive"]["score"] == round(adaptive.score.value, 2)
+    assert result["lowest"] == lowest(result)
+
+
+@pytest.mark.slow
+def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, result, trained):
+    out = ally.parent.parent / "responses"
+    assert respond(ally, out, n_seeds=2) == result
+    assert not trained
+    assert respond(ally, out, n_seeds=3)["responses"][:2] == result["responses"]
+    respond(ally, out, steps=[400, 800])
+    curve = respond(ally, out, algorithm="ppo-stack2")
+    added = [("ppo", 400, 2), ("ppo", 800, 0), ("ppo-stack2", 400, 0)]
+    assert [(run.algorithm, run.steps, run.seed) for run in trained] == added
+    responses = [(r["algorithm"], r["steps"], r["training_seed"]) for r in curve["responses"]]
+    assert responses == [("ppo", 400, 0), ("ppo", 400, 1), *added]
+    assert curve["lowest"] == lowest(curve)
+    with pytest.raises(UserError, match="hyperparams: belong to one algorithm"):
+        respond(ally, out, algorithm=["ppo", "sac"])
+    with pytest.raises(UserError, match="holds another run"):  # of this budget and seed
+        respond(ally, out, hyperparams=settings("ppo", gamma=0.5))
+    for other, options, what in (("expert", {}, "policy"), (ally, {"path": "learned"}, "scenario")):
+        with pytest.raises(UserError, match=f"holds best responses with another {what}"):
+            respond(other, out, **options)
+
+
+@pytest.mark.slow
+def test_a_response_keeps_its_teacher_when_a_stronger_one_is_found(ally, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("fpg_bench.training.train.imitate", lambda *arguments: 0.0)
+    file = tmp_path / "out" / "best_responses.json"
+
+    def set_return(response, value):
+        content = json.loads(file.read_text())
+        content["responses"][response]["return"] = value
+        file.write_text(json.dumps(content))
+
+    respond(ally, "out", n_seeds=2)
+    set_return(0, -1000.0)
+    responses = respond(ally, "out", start="strongest")["responses"]
+    teacher = responses[2]["hyperparameters"]["imitate"]["teacher"]
+    assert teacher == "out/nothing-ppo-400/seed_0/agent"
+    set_return(1, -2000.0)
+    responses[1]["return"] = -2000.0
+    for out in ("out", tmp_path / "out"):
+        assert respond(ally, out, start="strongest")["responses"] == responses
+    with monkeypatch.context() as patched:
+        patched.setattr("fpg_bench.training.train.imitate", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            respond(ally, "out", start="strongest", n_seeds=2)
+    set_return(0, -3000.0)
+    resumed = respond(ally, tmp_path / "out", start="strongest", n_seeds=2)["responses"][3]
+    assert resumed["hyperparameters"]["imitate"]["teacher"] == "out/nothing-ppo-400/seed_1/agent"
+
+
+@pytest.mark.slow
+def test_an_interrupted_command_goes_on(ally, tmp_path, monkeypatch):
+    for place, is_started in (("evaluate_against", False), ("train", True)):
+        with monkeypatch.context() as patched:
+            patched.setattr(responding, place, interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                respond(ally, tmp_path / "out")
+        # The folder is taken before anything is trained
+        assert (tmp_path / "out" / "best_responses.json").exists() == is_started
+    respond(ally, tmp_path / "out")
+    assert (run_folder(tmp_path / "out", 0) / "agent" / "agent.json").exists()
+
+
+def test_folders_of_others_are_refused_and_stay_as_they_are(tmp_path):
+    (tmp_path / "thesis.tex").write_text("mine")
+    for make in (lambda: respond("expert", tmp_path), lambda: play_selfplay(tmp_path)):
+        with pytest.raises(UserError, match=r"holds other files, but no (best responses|self-play); choose"):
+            make()
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.slow
+def test_a_resumed_response_is_marked(ally, tmp_path, monkeypatch):
+    def stop(callback):
+        if callback.num_timesteps >= 800:  # the step before is saved
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("fpg_bench.training.callbacks.SAVE_EVERY_S", -1.0)
+        patched.setattr(GameMeasuresCallback, "_on_rollout_start", stop)
+        with pytest.raises(KeyboardInterrupt):
+            respond(ally, tmp_path / "out", steps=1200)
+    (response,) = respond(ally, tmp_path / "out", steps=1200)["responses"]
+    assert response["n_resumes"] == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("env_id", "options", "scenario", "path"),
+    [
+        (OPPONENT, {"path": "learned"}, as_scenario(None, opponent_path="learned"), "learned"),
+        (OPPONENT, {"path": ["circle", "triangle"]}, STANDARD, "pursuit"),
+        (OPPONENT, {"scenario": "paper"} | LIMITS, as_scenario(PAPER, **LIMITS), "pursuit"),
+        ("FPG/AllyVsPlanner-v0", {"planner": "circle"}, STANDARD, "pursuit"),
+    ],
+)
+def test_the_game_is_that_of_the_agent_s_training(env_id, options, scenario, path, tmp_path, monkeypatch):
+    agent = train("ppo", env_id, tmp_path / "agent", hyperparams=settings("ppo"), steps=400, **options)
+    configs = []
+    monkeypatch.setattr(responding, "train", lambda config, *a, **k: configs.append(config) or interrupt())
+    with pytest.raises(KeyboardInterrupt):
+        respond(agent, tmp_path / "out")
+    result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
+    assert (result["path"], result["scenario"]) == (path, scenario.hash)
+    assert configs[0].spec.resolve() == scenario
+    assert configs[0].spec.sides == ({"ally": "opponent", "opponent": "ally"}[result["side"]],)
+    with pytest.raises(KeyboardInterrupt):
+        respond(agent, tmp_path / "figures", scenario="figures")
+    kept = {name: options[name] for name in LIMITS if name in options}
+    other = as_scenario("figures", opponent_path=path, rounds_per_match=1, **kept)
+    assert configs[1].spec.resolve() == other
+
+
+@pytest.mark.slow
+def test_an_agent_brings_its_scenario_whatever_becomes_of_the_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "mine.yml"
+    file.write_text(yaml.safe_dump({"hop_cost": 20}))
+    agent = train_tiny("ppo", tmp_path / "agent", steps=400, scenario="mine.yml")
+    trained_in = as_scenario("mine.yml").hash
+    file.write_text(yaml.safe_dump({"hop_cost": 30}))
+    assert respond(agent, tmp_path / "out")["scenario"] == trained_in
+    now = as_scenario("mine.yml").hash
+    assert respond(agent, tmp_path / "other", scenario="mine.yml")["scenario"] == now != trained_in
+
+
+@pytest.mark.slow
+def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
+    for options, message in (
+        ({}, "plays both sides; set side to ally or opponent"),
+        ({"side": "alli"}, "expected ally or opponent, got 'alli'"),
+        ({"side": "ally", "start": "weakest"}, "start: expected nothing or strongest, got 'weakest'"),
+    ):
+        with pytest.raises(UserError, match=message):
+            respond("random", tmp_path / "out", **options)
+    assert respond("random", tmp_path / "out", side="ally")["side"] == "ally"
+
+
+# Self-play
+
+
+def play_selfplay(out, generations=2, **options):
+    given = {"hyperparams": TINY, "steps": 400, "progress": False, "evaluations": 0}
+    return playing.selfplay("ppo", out, generations=generations, **(given | options))
+
+
+def read_rows(out):
+    return RowFile(out / "selfplay.jsonl").read()
+
+
+def read_run(out, side, generation):
+    return json.loads((out / "generations" / f"{side}_{generation}" / "run.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory):
+    """Two generations, scored on their suites."""
+    out = tmp_path_factory.mktemp("selfplay") / "out"
+    agents = play_selfplay(out, evaluations=1, seed=3)
+    assert agents == {"ally": out / "ally", "opponent": out / "opponent"}
+    return out
+
+
+@pytest.mark.slow
+def test_each_generation_has_a_row(played):
+    rows = read_rows(played)
+    generations = [(k, side) for k in (0, 1) for side in ("ally", "opponent")]
+    assert [(row["generation"], row["side"]) for row in rows] == generations
+    scripts = [list(SCRIPTED[side]) for side in ("opponent", "ally")]
+    assert [row["against"] for row in rows] == [*scripts, ["opponent_0"], ["ally_0"]]
+    for row in rows:
+        assert row["steps"] == 400
+        assert list(row["returns"]) == row["against"]
+        assert row["return"] == pytest.approx(sum(row["returns"].values()) / len(row["returns"]), abs=2e-4)
+        scores = RowFile(played / f"generations/{row['side']}_{row['generation']}/evaluations.jsonl").read()
+        assert (row["suite"], row["suite_score"]) == (f"{row['side']}-v1", scores[-1]["score"])
+
+
+@pytest.mark.slow
+def test_a_generation_starts_from_the_one_before_against_the_other_side_s_past(played):
+    for side, other in (("ally", "opponent"), ("opponent", "ally")):
+        run = read_run(played, side, 1)
+        assert run["game"][other] == str(played / "generations" / f"{other}_0" / "agent")
+        assert run["options"]["start"] == str(played / "generations" / f"{side}_0")
+        scores = [RowFile(played / f"generations/{side}_{k}/evaluations.jsonl").read() for k in range(2)]
+        assert scores[1][0]["rivals"] == scores[0][-1]["rivals"]
+        assert [read_run(played, side, k)["training_seed"] for k in range(2)] == [3000, 3001]
+
+
+@pytest.mark.slow
+def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
+    described = {"training_seed": 3, "training_steps": 800, "steps_done": 800, "options": {}}
+    command = ["fpg-bench", "selfplay", "ppo", "--generations", "2", "--steps", "400", "--pool", "5"]
+    command += ["--seed", "3", "--hyperparams", json.dumps(TINY), "--n-evals", "1"]
+    described["command"] = shlex.join([*command, "--out", played.name])
+    for side in ("ally", "opponent"):
+        agent = load_agent(played / side, side)
+        assert agent.model == load_agent(played / "generations" / f"{side}_1" / "agent").model
+        content = agent.card.to_dict()
+        assert {key: content[key] for key in described} == described
+
+
+def test_past_generations_are_drawn_uniformly_by_the_seed():
+    every = [playing.draw_past("ally", 8, 3, seed) for seed in range(60)]
+    assert every == [playing.draw_past("ally", 8, 3, seed) for seed in range(60)]
+    assert every != [playing.draw_past("opponent", 8, 3, seed) for seed in range(60)]
+    assert {len(set(past)) for past in every} == {3}
+    assert {past for drawn in every for past in drawn} == set(range(8))
+    assert playing.draw_past("ally", 2, 3, 0) == [0, 1]
+
+
+@pytest.mark.slow
+def test_finished_generations_are_kept_and_more_can_be_added(played, trained):
+    before = read_rows(played)
+    play_selfplay(played, evaluations=1, seed=3)
+    assert (read_rows(played), trained) == (before, [])
+    play_selfplay(played, 3, seed=3)
+    assert [(run.spec.sides, run.seed) for run in trained] == [(("ally",), 3002), (("opponent",), 3002)]
+    assert read_rows(played)[:4] == before
+    assert load_agent(played / "ally").card.training_steps == 1200
+    play_selfplay(played, 1, seed=3)  # fewer generations change nothing
+    assert load_agent(played / "ally").card.training_steps == 1200
+
+
+@pytest.mark.slow
+def test_self_play_goes_on_wherever_it_was_killed(tmp_path, monkeypatch):
+    """In a training, before a row, before an agent is shipped; nothing is saved on the way."""
+
+    def interrupted(owner, name):
+        with monkeypatch.context() as patched:
+            patched.setattr(owner, name, interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                play_selfplay(tmp_path, 1)
+
+    interrupted(GameMeasuresCallback, "_on_rollout_end")
+    assert not read_rows(tmp_path)
+    interrupted(playing, "evaluate_against")
+    finished = read_run(tmp_path, "ally", 0)
+    assert (finished["finished"], finished["part"], finished["steps_done"]) == (True, 0, 400)
+    interrupted(playing, "read_card")
+    assert len(read_rows(tmp_path)) == 2
+    play_selfplay(tmp_path, 1)
+    assert len(read_rows(tmp_path)) == 2
+    assert read_run(tmp_path, "ally", 0) == finished
+    load_agent(tmp_path / "ally", "ally")
+
+
+@pytest.mark.slow
+def test_another_self_play_needs_another_folder(played):
+    for changes, name in (
+        ({"steps": 800}, "steps"),
+        ({"seed": 4}, "seed"),
+        ({"path": "learned"}, "scenario"),
+        ({"hyperparams": TINY | {"n_epochs": 2}}, "hyperparameters"),
+    ):
+        with pytest.raises(UserError, match=f"holds a self-play with another {name}"):
+            play_selfplay(played, **({"seed": 3} | changes))
+
+
+# Champions
+
+
+def load_champion(folder, **changes):
+    file = folder / "champions.yml"
+    file.write_text(json.dumps({"brave": {**CHAMPION, **changes}}))  # JSON is YAML
+    return championing.load_champions(file)["brave"]
+
+
+@pytest.mark.slow
+def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp_path, monkeypatch):
+    config, runs = load_champion(tmp_path), tmp_path / "runs"
+    real, calls = championing.train, []
+
+    def stopped(*arguments, **options):
+        calls.append(arguments)
+        return interrupt() if len(calls) == 3 else real(*arguments, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(championing, "train", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            championing.train_champion(config, 3, runs)
+    made = {path: path.stat().st_mtime_ns for path in runs.rglob("policy.onnx")}
+    assert len(made) == 2
+    with logged() as messages:
+        agent = championing.train_champion(config, 3, runs)
+    assert all(path.stat().st_mtime_ns == time for path, time in made.items())
+    assert sum(" trained, against " in line for line in messages) == 2
+    first, last = (runs / "brave" / "seed_3" / f"stage_{i}" for i in (0, 1))
+    assert json.loads((first / "run/run.json").read_text())["game"]["opponent"] == CHAMPION["against"]
+    about = json.loads((last / "run/run.json").read_text())
+    options, kept = about["game"] | about["options"], json.loads((last / "population.json").read_text())
+    assert set(options["opponent"]) == {*CHAMPION["against"], str(first / "responder_0/agent")}
+    assert options["start"] == str(first / "run")
+    assert about["hyperparameters"]["learning_rate"] == 0.0001
+    hardest = min(kept["returns_per_step"], key=kept["returns_per_step"].get)
+    assert kept["copies"][hardest] == 3
+    assert len(options["opponent"]) == sum(kept["copies"].values())
+    assert agent == last / "run" / "agent"
+    with pytest.raises(UserError, match="a population drawn with another priority; choose another folder"):
+        championing.train_champion(load_champion(tmp_path, priority=4), 3, runs)
+    championing.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
+    about = load_agent(tmp_path / "out", "ally").card.to_dict()
+    assert about["recipe"] == {"name": "brave", **CHAMPION, "options": {}}
+    described = (about["command"], about["training_steps"], about["training_seed"])
+    assert described == ("make brave", 800, 3)
+
+
+ORACLE = {
+    "side": "ally",
+    "options": {"actions": "uniform-hop"},
+    "stages": 2,
+    "steps": 400,
+    "response_steps": 300,
+    "algorithm": "ppo",
+    "response_algorithm": "ppo",
+    "response_actions": "discrete",
+    "against": ["tone", "suite:training-1/o01"],
+    "weight": 2,
+    "patience": 1,
+}
+
+
+@pytest.mark.slow
+def test_a_champion_of_a_double_oracle_is_shipped_from_a_finished_search_wherever_it_was_made(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(searching, "MATCHES", 3)
+    (tmp_path / "champions.yml").write_text(json.dumps({"brave": ORACLE}))
+    config = championing.load_champions(tmp_path / "champions.yml")["brave"]
+    game = config.arguments() | {"against": ["tone", "training-1/opponent/o01"]}
+    search = tmp_path / "elsewhere"
+    made = searching.double_oracle(search, seed=3, progress=False, **game)
+    (tmp_path / "runs" / "brave").mkdir(parents=True)
+    search.rename(tmp_path / "runs" / "brave" / "seed_3")
+    monkeypatch.setattr(searching, "train", interrupt)
+    agent = championing.train_champion(config, 3, tmp_path / "runs")
+    championing.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
+    card = load_agent(tmp_path / "out", "ally").card.to_dict()
+    assert (card["command"], card["training_seed"]) == ("make brave", 3)
+    assert card["training_steps"] == 400 * (made["stage"] + 1)
+    assert card["recipe"] == {"name": "brave", "mode": "one", **ORACLE}
+    responses = ["runs/response_0_0/agent"] * 2 if made["stage"] else []
+    assert card["game"]["opponent"] == ["tone", "training-1/opponent/o01", *responses]
+    assert str(tmp_path) not in json.dumps(card)
+    file = tmp_path / "scores.jsonl"
+    file.write_text('{"seed": 3, "stage": 5}\n{"seed": 4, "stage": 0}\n')
+    searching.keep_search(agent.parent, file)
+    *rows, other = RowFile(file).read()
+    assert other == {"seed": 4, "stage": 0}
+    assert [row["confirmed"] for row in rows] == [made["confirmed"].get(str(row["stage"])) for row in rows]
+    assert [row["low"] for row in rows] == [row["low"] for row in made["rows"]]
+    assert {(row["scenario"], row["steps"], row["response_steps"]) for row in rows} == {
+        ("standard", 400, 300)
+    }
+
+
+def test_a_search_that_is_not_finished_is_not_kept(tmp_path):
+    (tmp_path / "double_oracle.json").write_text("{}")
+    with pytest.raises(UserError, match="the search is not finished; run its command again"):
+        searching.keep_search(tmp_path, tmp_path / "scores.jsonl")
+
+
+def test_the_hardest_player_is_drawn_most_often():
+    assert championing.copies_by_hardness([5.0, 0.0, 10.0], 5) == [2, 5, 1]
+    assert championing.copies_by_hardness([1.0, 1.0], 5) == [1, 1]
+
+
+def test_an_invalid_champion_is_refused_in_one_line(tmp_path):
+    for changes, message in (
+        ({"stage": []}, "unknown key 'stage'; did you mean 'stages'"),
+        ({"stages": []}, "stages: expected a list"),
+        ({"stages": [{"step": 3}]}, "unknown key 'step'; did you mean 'steps'"),
+        ({"responders": [{"steps": 3}]}, "lacks algorithm"),
+        ({"options": {"pth": "circle"}}, "options: unknown key 'pth'; did you mean 'path'"),
+        ({"id": "FPG/AllyVsScripted-v0"}, "id: expected FPG/AllyVsPolicy-v0"),
+        ({"side": "ally"}, "unknown key 'id'"),
+    ):
+        with pytest.raises(UserError, match=message) as caught:
+            load_champion(tmp_path, **changes)
+        assert "\n" not in str(caught.value)

@@ -1,0 +1,209 @@
+"""The committed reports match the committed runs and the present code."""
+
+import csv
+import dataclasses
+import gzip
+import json
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from paper_pages import REPORTS, VARIANTS, all_runs, results_of, variants, write_pages
+
+from fpg_bench.game.scenario import as_scenario
+from fpg_bench.products.paper.claims import CLAIMS, LEVEL, compare, verdict
+from fpg_bench.products.paper.conditions import ALL, conditions_of
+from fpg_bench.products.paper.experiment import BUDGETS
+from fpg_bench.products.paper.figures import FIGURES
+from fpg_bench.products.paper.runs import RunFile, read_results
+
+COMMITTED = Path(__file__).parents[2] / "docs/results/paper"
+RUNS = Path(__file__).parents[2] / "results/reproduction"
+FULL = BUDGETS["full"]
+BOTH = ("paper", "standard")
+# Parts of claims that can hold by themselves.
+ASPECTS = {
+    "D1": CLAIMS["D1"],
+    "D2": CLAIMS["D2"],
+    "D3 level": "Each jamming type alone leaves the opponent below the ally",
+    "D3 order": "Single tone is weakest, broadband strongest",
+    "D4 planner": "Without the planner, where it learns to fly, the opponent is worse",
+    "D4 knowledge": "Without the knowledge base the ally is worse",
+}
+SETTINGS = {  # of the trained variants, as changes of the preset paper
+    "interference=once": {"snr_model": "sinr"},
+    "hops=always": {"hopping": "always"},
+    "hop-cost=0": {"hop_cost": 0.0},
+    "memory=for-ever": {"rounds_per_match": 40},
+}
+
+
+@pytest.fixture(scope="module", params=BOTH)
+def committed(request):
+    """A scenario and its committed runs."""
+    preset = request.param
+    wanted = {condition.name: range(FULL.seeds) for condition in conditions_of(ALL, preset, full=True)}
+    return preset, read_results(RunFile(RUNS, preset, FULL.name), wanted)
+
+
+def test_committed_runs_have_all_seeds_and_the_present_scenario(committed):
+    preset, results = committed
+    for condition in conditions_of(ALL, preset, full=True):
+        wanted = 1 if condition.budgets > 1 else FULL.seeds if condition.tested else 5
+        assert results.seeds(condition.name) == list(range(wanted)), condition.name
+        for run in results.runs[condition.name].values():
+            assert run.about.scenario == f"{preset}, {condition.scenario(preset).hash}", condition.name
+
+
+def test_committed_figures_levels_and_tests_match_the_committed_runs(tmp_path):
+    for made in write_pages(tmp_path):
+        assert made.read_text() == (COMMITTED / made.name).read_text(), made.name
+    for preset, *_ in REPORTS:
+        for figure in FIGURES:
+            for form in ("png", "svg"):
+                assert (COMMITTED / f"figures/{figure}-{preset}.{form}").is_file()
+
+
+@pytest.mark.parametrize(
+    ("preset", "name", "seeds"),
+    [
+        ("paper", "paper", range(300, 303)),
+        ("figures", "tenth", range(200, 210)),
+        ("figures", "tenth", range(400, 410)),
+    ],
+)
+def test_runs_with_more_updates_have_the_present_scenario_and_are_quoted(preset, name, seeds):
+    budget = BUDGETS[name]
+    results = results_of(preset, name, seeds)
+    (condition,) = conditions_of("fig4", preset, full=False)
+    assert results.seeds(condition.name) == list(seeds)
+    known = {each.name: each for each in conditions_of(ALL, preset, full=True)}
+    for run_name, runs in results.runs.items():
+        game = known[run_name.split("@")[0]].scenario(preset)
+        for run in runs.values():
+            assert run.about.scenario == f"{preset}, {game.hash}"
+            assert run.about.budget.startswith(f"{name}, {budget.steps} steps, ")
+    page = (COMMITTED.parent / "paper.md").read_text()
+    (test,) = (each.test for each in compare(results) if each.statement == "overlap ratio: early - late")
+    digits = 0 if name == "paper" else 1
+    interval = f"[{100 * test.low:.{digits}f}, {100 * test.high:.{digits}f}]"
+    assert re.search(rf"{100 * test.mean:.1f} (points )?{re.escape(interval)}", page)
+
+
+def test_committed_runs_of_figures_have_fresh_seeds():
+    stored = RunFile(RUNS, "figures", "hundredth").read()
+    assert min(seed for _, seed in stored) >= 100  # those below were looked at before it was chosen
+    for (name, _), run in stored.items():
+        known = {c.name: c for c in conditions_of(ALL, "figures", full=True)}[name.split("@")[0]]
+        assert run.about.scenario == f"figures, {known.scenario('figures').hash}"
+
+
+def aspect_of(comparison):
+    """Return the key of ASPECTS to which a test belongs, or D1 frozen."""
+    if comparison.claim == "D3":
+        return "D3 level" if "alone" in comparison.statement else "D3 order"
+    if comparison.claim == "D4":
+        return "D4 planner" if "learned path" in comparison.statement else "D4 knowledge"
+    return comparison.claim
+
+
+def test_committed_trained_variants_have_their_game_and_fresh_seeds():
+    stored = RunFile(RUNS, VARIANTS, "hundredth").read()
+    known = {condition.name: condition for condition in conditions_of(ALL, "paper", full=False)}
+    assert set(stored) == {(name, seed) for name, _ in stored for seed in range(100, 110)}
+    for (name, _), run in stored.items():
+        variant, _, condition = name.partition(": ")
+        settings = [SETTINGS.get(setting, {}) for setting in variant.split(",")]
+        changes = {key: value for each in settings for key, value in each.items()}
+        game = as_scenario("paper", **{"rounds_per_match": 10} | changes)
+        game = dataclasses.replace(game, **known[condition.split("@")[0]].changes)
+        assert run.about.scenario == f"paper, {game.hash}"
+
+
+def test_page_of_trained_variants_has_their_verdicts():
+    lines = (COMMITTED / f"{VARIANTS}.md").read_text().splitlines()
+    table = [[cell.strip("` ") for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| ")]
+    heading, _, *rows = table
+    runs = {"figures": results_of("figures", "hundredth", range(100, 110)), **variants()}
+    assert [name for name, *_ in rows] == list(runs)
+    for name, *cells in rows:
+        results = runs[name]
+        for aspect, cell in zip(heading[1:], cells, strict=True):
+            if cell != "-":
+                assert cell == verdict([each for each in compare(results) if aspect_of(each) == aspect])
+
+
+def test_pairs_on_all_paths_have_the_present_scenario():
+    for preset, budget, first, place in (
+        *((preset, "full", 0, "frozen") for preset in BOTH),
+        ("standard", "hundredth", 100, "."),
+    ):
+        seeds = range(first, first + 10)
+        results = results_of(preset, budget, seeds, place)
+        (base,) = conditions_of("fig4", preset, full=False)
+        for name in base.runs:
+            assert results.seeds(name) == list(seeds)
+            for run in results.runs[name].values():
+                assert run.about.scenario == f"{preset}, {base.scenario(preset).hash}"
+
+
+def test_page_on_paths_quotes_the_gains_of_frozen_pairs():
+    page = (COMMITTED / "question-paths.md").read_text()
+    quoted = [
+        line.split(" | ", 1)[1] for line in page.splitlines() if line.startswith("| ") and " to " in line
+    ]
+    measured = set()
+    for _, _, seeds, results in all_runs():
+        tests = [each.test for each in compare(results) if each.claim == "D1 frozen"]
+        cells = (f"{test.mean:z.1f} [{test.low:z.1f}, {test.high:z.1f}]" for test in tests)
+        measured.add(f"{seeds[0]} to {seeds[-1]} | {' | '.join(cells)} |")
+    assert len(quoted) == 8
+    assert [line for line in quoted if line not in measured] == []
+
+
+def test_docs_quote_the_verdicts():
+    page = (COMMITTED.parent / "paper.md").read_text()
+    again = {
+        "paper": variants()["as-printed"],
+        "standard": results_of("standard", "hundredth", range(100, 110)),
+    }
+    for place, preset in ((-2, "paper"), (-1, "standard")):
+        first, fresh = compare(results_of(preset, "full", range(10))), compare(again[preset])
+        verdicts = {claim: verdict([each for each in first if each.claim == claim]) for claim in CLAIMS}
+        frozen = [each for each in fresh if each.claim == "D1 frozen"]
+        verdicts["D1 frozen"] = f"{verdict(frozen)}, fresh seeds"
+        assert _verdicts(page, place) == verdicts
+
+
+def test_committed_page_of_the_screen_matches_its_rows():
+    lines = gzip.decompress((RUNS / "screen.jsonl.gz").read_bytes()).splitlines()
+    rows = [json.loads(line) for line in lines]
+    assert len({row["interpretation"] for row in rows}) == len(rows) == 768
+    page = (COMMITTED / "screen.md").read_text()
+    for claim, statement in ASPECTS.items():
+        held, reverse = 0, 0
+        for row in rows:
+            parts = [part for part in row["parts"] if part["claim"] == claim]
+            held += all(part["mean"] > 0 and part["p"] < LEVEL for part in parts)
+            reverse += any(part["high"] < 0 for part in parts)
+        assert f"| {claim} | {statement} | {held} of 768 | {reverse} |" in page
+    counted = Counter()
+    for part in (part for row in rows for part in row["parts"]):
+        shown, reverse = part["mean"] > 0 and part["p"] < LEVEL, part["high"] < 0
+        kind = "shown" if shown else "reversed" if reverse else "not shown"
+        counted[part["claim"], part["statement"], kind] += 1
+    with (COMMITTED / "screen-parts.csv").open() as file:
+        parts = list(csv.DictReader(file))
+    for line in parts:
+        for kind in ("shown", "reversed", "not shown"):
+            assert counted[line["claim"], line["claimed to be positive"], kind] == int(line[kind]), line
+    assert sum(counted.values()) == 768 * len(parts)
+    for form in ("png", "svg"):
+        assert (COMMITTED / f"figures/screen.{form}").is_file()
+
+
+def _verdicts(text: str, place: int) -> dict[str, str]:
+    """Return a cell of each claim's line in the first table with claims."""
+    lines = [line.strip("| ").split(" | ") for line in reversed(text.splitlines()) if line.startswith("| D")]
+    return {line[0]: line[place].strip("*") for line in lines}
