@@ -10,7 +10,7 @@ import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
 ABOUT = {
-    "format": 1,
+    "format": 2,
     "algorithm": "linear",
     "id": "FPG/AllyVsScripted-v0",
     "scenario": "0" * 64,
@@ -75,5 +75,6 @@ def write_seed(folder: Path, seed: int, data: bytes | None = None, **changes) ->
     folder.mkdir(parents=True, exist_ok=True)
     sha256 = hashlib.sha256(data).hexdigest()
     about = {**ABOUT, "training_seed": seed, "policy_sha256": sha256, **changes}
+    about = {"game": {key: about.pop(key) for key in ("id", "actions") if key in about}} | about
     (folder / "policy.onnx").write_bytes(data)
     (folder / "agent.json").write_text(json.dumps(about))

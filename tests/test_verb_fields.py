@@ -50,6 +50,26 @@ def run(verb, *words):
     return CliRunner().invoke(app, list(words), env={"COLUMNS": "200"})
 
 
+@dataclass(frozen=True)
+class Cup:
+    """A cup.
+
+    Attributes:
+        handles: where it is held.
+    """
+
+    handles: tuple[int, ...] = ()
+
+
+def test_a_field_whose_type_no_option_has_is_an_error_where_the_verb_is_made():
+    def drink(cup: Annotated[Cup, Fields(Cup)]) -> None: ...
+
+    with pytest.raises(TypeError, match=r"Cup\.handles: no option has the type tuple\[int, \.\.\.\]"):
+        with_fields(drink)
+    drink.__annotations__["cup"] = Annotated[Given, Fields(Cup, ())]  # none of its fields
+    assert not inspect.signature(with_fields(drink)).parameters
+
+
 def test_the_first_sentence_of_a_field_is_its_help():
     assert first_sentences(Tea) == {
         "kind": "Sort of the leaves, or several. Default: green.",

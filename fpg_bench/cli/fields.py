@@ -13,6 +13,7 @@ from typing import Annotated, Any, get_args
 import typer
 
 Given = Mapping[str, Any]  # values of fields, by name
+_TEXT = ("str", "Any", "Hyperparams")
 _TYPES = {"int": int, "float": float, "bool": bool, "Collection[str]": list[str], "Path": Path}
 
 
@@ -25,26 +26,29 @@ class Fields:
 
     Attributes:
         kind: the dataclass. The first sentence on a field in its docstring is the option's help.
-        names: the fields; empty: all.
+        names: the fields; None: all.
         lists: fields that take several words, separated by commas.
         panel: panel of the options in ``--help``.
         details: further arguments of :func:`typer.Option` by field.
     """
 
     kind: type
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...] | None = None
     lists: tuple[str, ...] = ()
     panel: str | None = None
     details: Mapping[str, Given] = dataclasses.field(default_factory=dict)
 
     def parameters(self, default: Any) -> list[inspect.Parameter]:
-        """Return the options as typer reads them; each field that is absent has the value of ``default``."""
+        """Return the options as typer reads them; each field that is absent has the value of ``default``.
+
+        Raises:
+            TypeError: a field has a type that no option is made for.
+        """
         docs, parameters = first_sentences(self.kind), []
         for field in dataclasses.fields(self.kind):
-            if self.names and field.name not in self.names:
+            if self.names is not None and field.name not in self.names:
                 continue
-            kinds = str(field.type).split(" | ")
-            kind: Any = next((_TYPES[name] for name in kinds if name in _TYPES), str)
+            kind = self._type_of(field)
             help = docs.get(field.name, "") + " Several are separated by commas." * (field.name in self.lists)
             help += " May be repeated." * (kind == list[str])
             details = {"help": help, "rich_help_panel": self.panel} | dict(self.details.get(field.name, {}))
@@ -54,10 +58,18 @@ class Fields:
             parameters.append(_keyword(field.name, annotation, None if value == () else value))
         return parameters
 
+    def _type_of(self, field: dataclasses.Field[Any]) -> Any:
+        """Return the type of a field's option; text stands last, as in ``str | Path``."""
+        kinds = str(field.type).split(" | ")
+        for name in (*_TYPES, *_TEXT):
+            if name in kinds:
+                return _TYPES.get(name, str)
+        raise TypeError(f"{self.kind.__name__}.{field.name}: no option has the type {field.type}")
+
     def collect(self, given: dict[str, Any]) -> Given:
         """Take the values of the fields out of those of all options; what is not given is left out."""
         names = [each.name for each in dataclasses.fields(self.kind) if each.name in given]
-        values = {name: given.pop(name) for name in names if not self.names or name in self.names}
+        values = {name: given.pop(name) for name in names if self.names is None or name in self.names}
         defaults = {each.name: each.default for each in dataclasses.fields(self.kind)}
         values = {name: value for name, value in values.items() if value not in (None, defaults[name])}
         words = {name: values[name].split(",") for name in self.lists if "," in values.get(name, "")}

@@ -80,7 +80,7 @@ def team_options() -> Fields:
     """Return the options that games of products add to those of other games; none without these products."""
     kind = next(map(kind_of, offered("game")), GameSpec)
     names = set(option_names(kind)) - set(option_names())
-    return Fields(kind, (*names,) or ("",), panel=TEAMS)
+    return Fields(kind, (*names,), panel=TEAMS)
 
 
 def run_options(*names: str) -> Fields:

@@ -16,7 +16,7 @@ from fpg_bench.common.errors import UserError, printable
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
-from fpg_bench.evaluation.record import TALLIES, Plans, Record
+from fpg_bench.evaluation.record import HASHED_TALLIES, Plans, Record
 from fpg_bench.evaluation.rounds import MatchBatch, make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds, season_name
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
@@ -119,7 +119,11 @@ class _Sums:
         self._histogram += batch.histograms.sum(axis=0)
         self._lost.append(lost)
         self.returns.append(batch.tallies[self._suite.return_name].copy())
-        for part in (batch.games["seed"], *(batch.tallies[name] for name in TALLIES), batch.histograms):
+        for part in (
+            batch.games["seed"],
+            *(batch.tallies[name] for name in HASHED_TALLIES),
+            batch.histograms,
+        ):
             self._digest.update(np.ascontiguousarray(part).tobytes())
         if self._suite.side == PLANNER:
             self._plans += [plan for plan in duel.plans if plan is not None]

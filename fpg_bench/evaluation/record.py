@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -20,7 +20,10 @@ from fpg_bench.game.metrics import CLEAN, GREATEST, measures
 from fpg_bench.game.state import TALLY
 
 TALLIES = tuple(TALLY.names or ())
-_BESIDE = (CLEAN, HOP_BITS)  # sums that records of earlier versions lack
+# Every record has the first sums, and the hash of its rounds covers them; older records lack later ones.
+HASHED_TALLIES = TALLIES[: TALLIES.index("opponent_return") + 1]
+LATER_TALLIES = (*TALLIES[len(HASHED_TALLIES) :], CLEAN, HOP_BITS)
+_NAMES = (*HASHED_TALLIES, *LATER_TALLIES)
 _FALLBACK = "fallback"
 _BOUND = 10**15  # larger than any real sum
 _MOST_STATUSES = 100
@@ -84,15 +87,15 @@ class Record:
         fingerprint: the first 16 digits of the hash that tells players of one name apart.
         rival: the rival's name.
         returns: of each round, in the order of seed and round.
-        tally: sums of ``state.TALLY`` over all rounds; the longest outage is the greatest. Since version
-            0.3.0 also ``clean_mbit_s`` in the model ``link``, and ``hop_bits``, the number of hops times the
-            entropy of a hop's destination given the point it leaves.
+        tally: sums of ``state.TALLY`` over all rounds; the longest outage is the greatest. In the model
+            ``link`` also ``clean_mbit_s``, and ``hop_bits``, the number of hops times the entropy of a hop's
+            destination given the point it leaves. Those that were added later are not in every record.
         ally_points, jam_points: steps per frequency point of both sides' centres.
         lost: number of rounds lost by an answer that is not a valid action.
-        rounds_sha256: of the tallies of all rounds.
+        rounds_sha256: of the tallies of all rounds, as far as every record has them.
         plans: statistics of planned paths; None if the entry plans none.
         season: name of the season whose evaluation seeds were played, such as ``season-2``: the suite
-            ``NAME@season-2`` plays them again. None of public seeds, and in records of earlier versions.
+            ``NAME@season-2`` plays them again. None of public seeds, and where it was not written down.
     """
 
     __pydantic_config__ = _CONFIG
@@ -132,13 +135,14 @@ class Record:
         return row
 
     def same_as(self, other: Record) -> bool:
-        """Compare two records; the seconds of planning do not count, nor what older records lack."""
-        return _timeless(self) == _timeless(other)
+        """Compare two records; the seconds of planning do not count, nor sums that one of them lacks."""
+        names = self.tally.keys() & other.tally.keys()
+        return _timeless(self, names) == _timeless(other, names)
 
 
-def _timeless(record: Record) -> Record:
+def _timeless(record: Record, names: Collection[str]) -> Record:
     plans = record.plans
-    tally = {name: record.tally[name] for name in TALLIES}
+    tally = {name: record.tally[name] for name in names}
     plans = plans and dataclasses.replace(plans, seconds=0.0)
     return dataclasses.replace(record, tally=tally, plans=plans, season=None)
 
@@ -148,7 +152,7 @@ class Pooled:
     """Sums of several records.
 
     Attributes:
-        tally: sums by the names of ``state.TALLY``; the longest outage is the greatest.
+        tally: sums by name, of those that all records have; the longest outage is the greatest.
         histogram: ``(2, points)``, the ally's and the jammer's steps per frequency point.
         rounds: number of rounds.
         lost: number of lost rounds.
@@ -176,8 +180,7 @@ class Pooled:
 def pool(records: Sequence[Record]) -> Pooled:
     """Pool one or more records: add their sums, and take the maximum of the longest outage."""
     ordered = sorted(records, key=lambda record: (record.suite, record.rival, str(record.training_seed)))
-    beside = [name for name in _BESIDE if all(name in record.tally for record in ordered)]
-    names = (*TALLIES, *beside)
+    names = [name for name in _NAMES if all(name in record.tally for record in ordered)]
     tallies = {name: [record.tally[name] for record in ordered] for name in names}
     tally = {name: max(values) if name == GREATEST else sum(values) for name, values in tallies.items()}
     histogram = np.sum([[record.ally_points, record.jam_points] for record in ordered], axis=0)
@@ -212,12 +215,7 @@ def read_record(row: Row, where: str) -> Record:
     """
     check_keys(row, _KEYS, where, needed=[key for key in _KEYS if key not in ("plans", "season")])
     tally, plans = row["tally"], row.get("plans")
-    beside = [name for name in _BESIDE if isinstance(tally, dict) and name in tally]
-    if not isinstance(tally, dict) or tuple(tally) != (*TALLIES, *beside):
-        names = tally if isinstance(tally, dict) else ()
-        missing = ", ".join(name for name in TALLIES if name not in names) or "none"
-        wanted = f"a mapping of {TALLIES[0]} to {TALLIES[-1]}, in order"
-        raise UserError(f"{where}: tally: expected {wanted}; missing: {missing}")
+    check_keys(tally, _NAMES, f"{where}: tally", needed=HASHED_TALLIES)
     if isinstance(plans, dict) and any(_is_long(value) for value in plans.values()):
         raise UserError(f"{where}: plans: more than {_MOST_STATUSES} statuses")
     record = parse(Record, row, where)

@@ -32,7 +32,7 @@ IDENTITY = (*MADE_BY, "training_seed")
 
 
 class RunDescription(Strict):
-    """Content of ``run.json``; files of version 0.2.0 are read as well, and further keys are kept.
+    """Content of ``run.json``; further keys are kept.
 
     Trainings of other libraries, logged by :func:`fpg_bench.log_evaluation`, have no game.
 
@@ -89,9 +89,8 @@ class RunDescription(Strict):
     def _read_any(cls, content: Any) -> Any:
         if not isinstance(content, dict):
             return content
-        if "game" not in content and isinstance(env_id := content.get("id"), str):  # of version 0.2.0
-            game, options = GameSpec.from_options(env_id, content.get("options") or {})
-            return {k: v for k, v in content.items() if k != "id"} | {"game": game, "options": options}
+        if "game" not in content and "id" in content:
+            raise UserError("is of an older format; train again in another folder (--out)")
         if isinstance(fields := content.get("game"), dict):
             return content | {"game": GameSpec.from_dict(fields, "game")}
         return content

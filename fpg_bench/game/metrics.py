@@ -29,18 +29,19 @@ def measures(tally: Mapping[str, float], histogram: np.ndarray) -> dict[str, flo
     """Return the standard metrics of pooled rounds.
 
     Args:
-        tally: sums by the names of ``state.TALLY``, over one round or many; and in the model ``link``
-            perhaps ``clean_mbit_s``.
+        tally: sums by the names of ``state.TALLY``, over one round or many, and in the model ``link``
+            ``clean_mbit_s``; records from before a name was added lack it.
         histogram: ``(2, points)``, the steps of the same rounds per frequency point: the ally's centre,
             and the jammer's to the nearest point.
 
     Returns:
         Shares in [0, 1], levels in dB, rates in Mbit/s, times in s, returns summed over the rounds;
-        None where a measure does not exist (nothing covered, no check heard, no outage, another model).
+        None where a measure does not exist (nothing covered, no check heard, no outage, another model, a
+        sum that is lacking).
     """
 
     def share(name: str, of: str = "steps") -> float | None:
-        return tally[name] / tally[of] if tally[of] else None
+        return tally[name] / tally[of] if name in tally and tally.get(of) else None
 
     values = {
         "overlap_ratio": share("overlap"),
@@ -59,7 +60,7 @@ def measures(tally: Mapping[str, float], histogram: np.ndarray) -> dict[str, flo
         "near_ratio": share("near"),
         "snr_db": share("snr_db"),
         "capacity_mbit_s": share("capacity_mbit_s"),
-        "rate_kept": share("capacity_mbit_s", CLEAN) if CLEAN in tally else None,
+        "rate_kept": share("capacity_mbit_s", CLEAN),
         "ally_return": tally["ally_return"],
         "opponent_return": tally["opponent_return"],
     }

@@ -216,7 +216,8 @@ def _check_models(scenario: Scenario) -> None:
 def _check_link(scenario: Scenario) -> None:
     """Refuse what the model ``link`` does not read, and widths and rates that no radio has."""
     s = scenario
-    unread = {"spread_capacity": False, "snr_cap_db": None, "jamming_coefficients": (1.0,) * 4}
+    unread: dict[str, object] = {"spread_capacity": False, "snr_cap_db": None}
+    unread["jamming_coefficients"] = (1.0,) * len(JAMMING_TYPES)
     if named := [name for name, value in unread.items() if getattr(s, name) != value]:
         values = ", ".join(f"{name} {getattr(s, name)!r}" for name in named)
         remedies = ", ".join(f"{name}: {_as_json(unread)[name]!r}" for name in named)

@@ -20,8 +20,9 @@ EMISSION, LINK, OFF, RADIOMETER = range(len(DETECTIONS))
 
 # Indices into the observations: of both sides, of the ally, of the opponent.
 OWN_POSITION, RELATIVE_POSITION = 0, 3
-OWN_FREQUENCY, SPREADING_TIME, SNR, SENSED_CENTRE, SENSED_TYPE, SENSED_COVERS = 6, 7, 8, 9, 10, 14
-KNOWN_FREQUENCY, KNOWN_AGE, NEXT_CHECK, JAM_CENTRE, JAM_TYPE, LAST_CHECK = 6, 7, 8, 9, 10, 14
+OWN_FREQUENCY, SPREADING_TIME, SNR, SENSED_CENTRE, SENSED_TYPE = range(6, 11)
+KNOWN_FREQUENCY, KNOWN_AGE, NEXT_CHECK, JAM_CENTRE, JAM_TYPE = range(6, 11)
+SENSED_COVERS = LAST_CHECK = OBSERVATION_SIZE - 1  # behind the types
 OUT_OF_SIGHT = np.float32(0.5)  # factor of a side's last number where a building hides the other side
 
 
@@ -147,6 +148,3 @@ def write_opponent_observation(out: np.ndarray, game: Record, rules: Record, rad
     out[LAST_CHECK] = game.last_check
     if radio is not None and not game.in_sight:
         out[LAST_CHECK] *= OUT_OF_SIGHT
-
-
-assert LAST_CHECK == SENSED_COVERS == OBSERVATION_SIZE - 1

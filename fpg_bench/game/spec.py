@@ -16,7 +16,7 @@ from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
 from fpg_bench.common.products import load, offered
-from fpg_bench.common.strict_json import Json, JsonObject
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
 from fpg_bench.game.state import OBSERVATION_SIZE
 
@@ -257,24 +257,6 @@ class GameSpec:
             return kind(**content, untrusted=frozenset(code_named(content)))
         except UserError as error:
             raise UserError(f"{where}: {error}" if where else str(error)) from error
-
-    @classmethod
-    def from_options(cls, env_id: str, options: Json) -> tuple[GameSpec, JsonObject]:
-        """Return the specification that runs and agents of version 0.2.0 and earlier hold, and what is left.
-
-        Args:
-            env_id: the environment id.
-            options: options of the game, with lists as comma-separated text, and options of the run.
-
-        Raises:
-            UserError: no such id, or an option of another kind.
-        """
-        own = {name: value for name, value in options.items() if name in option_names()}
-        for name in LISTS:
-            if isinstance(text := own.get(name), str) and "(" not in text:  # not a script's constants
-                own[name] = text.split(",")
-        rest = {name: value for name, value in options.items() if name not in own}
-        return cls.from_dict({"id": env_id, **own}), rest
 
     @property
     def hash(self) -> str:

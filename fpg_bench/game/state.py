@@ -80,7 +80,8 @@ GAME = np.dtype(
     align=True,
 )
 
-# Totals of a round. They add up over rounds; of longest_outage the maximum is taken.
+# Totals of a round. They add up over rounds; of longest_outage the maximum is taken. New ones go to the end:
+# records of before are read without them.
 TALLY = np.dtype(
     [
         ("steps", "i8"),

@@ -23,7 +23,6 @@ AGENT_FORMAT: Literal[2] = 2
 FILE = "agent.json"
 MOST_STEPS = 10**13  # of a training
 _LONGEST_NAME = 60
-_READ = (1, AGENT_FORMAT)
 
 if TYPE_CHECKING:
     Game = GameSpec
@@ -62,9 +61,7 @@ class OfflineData(Strict):
 
 
 class AgentCard(Strict):
-    """Content of ``agent.json``; files of version 0.2.0 and earlier (format 1) are read as well.
-
-    Further keys are kept as they are.
+    """Content of ``agent.json``; further keys are kept as they are.
 
     Attributes:
         algorithm: name of the algorithm.
@@ -92,7 +89,7 @@ class AgentCard(Strict):
 
     model_config = pydantic.ConfigDict(extra="allow")
 
-    format: Literal[1, 2] = AGENT_FORMAT
+    format: Literal[2] = AGENT_FORMAT
     skills: JsonObject = pydantic.Field(default_factory=dict)
     sample: bool = False
     command: str | None = None
@@ -121,8 +118,6 @@ class AgentCard(Strict):
             return content
         if not _is_finite(content):
             raise UserError("contains a number that is not finite")
-        if content.get("format", AGENT_FORMAT) == 1:
-            content = _from_first_format(content)
         if isinstance(game := content.get("game"), dict):
             _check_id(game.get("id"))
             game = GameSpec.from_dict(game, "game")
@@ -152,21 +147,24 @@ class AgentCard(Strict):
         Raises:
             UserError: a key missing or invalid, a number that is not finite, another format, id or side.
         """
-        if (version := content.get("format", AGENT_FORMAT)) not in _READ:
-            raise UserError(f"{where}: format {version!r:.40}, this version reads {_READ[0]} and {_READ[-1]}")
+        if (version := content.get("format", AGENT_FORMAT)) != AGENT_FORMAT:
+            raise UserError(
+                f"{where}: format {version!r:.40}, this version reads {AGENT_FORMAT}; "
+                "export the agent again, or write it with fpg_bench.write_agent"
+            )
         card = parse(cls, dict(content), where)
         if side is not None and card.side != side:
             raise UserError(f"{where}: plays the {card.side} ({card.game.id}), not the {side}")
         return card
 
     def write(self, folder: Path, model: bytes | None = None) -> None:
-        """Write ``agent.json``, after ``policy.onnx`` if its bytes are given, in the present format."""
+        """Write ``agent.json``, after ``policy.onnx`` if its bytes are given."""
         if model is not None:
             write_whole(folder / "policy.onnx", model)
         write_json(folder / FILE, self.to_dict())
 
     def to_dict(self) -> JsonObject:
-        """Return the content of ``agent.json`` in the present format."""
+        """Return the content of ``agent.json``."""
         return {"format": AGENT_FORMAT} | self.model_dump(mode="json", exclude_unset=True, exclude={"format"})
 
     def played(self) -> Scenario:
@@ -230,21 +228,6 @@ class AgentCard(Strict):
     def describes(self, model: bytes) -> bool:
         """Return True if the policy is the one that the card names."""
         return hashlib.sha256(model).hexdigest() == self.policy_sha256
-
-
-def _from_first_format(content: JsonObject) -> JsonObject:
-    """Return the content of format 1 in the present one, where the game is one value."""
-    keys = ("algorithm", "id", "scenario", "training_seed", "training_steps", "policy_sha256")
-    if missing := [key for key in keys if key not in content]:
-        raise UserError(f"lacks {', '.join(missing)}")
-    env_id, actions, options = content["id"], content.get("actions"), content.get("options") or {}
-    _check_id(env_id)
-    if not isinstance(options, dict):
-        raise UserError(f"options: expected a mapping, got {options!r:.60}")
-    if actions is not None and env_id != DUEL:
-        options = {"actions": actions, **options}
-    game, rest = GameSpec.from_options(env_id, options)
-    return {k: v for k, v in content.items() if k not in ("id", "actions")} | {"game": game, "options": rest}
 
 
 def _check_id(env_id: object) -> None:

@@ -13,11 +13,11 @@ import logging
 import platform
 import re
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -27,7 +27,7 @@ from torch.distributions import Distribution
 
 from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.checks import integer
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, first_line
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
@@ -67,6 +67,9 @@ from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.models import by_side, is_finite, make_model, tells_divergence
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 EVALUATIONS = 20
 RIVAL = "rival"  # folder and option of the rival that learns at the same time
@@ -160,8 +163,8 @@ def train(
                 run.folder.clear()
             run.learn(evaluators, progress, log_rounds)
             run.finish()
-            if curve and (figure := draw_run(run.folder.path)) is not None:
-                write_figure(figure, run.folder.curve)
+            if curve:
+                _write_curve(run.folder.curve, partial(draw_run, run.folder.path))
     return run.folder.agent
 
 
@@ -292,10 +295,16 @@ def train_seeds(
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
     if evaluations:
-        try:
-            write_figure(draw_curves(read_runs([out]), levels=levels_of([out])), Path(out) / CURVE)
-        except UserError as error:  # of an earlier seed that was not evaluated; all are trained
-            _logger.warning(f"no {CURVE}: {error}")
+        _write_curve(Path(out) / CURVE, lambda: draw_curves(read_runs([out]), levels=levels_of([out])))
+
+
+def _write_curve(file: Path, draw: Callable[[], Figure | None]) -> None:
+    """Write a figure of what was trained, if there is one; a failure is a warning."""
+    try:
+        if (figure := draw()) is not None:
+            write_figure(figure, file)
+    except Exception as error:  # the agents are exported; nothing but the figure is lost
+        _logger.warning(f"no {file.name}: {first_line(error)}")
 
 
 MOST_SEEDS = 1000  # of one list

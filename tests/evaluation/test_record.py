@@ -90,6 +90,31 @@ def test_a_record_without_the_clean_rates_of_later_versions_is_read_and_is_the_s
     assert pool([later, earlier]).measures["rate_kept"] is None
 
 
+def test_a_measure_that_is_counted_later_leaves_older_records_as_they_are(monkeypatch):
+    old = json.loads(json.dumps(record().row()))
+    monkeypatch.setattr("fpg_bench.evaluation.record._NAMES", (*TALLIES, "clean_hits"))
+    new = record(tally=TALLY | {"clean_hits": 3.0})
+    assert read_record(json.loads(json.dumps(new.row())), "here") == new
+    assert read_record(old, "here") == record()
+    assert new.same_as(record())
+    assert not new.same_as(record(tally=TALLY | {"clean_hits": 4.0}))
+    assert pool([new, new]).tally["clean_hits"] == 6.0
+    assert "clean_hits" not in pool([new, record()]).tally
+    assert pool([new, record()]).measures == pool([record(), record()]).measures
+
+
+def test_a_tally_has_declared_names_in_any_order():
+    turned = dict(reversed(TALLY.items()))
+    assert read_record(record(tally=turned).row(), "here") == record()
+    lacking = {name: TALLY[name] for name in TALLIES if name != "heard"}
+    for tally, message in (
+        (lacking, "^here: tally: lacks heard$"),
+        (TALLY | {"hop_bit": 1.0}, "^here: tally: unknown key 'hop_bit'; did you mean 'hop_bits'"),
+    ):
+        with pytest.raises(UserError, match=message):
+            read_record(record(tally=tally).row(), "here")
+
+
 NAN = float("nan")
 
 

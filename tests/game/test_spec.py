@@ -134,16 +134,6 @@ def test_what_is_no_game_is_one_line(content, message):
     assert "\n" not in str(caught.value)
 
 
-def test_options_of_earlier_files_are_read():
-    game, rest = GameSpec.from_options(
-        ALLY, {"opponent": "tone,sweep", "path": "circle", "start": "runs/a", "actions": "discrete"}
-    )
-    assert game == GameSpec(ALLY, opponent=["tone", "sweep"], path="circle", actions="discrete")
-    assert rest == {"start": "runs/a"}
-    game, _ = GameSpec.from_options(ALLY, {"opponent": "alternate(centres=3, hold_s=2)"})
-    assert game.others == ("alternate(centres=3, hold_s=2)",)
-
-
 def test_an_unknown_option_is_also_a_type_error():
     with pytest.raises(UnknownOptionError, match="'oponent'; did you mean 'opponent'"):
         GameSpec.of(ALLY, oponent="tone")

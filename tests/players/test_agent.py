@@ -148,9 +148,9 @@ def test_policies_off_the_contract_are_refused(data, message):
 def agent(tmp_path):
     data = model_bytes()
     about = {
-        "format": 1,
+        "format": 2,
         "algorithm": "mine",
-        "id": "FPG/AllyVsScripted-v0",
+        "game": {"id": "FPG/AllyVsScripted-v0"},
         "scenario": "0" * 64,
         "training_seed": 0,
         "training_steps": 1,
@@ -164,9 +164,10 @@ def agent(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": 3}, "format 3, this version reads 1 and 2"),
-        ({"id": "FPG/AllyVsScripted-v9"}, "which this version does not have"),
-        ({"id": "FPG/OpponentVsScripted-v0"}, "plays the opponent"),
+        ({"format": 3}, "format 3, this version reads 2"),
+        ({"format": 1}, "format 1, this version reads 2; export the agent again, or write it with fpg_bench"),
+        ({"game": {"id": "FPG/AllyVsScripted-v9"}}, "which this version does not have"),
+        ({"game": {"id": "FPG/OpponentVsScripted-v0"}}, "plays the opponent"),
         ({"policy_sha256": "0" * 64}, "not the file"),
         ({"policy_sha256": "0"}, "policy_sha256: expected a SHA-256 hash"),
     ],
@@ -188,7 +189,7 @@ def test_a_group_without_an_algorithm_lists_its_agents(name):
 
 def test_truncated_agent_folders(agent):
     text = (agent / "agent.json").read_text()
-    for broken, message in ((text[:40], "not valid JSON"), ('{"format": 1}', "lacks algorithm")):
+    for broken, message in ((text[:40], "not valid JSON"), ('{"format": 2}', "lacks algorithm")):
         (agent / "agent.json").write_text(broken)
         with pytest.raises(UserError, match=message):
             load_agent(agent)

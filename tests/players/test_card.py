@@ -1,4 +1,4 @@
-"""Cards of agents, of both formats."""
+"""Cards of agents."""
 
 import hashlib
 import json
@@ -120,7 +120,7 @@ def test_a_scenario_that_cannot_be_told_is_named_by_the_caller(own):
         ({"policies": ["a"]}, "policies: expected a mapping"),
         ({"hyperparameters": 3}, "hyperparameters: expected a mapping"),
         ({"seconds": float("inf")}, "a number that is not finite"),
-        ({"format": [2]}, r"format \[2\], this version reads 1 and 2"),
+        ({"format": [2]}, r"format \[2\], this version reads 2"),
         ({"algorithm": ""}, "algorithm: expected at least 1 characters"),
     ],
 )

@@ -51,7 +51,7 @@ def make_agent(
     folder = folder or member.folder
     model = policy(member.seed if seed is None else seed)
     about = {
-        "format": 1,
+        "format": 2,
         "algorithm": member.algorithm,
         "id": member.group.id,
         "scenario": "0" * 64,
@@ -60,9 +60,11 @@ def make_agent(
         "seconds": 90.0,
         "policy_sha256": hashlib.sha256(model).hexdigest(),
     }
+    about |= other
+    about["game"] = {"id": about.pop("id")}
     folder.mkdir(parents=True)
     (folder / "policy.onnx").write_bytes(model)
-    (folder / "agent.json").write_text(json.dumps(about | other))
+    (folder / "agent.json").write_text(json.dumps(about))
     return folder
 
 

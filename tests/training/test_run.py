@@ -11,7 +11,7 @@ import yaml
 from torch import nn
 from typer.testing import CliRunner
 
-from fpg_bench import Run, UserError
+from fpg_bench import GameSpec, Run, UserError
 from fpg_bench.cli import app
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.training import train as training
@@ -71,13 +71,19 @@ def test_a_description_runs_no_code_and_says_what_it_lacks(tmp_path):
         Run(tmp_path)
 
 
-def test_a_description_of_an_earlier_version_is_read(tmp_path):
-    options = {"path": "triangle,circle", "start": "a"}
-    old = {"algorithm": "ppo", "id": "FPG/AllyVsScripted-v0", "side": "ally", "training_seed": 2}
-    (tmp_path / "run.json").write_text(json.dumps(old | {"options": options, "new": 1}))
+def test_a_run_of_an_older_format_is_refused_in_one_line(tmp_path):
+    old = {"algorithm": "ppo", "id": ALLY, "side": "ally", "options": {"path": "triangle,circle"}}
+    (tmp_path / "run.json").write_text(json.dumps(old))
+    with pytest.raises(UserError, match=r"run\.json: is of an older format; train again in another folder"):
+        RunDescription.read(tmp_path)
+    with pytest.raises(UserError, match="older format"):
+        Run(tmp_path, small()).train(progress=False)
+    assert [path.name for path in tmp_path.iterdir() if path.name != "evaluations.jsonl"] == ["run.json"]
+
+
+def test_further_keys_of_a_description_are_kept(tmp_path):
+    RunDescription(algorithm="ppo", game=GameSpec(ALLY), new=1).write(tmp_path)
     about = RunDescription.read(tmp_path)
-    assert about.game.path == ("triangle", "circle")
-    assert about.options == {"start": "a"}
     about.write(tmp_path)
     assert json.loads((tmp_path / "run.json").read_text())["new"] == 1
     assert RunDescription.read(tmp_path) == about

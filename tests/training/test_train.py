@@ -96,6 +96,20 @@ def test_a_run_describes_how_it_was_made(run, hyperparams):
 
 
 @pytest.mark.slow
+def test_a_figure_that_cannot_be_drawn_is_a_warning_and_the_run_is_finished(tmp_path, monkeypatch, caplog):
+    def broken(run):
+        raise KeyError("a level that is lacking")
+
+    monkeypatch.setattr("fpg_bench.training.train.draw_run", broken)
+    agent = train_tiny("ppo", tmp_path / "run", steps=400, evaluations=1)
+    assert load_agent(agent).card.training_steps == 400
+    assert [line for line in caplog.messages if "curve" in line] == [
+        "no curve.png: 'a level that is lacking'"
+    ]
+    assert not (tmp_path / "run" / "curve.png").exists()
+
+
+@pytest.mark.slow
 def test_the_policy_is_evaluated_during_training(run):
     rows = RowFile(run / "evaluations.jsonl").read()
     assert [row["steps"] for row in rows] == [0, 1200, 2400]
@@ -321,18 +335,3 @@ def test_a_line_is_logged_for_each_tenth_and_every_thirty_seconds(algorithm, sec
     else:
         assert len(lines) >= 1200 // 4  # four games a step: a line for each
         assert lines[0].startswith("training: 4 of 1,200 steps, ")
-
-
-def test_a_run_of_version_0_2_0_is_read_as_the_same_run(tmp_path):
-    options = {"opponent": ["tone", "sweep"], "path": "circle", "actions": "discrete"}
-    train_tiny("ppo", tmp_path / "run", steps=400, **options)
-    file = tmp_path / "run" / "run.json"
-    about = json.loads(file.read_text())
-    game = about.pop("game")
-    assert game == {"id": ALLY} | options
-    file.write_text(json.dumps(about | {"id": ALLY, "options": options | {"opponent": "tone,sweep"}}))
-    before = file.read_bytes()
-    train_tiny("ppo", tmp_path / "run", steps=400, **options)
-    assert file.read_bytes() == before  # nothing was trained
-    with pytest.raises(UserError, match="holds another run"):
-        train_tiny("ppo", tmp_path / "run", steps=400, **(options | {"path": "triangle"}))

@@ -375,7 +375,7 @@ def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) ->
     if now.plans != then.plans:
         lines.append(f"{where}: other plans: {now.plans}, the result says {then.plans}")
     for name, most in _tolerances(now, then, spans[now.suite_hash]).items():
-        if abs(now.tally[name] - then.tally[name]) > most:
+        if abs(now.tally[name] - then.tally.get(name, now.tally[name])) > most:
             lines.append(f"{where}: {name} {now.tally[name]:g}, the result says {then.tally[name]:g}")
     for name in ("ally_points", "jam_points"):
         shares = [
@@ -395,7 +395,7 @@ def _tolerances(now: Record, then: Record, span: float) -> dict[str, float]:
     others, a single round decides the longest outage, which may last for all of that round.
     """
     if now.rounds_sha256 == then.rounds_sha256 or now.returns == then.returns:
-        return {name: _SAME_WITHIN * abs(now.tally[name]) for name in TALLIES}
+        return {name: _SAME_WITHIN * abs(value) for name, value in now.tally.items()}
     within = {"steps": 0.0} | dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
     within |= {name: _LEVEL_WITHIN * abs(now.tally[name]) for name in _LEVELS}
     within[GREATEST] = now.tally["steps"] / len(now.returns)

@@ -9,7 +9,7 @@ import numpy as np
 from fpg_bench.common.checks import flag, one_of
 from fpg_bench.common.errors import UserError, shown
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.game.state import OBSERVATION_SIZE, TYPES
 
 MOST_ALLIES, MOST_JAMMERS = 5, 3
 MOST = {"allies": MOST_ALLIES, "jammers": MOST_JAMMERS}
@@ -30,10 +30,13 @@ TEAM_SCRIPTS = {
 # Blocks of an observation behind the duel's numbers: an ally's of further jammers and of mates, a jammer's of
 # further allies and of mates. There is room for the largest teams, and both sides have the same width.
 FURTHER_JAMMERS, FURTHER_ALLIES = MOST_JAMMERS - 1, MOST_ALLIES - 1
-RIVAL_SIZE, MATE_SIZE = 10, 8
-FOUND_SIZE, JAMMER_MATE_SIZE = 7, 12
+RIVAL_SIZE, MATE_SIZE = 6 + TYPES, 8
+FOUND_SIZE, JAMMER_MATE_SIZE = 7, 8 + TYPES
 TEAM_OBSERVATION_SIZE = OBSERVATION_SIZE + FURTHER_JAMMERS * RIVAL_SIZE + FURTHER_ALLIES * MATE_SIZE
-assert FURTHER_ALLIES * (MATE_SIZE - FOUND_SIZE) == FURTHER_JAMMERS * (JAMMER_MATE_SIZE - RIVAL_SIZE)
+assert FURTHER_ALLIES * (MATE_SIZE - FOUND_SIZE) == FURTHER_JAMMERS * (JAMMER_MATE_SIZE - RIVAL_SIZE), (
+    "teams: an ally and a jammer must observe equally many numbers; change RIVAL_SIZE, MATE_SIZE, "
+    "FOUND_SIZE or JAMMER_MATE_SIZE in fpg_bench/products/teams/rules.py"
+)
 PATHS_OF_TEAMS = ("pursuit", "learned")
 
 # What ally i knows of jammer j, the last second's, and the fading of the path between them.
@@ -116,13 +119,13 @@ class TeamRules:
 
 def told(side: str, mates: str) -> np.ndarray:
     """Return ``(67,)`` bool, the numbers of an observation that a seat sees if its mates tell so much."""
-    first, size, count, last = (
-        (FURTHER_JAMMERS * RIVAL_SIZE, MATE_SIZE, FURTHER_ALLIES, 6)
+    first, size, count = (
+        (FURTHER_JAMMERS * RIVAL_SIZE, MATE_SIZE, FURTHER_ALLIES)
         if side == "ally"
-        else (FURTHER_ALLIES * FOUND_SIZE, JAMMER_MATE_SIZE, FURTHER_JAMMERS, 10)
+        else (FURTHER_ALLIES * FOUND_SIZE, JAMMER_MATE_SIZE, FURTHER_JAMMERS)
     )
     of_mate = np.full(size, mates != "none")
-    of_mate[3:last] = mates == "full"  # beside place, order and presence
+    of_mate[3:-2] = mates == "full"  # beside place, order and presence
     return np.concatenate([np.ones(OBSERVATION_SIZE + first, bool), np.tile(of_mate, count)])
 
 

@@ -157,7 +157,7 @@ def read_ally(seen: np.ndarray, seats: Seats, rules: Record) -> SeatView:
     _read_jammer(seats.opponents[0], me, seen, RELATIVE_POSITION, SENSED_CENTRE, rules)
     for block in range(FURTHER_JAMMERS):
         at = OBSERVATION_SIZE + block * RIVAL_SIZE
-        if seen[at + 9] > 0.0:
+        if seen[at + RIVAL_SIZE - 1] > 0.0:
             _read_jammer(seats.opponents[jammers], me, seen, at, at + 3, rules)
             jammers += 1
     return SeatView(seat, size, told, jammers)
@@ -333,10 +333,11 @@ def _fill_finds(finds: np.ndarray, seen: np.ndarray) -> tuple[int, int]:
     seat, size = 0, 1
     for block in range(FURTHER_JAMMERS):
         at = FIRST_JAMMER_MATE + block * JAMMER_MATE_SIZE
-        is_there, number = seen[at + 11] > 0.0, 1 + FURTHER_ALLIES + block
-        finds[number, 0], finds[number, 1] = seen[at + 8], seen[at + 9] if is_there else 1.0
+        is_there, number = seen[at + JAMMER_MATE_SIZE - 1] > 0.0, 1 + FURTHER_ALLIES + block
+        finds[number, 0] = seen[at + 4 + TYPES]
+        finds[number, 1] = seen[at + 5 + TYPES] if is_there else 1.0
         size += is_there
-        seat += is_there and seen[at + 10] > 0.0
+        seat += is_there and seen[at + JAMMER_MATE_SIZE - 2] > 0.0
     return seat, size
 
 

@@ -25,7 +25,7 @@ from fpg_bench.game.sensing import (
     write_opponent_observation,
     write_relative,
 )
-from fpg_bench.game.state import OBSERVATION_SIZE, Record
+from fpg_bench.game.state import OBSERVATION_SIZE, TYPES, Record
 from fpg_bench.game.step import (
     begin_match,
     begin_round,
@@ -385,12 +385,12 @@ def _write_further_jammers(out: np.ndarray, i: int, seats: Seats, book: Book) ->
                 chosen = j
         last, known = chosen, seats.sensed[i, chosen]
         write_relative(out, at, ally.ally_position, seats.opponents[chosen].opponent_position, rules)
-        out[at + 8] = -1.0
+        out[at + 4 + TYPES] = -1.0
         if known.type >= 0:
             out[at + 3], out[at + 4 + known.type] = normalised_frequency(known.mhz, rules), 1.0
             if covers(known.type, known.mhz, ally.frequency_mhz, ally.spreading, rules, radio):
-                out[at + 8] = 1.0
-        out[at + 9] = 1.0
+                out[at + 4 + TYPES] = 1.0
+        out[at + 5 + TYPES] = 1.0
         at += RIVAL_SIZE
 
 
@@ -453,7 +453,7 @@ def _write_mates_of_jammer(out: np.ndarray, j: int, told: int, opponents: np.nda
             if mate.jamming_type >= 0:
                 out[at + 3] = normalised_frequency(mate.jamming_mhz, rules)
                 out[at + 4 + mate.jamming_type] = 1.0
-            out[at + 8] = normalised_frequency(mate.known_mhz, rules)
-            out[at + 9] = clip(mate.age_s * rules.per_age_scale)
-        out[at + 10], out[at + 11] = 1.0 if k < j else -1.0, 1.0
+            out[at + 4 + TYPES] = normalised_frequency(mate.known_mhz, rules)
+            out[at + 5 + TYPES] = clip(mate.age_s * rules.per_age_scale)
+        out[at + 6 + TYPES], out[at + 7 + TYPES] = 1.0 if k < j else -1.0, 1.0
         at += JAMMER_MATE_SIZE

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import optuna
-import pydantic
 import sqlalchemy
 from optuna.distributions import BaseDistribution as Distribution
 from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
@@ -23,7 +22,6 @@ from fpg_bench.common.errors import UserError, first_line, nearest, other_conten
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Strict, parse
-from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.suite import load_suite, suite_of
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import Game
@@ -73,11 +71,6 @@ class Task(Strict):
     space: Space
     hyperparameters: Entry
 
-    @pydantic.model_validator(mode="before")
-    @classmethod
-    def _read_any(cls, content: Any) -> Any:
-        return _present_form(content) if isinstance(content, dict) else content
-
     @property
     def seeds(self) -> list[int]:
         """Training seeds of each trial."""
@@ -85,12 +78,14 @@ class Task(Strict):
 
     def check_same(self, stored: object, where: str) -> None:
         """Raise UserError if a study stores a different task."""
-        if not isinstance(stored, dict):
-            raise UserError(f"{where}: was not made by fpg-bench tune; choose another --study-name")
-        stored = _present_form(stored)
-        for key, present in self.model_dump(mode="json").items():
-            before = stored.get(key)
-            if before == present:
+        own = self.model_dump(mode="json")
+        if not isinstance(stored, dict) or stored.keys() != own.keys():
+            raise UserError(
+                f"{where}: was not made by fpg-bench tune of this version; "
+                "choose another --study-name or --out"
+            )
+        for key, present in own.items():
+            if (before := stored[key]) == present:
                 continue
             difference = f"{key.replace('_', ' ')} {before}, not {present}"
             if isinstance(present, dict) and isinstance(before, dict):
@@ -100,14 +95,6 @@ class Task(Strict):
                 f"{where}: was made with {difference}; continue it with the same options, or choose another "
                 "--study-name or --out"
             )
-
-
-def _present_form(stored: JsonObject) -> JsonObject:
-    """Return a stored task; of version 0.2.0 with its id and options as one game."""
-    if "game" in stored or not isinstance(env_id := stored.get("env_id"), str):
-        return stored
-    game, _ = GameSpec.from_options(env_id, stored.get("options") or {})
-    return {k: v for k, v in stored.items() if k not in ("env_id", "options")} | {"game": game.to_dict()}
 
 
 def make_task(
@@ -398,9 +385,8 @@ def load_study(storage: Storage, name: str | None) -> tuple[optuna.Study, Task]:
         where = f"study {study.study_name!r} in {storage.where}"
         if _TASK not in study.user_attrs:
             raise UserError(f"{where}: was not made by fpg-bench tune")
-        return study, parse(
-            Task, study.user_attrs[_TASK], f"{where}: was made by another version of fpg-bench"
-        )
+        where += ": was made by another version of fpg-bench, so search anew"
+        return study, parse(Task, study.user_attrs[_TASK], where)
 
 
 def count_finished(study: optuna.Study) -> int:

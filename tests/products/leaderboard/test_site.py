@@ -21,9 +21,12 @@ import pytest
 import yaml
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.game import actions, sensing
 from fpg_bench.game.metrics import measures
+from fpg_bench.game.names import CHOSEN, JAMMING_TYPES, OBSERVED
 from fpg_bench.game.state import TALLY
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.site import page_data, views
@@ -465,6 +468,47 @@ def test_every_measure_of_a_round_has_a_label():
     measured = measures(dict.fromkeys(TALLY.names, 0), np.zeros((2, 3)))
     of_records = {"return", "hop_entropy_bits"}
     assert views.MEASURES.keys() == {*of_records, *measured} - {"recoveries_cut"}
+
+
+def sizes_in_the_browser():
+    """Sizes and indices of the game that the browser's scripts write as numbers: file, pattern, values."""
+    types, seen, chosen = len(JAMMING_TYPES), len(OBSERVED["ally"]), len(CHOSEN["ally"])
+    first, cover = sensing.SENSED_TYPE, sensing.SENSED_COVERS
+    kinds = ", ".join(map(str, range(types)))
+    return [
+        ("game_rules", r"TYPES = (\d+)", [types]),
+        ("game_rules", r"action\[(\d)\] > 0 \? rules\.band_middle", [actions.IN_BAND_GATE]),
+        ("game_rules", r"action\[(\d)\] \* rules\.(?:band_half|tuning_span)", [actions.TUNING]),
+        ("game_knowledge", r"TYPES = (\d+)", [types]),
+        ("game_knowledge", r"SENSED_CENTRE = (\d+)", [sensing.SENSED_CENTRE]),
+        ("game_knowledge", r"SENSED_TYPE = (\d+)", [first]),
+        ("game_knowledge", r"action\[(\d+) \+ kind\]", [actions.STRATEGY_SCORES]),
+        ("game_flight", r"action\[(\d+) \+ axis\]", [actions.VELOCITY]),
+        ("game_flight", r"\[(\d+), 7, 8\]", [actions.VELOCITY]),
+        ("game_scripts", r"length: (\d+) \}", [chosen]),
+        ("game_scripts", r"seen\[(\d\d)\]", [cover, first]),
+        ("game_scripts", r"slice\((\d+, \d+)\)", [f"{first}, {first + types}"]),
+        ("game_sight", r"seen\[(\d\d)\]", [cover]),
+        ("game_sight", r"slice\((\d+, \d+)\)", [f"{first}, {first + types}"]),
+        ("game_onnx", r"inputs\.observation !== (\d+)", [seen]),
+        ("game_onnx", r"outputs\.action !== (\d+)", [chosen]),
+        ("play", r"allySees\[(\d+)\]", [cover]),
+        ("play", r"\[([\d, ]+)\]\.map\(\(kind\)", [kinds]),
+        ("play", r"expert \? 1 : -1, ([0, ]+)\]", [", ".join("0" * types)]),
+        ("try", r"action\.length !== (\d+)", [chosen]),
+    ]
+
+
+@pytest.mark.parametrize(("script", "pattern", "values"), sizes_in_the_browser())
+def test_the_browser_s_game_has_the_sizes_of_the_game(script, pattern, values):
+    text = (Path(page_data.__file__).parent / "static" / f"{script}.js").read_text()
+    assert list(dict.fromkeys(re.findall(pattern, text))) == list(map(str, values))
+
+
+def test_the_browser_s_scripts_have_the_names_of_the_game():
+    text = (Path(page_data.__file__).parent / "static/game_scripts.js").read_text()
+    for name, words in (("TYPES =", JAMMING_TYPES), ("ally:", ALLIES), ("opponent:", OPPONENTS)):
+        assert f"{name} {json.dumps(words)}" in text
 
 
 def test_a_folder_of_other_files_is_left_alone(tmp_path):

@@ -97,7 +97,7 @@ def test_a_task_of_another_version_is_refused(tmp_path):
     storage, study = open_fake(tmp_path)
     study.set_user_attr("task", fake_task().model_dump(mode="json") | {"steps": "many"})
     with pytest.raises(
-        UserError, match="made by another version of fpg-bench: steps: expected a whole number"
+        UserError, match="another version of fpg-bench, so search anew: steps: expected a whole number"
     ):
         load_study(storage, None)
 
@@ -169,13 +169,12 @@ def test_a_trial_that_takes_its_worker_with_it_is_given_up(tmp_path):
     assert study.get_trials(states=(TrialState.WAITING,)) == []
 
 
-def test_a_study_of_version_0_2_0_is_the_same_task(tmp_path):
+def test_a_study_of_an_older_format_is_refused_in_one_line(tmp_path):
     storage, study = open_fake(tmp_path)
     before = fake_task().model_dump(mode="json")
-    game = before.pop("game")
-    before |= {"env_id": game["id"], "options": {}}
+    before |= {"env_id": before.pop("game")["id"], "options": {}}
     study.set_user_attr("task", before)
-    open_study(storage, "fake", fake_task())
-    assert load_study(storage, "fake")[1] == fake_task()
-    with pytest.raises(UserError, match="made with another game"):
-        open_study(storage, "fake", fake_task(game=GameSpec("FPG/AllyVsScripted-v0", path="circle")))
+    with pytest.raises(UserError, match=r"not made by .* of this version; choose another"):
+        open_study(storage, "fake", fake_task())
+    with pytest.raises(UserError, match="was made by another version of fpg-bench, so search anew: "):
+        load_study(storage, "fake")

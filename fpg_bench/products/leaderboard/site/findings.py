@@ -59,7 +59,7 @@ CLAIMS = (
     ),
     Claim(
         "The best against scripts is not the hardest to beat",
-        "Allies without memory that trained on scripts alone lost 5.5 to 8.5 per step to trained opponents.",
+        "Allies without memory that trained on scripts alone lose to trained opponents that they never met.",
         _RETURN,
         (
             ("TD3 against a script, adaptive", "ally-scripted/td3", "adaptive"),
