@@ -130,7 +130,8 @@ PRODUCTS = {
             "verb": {
                 "best-response": "fpg_bench.products.league.verbs:best_response",
                 "double-oracle": "fpg_bench.products.league.verbs:double_oracle",
-                "selfplay": "fpg_bench.products.league.verbs:selfplay",
+                "fictitious-self-play": "fpg_bench.products.league.verbs:fictitious_self_play",
+                "self-play": "fpg_bench.products.league.verbs:self_play",
             }
         },
     ),

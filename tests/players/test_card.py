@@ -15,6 +15,7 @@ from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
 from fpg_bench.products.league.best_responses import best_responses
+from fpg_bench.products.league.config import BestResponseConfig
 from tests.products.leaderboard.making import policy
 from tests.programs import fpg
 from tests.training.tiny import settings, train_tiny
@@ -142,8 +143,8 @@ def test_a_run_in_ones_own_scenario_is_played_there_by_every_way(tmp_path, monke
     assert card.game == GameSpec("FPG/AllyVsScripted-v0", scenario="own.yml")
     assert card.home() == Scenario.from_dict(OWN)
     assert "in which" in fpg("play", "--ally", str(agent), "--every", "20").stdout
-    given = {"steps": 400, "n_seeds": 1, "progress": False, "hyperparams": settings("ppo")}
-    found = best_responses(str(agent), tmp_path / "responses", **given)
+    config = BestResponseConfig(agent=str(agent), steps=400, n_seeds=1, hyperparams=settings("ppo"))
+    found = best_responses(config, tmp_path / "responses", progress=False)
     assert found["scenario"] == Scenario.from_dict(OWN).hash
     sha256 = hashlib.sha256((agent / "policy.onnx").read_bytes()).hexdigest()
     assert found["policy"] == sha256
