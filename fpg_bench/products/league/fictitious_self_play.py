@@ -22,7 +22,14 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.league.config import FictitiousSelfPlayConfig
 from fpg_bench.products.league.evaluation import MATCHES, evaluate_against, result_row
-from fpg_bench.products.league.folder import as_json, check_same, command_of, export_agent, settings_of
+from fpg_bench.products.league.folder import (
+    as_json,
+    check_same,
+    command_of,
+    export_agent,
+    removed_if_empty,
+    settings_of,
+)
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
@@ -60,7 +67,7 @@ def fictitious_self_play(
     league = _FictitiousSelfPlay(config, Path(out))
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
     check_own_folder(league.folder, ABOUT, "fictitious self-play", ROWS)
-    with file.locked():
+    with file.locked(), removed_if_empty(league.folder, ABOUT, ROWS):
         done = {(row["generation"], row["side"]) for row in file.read()}
         if not done:
             write_json(league.folder / ABOUT, about)

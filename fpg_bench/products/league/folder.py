@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from fpg_bench.common.errors import other_content
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_json
 from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.game.spec import GameSpec
@@ -16,6 +19,17 @@ from fpg_bench.players.card import AgentCard
 from fpg_bench.products.league.config import GAME, LeagueConfig
 from fpg_bench.training.hyperparameters import as_option
 from fpg_bench.training.run_folder import RunFolder, command_line
+
+
+@contextlib.contextmanager
+def removed_if_empty(folder: Path, about: str, rows: str) -> Iterator[None]:
+    """Remove a locked folder on a UserError that comes before its first run, when it has no rows."""
+    try:
+        yield
+    except UserError:
+        if set(os.listdir(folder)) <= {about, rows} and not (folder / rows).stat().st_size:
+            shutil.rmtree(folder)
+        raise
 
 
 def settings_of(config: LeagueConfig, *without: str) -> JsonObject:

@@ -31,7 +31,14 @@ from fpg_bench.players.population import expand_suites, member_folder
 from fpg_bench.products.league.best_responses import RESPONSE_REWARDS
 from fpg_bench.products.league.config import SearchConfig
 from fpg_bench.products.league.evaluation import MATCHES
-from fpg_bench.products.league.folder import as_json, check_same, command_of, export_agent, settings_of
+from fpg_bench.products.league.folder import (
+    as_json,
+    check_same,
+    command_of,
+    export_agent,
+    removed_if_empty,
+    settings_of,
+)
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
@@ -134,7 +141,7 @@ class Search(ABC):
         """Play the iterations that are missing, confirm the best ones, and export the one that keeps most."""
         about, file = self._describe(), RowFile(self.folder / ROWS, {"iteration": int})
         check_own_folder(self.folder, ABOUT, "search", ROWS)
-        with file.locked():
+        with file.locked(), removed_if_empty(self.folder, ABOUT, ROWS):
             rows = file.read()
             if not rows:
                 write_json(self.folder / ABOUT, about)

@@ -155,6 +155,22 @@ def test_in_self_play_a_rival_learns_beside_the_side_and_responses_measure_both(
     assert len(set(seeds)) == len(seeds)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"algorithm": "dqn", "actions": "discrete", "hyperparams": None},
+            "dqn: does not learn from rollouts",
+        ),
+        ({"against": "nobody"}, "unknown opponent 'nobody'"),
+    ],
+)
+def test_a_search_that_cannot_begin_leaves_nothing_behind(change, message, tmp_path):
+    with pytest.raises(UserError, match=message):
+        self_play(SelfPlayConfig(**SEARCH | change), tmp_path / "search")
+    assert not (tmp_path / "search").exists()
+
+
 def payoffs_of(folder):
     """The return per step of each policy against each rival that it met."""
     return {
