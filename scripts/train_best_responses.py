@@ -49,10 +49,12 @@ from fpg_bench.products.league.best_responses import (
     DISCRETE_PPO,
     FULL_SEARCH,
     RESPONSE_REWARDS,
+    BestResponses,
     best_responses,
     response_folder,
     response_label,
 )
+from fpg_bench.products.league.config import BestResponseConfig
 
 # The first trained entries of each table, at most five in standard and three in link, by what they earned
 # among the unseen of season 2.
@@ -170,16 +172,13 @@ def kind_of(response: Row) -> tuple[Any, ...]:
 
 def train_responses(target: Target, out: Path) -> list[Row]:
     """Train the missing responses to a target; return their results, and that of the strongest script."""
-    results: dict[str, Row] = {}
+    results: dict[str, BestResponses] = {}
+    game = {"scenario": target.track.scenario, "path": target.path}
     for call in target.calls:  # each result of a reward includes the former ones
         results[call["reward"]] = best_responses(
-            target.agent,
+            BestResponseConfig(agent=target.agent, side=target.side, game=game, **call),
             out / call["reward"],
-            side=target.side,
-            scenario=target.track.scenario,
-            path=target.path,
             progress=False,
-            **call,
         )
     reward = RESPONSE_REWARDS[target.side]
     scripts = results[reward]["scripts"]

@@ -3,7 +3,7 @@
 python scripts/train_champions.py                                 all of them; run it again to resume
 python scripts/train_champions.py --only ally-champion --seed 0   one
 
-Of a champion that a double oracle finds, the stages of all seeds' searches stand beside the agents.
+Of a champion that a search finds, the iterations of all seeds' searches stand beside the agents.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.output import print_messages
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.league.champions import (
-    OracleConfig,
+    SearchedChampion,
     load_champions,
     search_folder,
     ship_champion,
     train_champion,
 )
-from fpg_bench.products.league.double_oracle import ROWS, keep_search
+from fpg_bench.products.league.search import ROWS, keep_search
 
 
 def main() -> None:
@@ -48,7 +48,7 @@ def main() -> None:
             folder = agents / name / config.algorithm / f"seed_{seed}"
             command = f"python scripts/train_champions.py --only {name} --seed {seed}"
             ship_champion(agent, folder, config, seed, command)
-            if isinstance(config, OracleConfig):
+            if isinstance(config, SearchedChampion):
                 search = search_folder(config, seed, options.runs)
                 keep_search(search, folder.with_name(ROWS))
             print(f"shipped: {folder}", flush=True)

@@ -1,10 +1,10 @@
 """Bracket what the game is worth to the ally: ``python scripts/value_of_game.py docs/results/value.md``.
 
-Reads the searches of double oracles beside shipped agents, ``baselines/agents/*/*/double_oracle.jsonl``,
-further ones in ``searches.jsonl`` beside the page, and what entries of the board keep against responses. Puts
-the bracket and the curve over stages into the page between its marks, and draws ``value.svg`` beside it.
+Reads the double oracles and self-plays beside shipped agents, ``baselines/agents/*/*/search.jsonl``, further
+ones in ``searches.jsonl`` beside the page, and what entries of the board keep against responses. Puts the
+bracket and the curve over iterations into the page between its marks, and draws ``value.svg`` beside it.
 
-python scripts/value_of_game.py docs/results/value.md --search both=runs/both    keeps a finished search there
+python scripts/value_of_game.py docs/results/value.md --search nash=runs/nash    keeps a finished search there
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.leaderboard.exploited import OWN, RECIPE, ResponseResult, read_results
 from fpg_bench.products.leaderboard.folders import submission_folders
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
-from fpg_bench.products.league.double_oracle import ROWS, keep_search
+from fpg_bench.products.league.search import ROWS, keep_search
 
 OTHERS = "searches.jsonl"
-DASHES = {"one": "-", "both": "--", "selfplay": ":"}  # lines of searches by their mode
-EVEN = "uniform-hop"  # the mode without the points by name, which are the best answer to some mixtures
+DASHES = {"weights": "-", "nash": "--", "self-play": ":"}  # by the meta-solver, or by the verb without one
+EVEN = "uniform-hop"  # the action mode without the points by name, which are the best answer to some mixtures
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ def read_searches(agents: Path, page: Path) -> list[Row]:
 def kept_by_policies(rows: Sequence[Row], board: Path) -> Iterator[Kept]:
     """Yield what is kept by each policy that a response was trained for once it was chosen.
 
-    These are stages with a second response, since ``low`` chose them and is too high by its noise, and the
-    training seeds of entries that the board's recipe answers. The exported stage of a search is a training
-    seed of the entry of its name, where there is one.
+    These are iterations with a second response, since ``low`` chose them and is too high by its noise, and
+    the training seeds of entries that the board's recipe answers. The exported iteration of a search is a
+    training seed of the entry of its name, where there is one.
     """
     entered = dict(entered_policies(board))
     finalists = [row for row in rows if row["confirmed"] is not None]
@@ -76,10 +76,10 @@ def kept_by_policies(rows: Sequence[Row], board: Path) -> Iterator[Kept]:
         (row["search"], row["seed"]): row for row in sorted(finalists, key=lambda row: row["confirmed"])
     }
     for row in finalists:
-        values, name = [row["confirmed"], *([row["low"]] if row["mode"] != "both" else [])], row["search"]
+        values, name = [row["confirmed"], *([row["low"]] if _solver(row) != "nash" else [])], row["search"]
         if exported[name, row["seed"]] is row:
             values += entered.pop((name, row["seed"]), ("", [], True))[1]
-        part = f"seed {row['seed']}, stage {row['stage']}"
+        part = f"seed {row['seed']}, iteration {row['iteration']}"
         yield Kept(row["scenario"], name, part, min(values), len(values), row["response_steps"])
     for (name, seed), (scenario, values, is_answered) in entered.items():
         if is_answered:
@@ -130,12 +130,13 @@ def bracket(rows: Sequence[Row], kept: Sequence[Kept]) -> list[list[str]]:
 
 
 def _lowest(rows: Sequence[Row]) -> str:
-    """Return the lowest ``high``, with the stage that earned it and its steps so far."""
+    """Return the lowest ``high``, with the iteration that earned it and its steps so far."""
     if not rows:
         return "-"
     row = min(rows, key=lambda row: row["high"])
-    steps = row["steps"] * (row["stage"] + 1)
-    return f"{row['high']:.2f} (`{row['search']}`, seed {row['seed']}, stage {row['stage']}, {steps:,} steps)"
+    steps = row["steps"] * (row["iteration"] + 1)
+    at = f"seed {row['seed']}, iteration {row['iteration']}"
+    return f"{row['high']:.2f} (`{row['search']}`, {at}, {steps:,} steps)"
 
 
 def answered(kept: Sequence[Kept]) -> list[list[str]]:
@@ -154,10 +155,10 @@ def answered(kept: Sequence[Kept]) -> list[list[str]]:
 
 
 def curve(rows: Sequence[Row]) -> list[list[str]]:
-    """Return the means over seeds of each search by stage, with the lowest and the highest seed's."""
-    lines = [["search", "stage", "seeds", "low", "high", "meta-value", "confirmed", "minutes"]]
-    for key in dict.fromkeys((row["search"], row["stage"]) for row in rows):
-        own = [row for row in rows if (row["search"], row["stage"]) == key]
+    """Return the means over seeds of each search by iteration, with the lowest and the highest seed's."""
+    lines = [["search", "iteration", "seeds", "low", "high", "meta-value", "confirmed", "minutes"]]
+    for key in dict.fromkeys((row["search"], row["iteration"]) for row in rows):
+        own = [row for row in rows if (row["search"], row["iteration"]) == key]
         values = [_spread(own, name) for name in ("low", "high", "meta_value", "confirmed")]
         minutes = np.mean([row["seconds"] for row in own]) / 60
         lines.append([f"`{key[0]}`", str(key[1]), str(len(own)), *values, f"{minutes:.1f}"])
@@ -173,7 +174,7 @@ def _spread(rows: Sequence[Row], name: str) -> str:
 
 
 def draw(rows: Sequence[Row]) -> Figure:
-    """Draw low and high of each seed over the stages, a panel for each scenario."""
+    """Draw low and high of each seed over the iterations, a panel for each scenario."""
     scenarios = [scenario for scenario in SCENARIOS if any(row["scenario"] == scenario for row in rows)]
     figure = blank_figure(8.6, 3.2)
     panels = figure.subplots(1, len(scenarios), squeeze=False)[0]
@@ -182,7 +183,7 @@ def draw(rows: Sequence[Row]) -> Figure:
         for search, seed in dict.fromkeys((row["search"], row["seed"]) for row in own):
             _lines(axes, [row for row in own if (row["search"], row["seed"]) == (search, seed)])
         axes.set_title(scenario)
-        axes.set_xlabel("stage")
+        axes.set_xlabel("iteration")
         axes.xaxis.get_major_locator().set_params(integer=True)
     panels[0].set_ylabel("ally's return per step")
     known = {
@@ -194,16 +195,21 @@ def draw(rows: Sequence[Row]) -> Figure:
     return figure
 
 
+def _solver(row: Row) -> str:
+    """Return the meta-solver of a row's search; of one without, its verb."""
+    solver: str = row.get("meta_solver", row["verb"])
+    return solver
+
+
 def _lines(axes: Axes, rows: Sequence[Row]) -> None:
-    stages = [row["stage"] for row in rows]
-    mode = rows[0]["mode"]
-    style: Style = {"lw": 1.4, "alpha": 0.8, "ls": DASHES[mode]}
+    iterations, solver = [row["iteration"] for row in rows], _solver(rows[0])
+    style: Style = {"lw": 1.4, "alpha": 0.8, "ls": DASHES[solver]}
     for name, color in (("high", OPPONENT), ("low", ALLY)):
-        label = name if mode == "one" else f"{name}, mode {mode}"
-        axes.plot(stages, [row[name] for row in rows], color=color, label=label, **style)
+        label = name if solver == "weights" else f"{name}, {solver}"
+        axes.plot(iterations, [row[name] for row in rows], color=color, label=label, **style)
     later = [row for row in rows if row["confirmed"] is not None]
     axes.plot(
-        [row["stage"] for row in later],
+        [row["iteration"] for row in later],
         [row["confirmed"] for row in later],
         "o",
         color=ALLY,
@@ -216,7 +222,7 @@ def main() -> None:
     """Keep searches, put the tables into the page, and draw the figure."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("page", type=Path, help="the page that the tables are put into")
-    text = "NAME=FOLDER of a finished double oracle whose rows are kept beside the page"
+    text = "NAME=FOLDER of a finished search whose rows are kept beside the page"
     parser.add_argument("--search", action="append", default=[], metavar="NAME=FOLDER", help=text)
     parser.add_argument("--board", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
     parser.add_argument("--agents", type=Path, help="folder of the shipped agents; default: baselines/agents")
@@ -231,7 +237,7 @@ def main() -> None:
         picture = options.page.with_suffix(".svg")
         write(draw(rows), picture)
         parts += [
-            f"![Low and high over the stages of each search]({picture.name})",
+            f"![Low and high over the iterations of each search]({picture.name})",
             markdown_table(curve(rows)),
         ]
     fill(options.page, {"value": "\n\n".join(parts)})

@@ -102,8 +102,8 @@ CASES = {
         "best-response idle --steps @steps --n-seeds 1 --hyperparams tiny.yml --out exploited",
         ("exploited/*.json",),
     ),
-    "selfplay": Case(
-        "selfplay ppo --generations 1 --steps @steps --hyperparams tiny.yml --n-evals 0 --out duels",
+    "fictitious-self-play": Case(
+        "fictitious-self-play --generations 1 --steps @steps --hyperparams tiny.yml --n-evals 0 --out duels",
         ("duels/ally/agent.json", "duels/opponent/agent.json"),
     ),
     "submit-check": Case("submit check board/submissions/ally/idle"),

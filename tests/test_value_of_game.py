@@ -8,15 +8,16 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
-from fpg_bench.products.league.double_oracle import MODES
+from fpg_bench.products.league.config import META_SOLVERS, SelfPlayConfig
 from tests.programs import ROOT
 
 
-def row(stage, low, high, confirmed=None, seed=0, **changes):
-    """A stage of a search."""
-    settings = {"search": "brave", "scenario": "standard", "side": "ally", "mode": "one"}
+def row(iteration, low, high, confirmed=None, seed=0, **changes):
+    """An iteration of a search."""
+    settings = {"search": "brave", "scenario": "standard", "side": "ally"}
+    settings |= {"verb": "double-oracle", "meta_solver": "weights"}
     settings |= {"actions": "uniform-hop", "seed": seed, "steps": 1000, "response_steps": 2000}
-    found = {"stage": stage, "low": low, "high": high, "meta_value": 0.0, "seconds": 90.0}
+    found = {"iteration": iteration, "low": low, "high": high, "meta_value": 0.0, "seconds": 90.0}
     return settings | found | {"confirmed": confirmed} | changes
 
 
@@ -48,8 +49,8 @@ def board(tmp_path):
 def test_a_policy_keeps_its_lowest_return_and_counts_only_with_a_response_of_its_own(board):
     kept = list(value_of_game.kept_by_policies(SEARCH, board))
     assert [(each.scenario, str(each)) for each in kept] == [
-        ("standard", "1.50 (`brave`, seed 0, stage 1, 2 responses of 2,000 steps)"),
-        ("standard", "1.20 (`brave`, seed 0, stage 2, 3 responses of 2,000 steps)"),
+        ("standard", "1.50 (`brave`, seed 0, iteration 1, 2 responses of 2,000 steps)"),
+        ("standard", "1.20 (`brave`, seed 0, iteration 2, 3 responses of 2,000 steps)"),
         ("link", "-3.00 (`still`, 3 responses of 1,500,000 steps)"),
     ]
     assert value_of_game.answered(kept)[1:] == [
@@ -59,22 +60,22 @@ def test_a_policy_keeps_its_lowest_return_and_counts_only_with_a_response_of_its
 
 
 def test_the_bracket_is_the_best_of_either_side_and_tells_who_may_only_hop_evenly(board):
-    rows = [*SEARCH, row(0, 0.0, 7.5, search="free", actions="discrete-uniform", mode="both")]
+    rows = [*SEARCH, row(0, 0.0, 7.5, search="free", actions="discrete-uniform", meta_solver="nash")]
     _, standard, link = value_of_game.bracket(rows, [*value_of_game.kept_by_policies(rows, board)])
     assert [cell.partition(" (")[0] for cell in standard] == ["`standard`", "1.50", "5.00", "7.50"]
-    assert standard[2] == "5.00 (`brave`, seed 0, stage 1, 2,000 steps)"
+    assert standard[2] == "5.00 (`brave`, seed 0, iteration 1, 2,000 steps)"
     assert [cell.partition(" (")[0] for cell in link] == ["`link`", "-3.00", "-", "-"]
 
 
-def test_the_curve_has_the_mean_over_seeds_of_each_stage():
+def test_the_curve_has_the_mean_over_seeds_of_each_iteration():
     _, *lines = value_of_game.curve([*SEARCH, row(2, 2.9, 4.5, seed=1)])
     assert lines[1] == ["`brave`", "1", "1", "2.00", "5.00", "0.00", "1.50", "1.5"]
     assert lines[2][2:5] == ["2", "2.40 [1.9, 2.9]", "5.00 [4.5, 5.5]"]
     assert lines[2][6] == "1.80"
 
 
-def test_the_figure_has_a_line_for_each_mode_of_a_search():
-    assert tuple(value_of_game.DASHES) == MODES
+def test_the_figure_has_a_line_for_each_kind_of_search():
+    assert tuple(value_of_game.DASHES) == (*META_SOLVERS, SelfPlayConfig.verb)
 
 
 def test_the_script_keeps_a_finished_search_and_writes_page_and_picture(board, tmp_path, monkeypatch):
@@ -83,13 +84,14 @@ def test_the_script_keeps_a_finished_search_and_writes_page_and_picture(board, t
     search.mkdir()
     about = {
         "game": {"id": "FPG/AllyVsPolicy-v0", "scenario": "link", "actions": "uniform-hop"},
-        "mode": "one",
+        "verb": "self-play",
         "seed": 4,
-        "steps": [10, 20],
-        "rows": [{"stage": 0, "low": 3.0, "high": 4.0, "meta_value": 3.0, "rivals": 2, "seconds": 1.0}],
+        "steps": 10,
+        "response_steps": 20,
+        "rows": [{"iteration": 0, "low": 3.0, "high": 4.0, "meta_value": 3.0, "rivals": 2, "seconds": 1.0}],
         "confirmed": {"0": 2.5},
     }
-    (search / "double_oracle.json").write_text(json.dumps(about))
+    (search / "search.json").write_text(json.dumps(about))
     words = [page, "--board", board, "--agents", tmp_path / "none", "--search", f"bold={search}"]
     monkeypatch.setattr("sys.argv", ["value_of_game", *map(str, words)])
     value_of_game.main()
@@ -99,10 +101,10 @@ def test_the_script_keeps_a_finished_search_and_writes_page_and_picture(board, t
     text = page.read_text()
     assert text.startswith("before\n<!-- value -->\n\n| scenario |")
     assert text.endswith("<!-- end -->\nafter\n")
-    assert "2.50 (`bold`, seed 4, stage 0, 2 responses of 20 steps)" in text
+    assert "2.50 (`bold`, seed 4, iteration 0, 2 responses of 20 steps)" in text
     assert "](value.svg)" in text
     assert "prefers-color-scheme: dark" in (tmp_path / "value.svg").read_text()
-    (search / "double_oracle.json").write_text("{}")
+    (search / "search.json").write_text("{}")
     with pytest.raises(UserError, match="the search is not finished"):
         value_of_game.main()
 

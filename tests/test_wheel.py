@@ -123,7 +123,8 @@ EXTRAS = {
             "reproduce tables --n-seeds 1 --out reproduced",
         ),
         (
-            "selfplay nothing --out nowhere",
+            "fictitious-self-play --generations 1 --out nowhere",
+            "self-play --side nobody --out nowhere",
             "best-response nobody --out nowhere",
             "double-oracle --side nobody --out nowhere",
             "leaderboard audit-season nothing --work nowhere",

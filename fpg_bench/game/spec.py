@@ -103,6 +103,8 @@ class GameSpec:
             self._check_lacks(_ONE_SIDED, f"in {DUEL} you play both sides")
             return {}
         config = find_env(self.id)
+        if isinstance(self.actions, str):
+            one_of(self.actions, f"actions of the {config.side}", ACTION_MODES)
         mode = config.action_mode(self.actions)  # type: ignore[arg-type]  # refuses a mapping
         return {"id": config.id, "actions": None if mode == "continuous" else mode}
 

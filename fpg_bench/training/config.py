@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from fpg_bench.training.algorithms import OFFLINE, find_algorithm
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
-    from fpg_bench.training.hyperparameters import Hyperparams
+Hyperparams = str | Path | Mapping[str, object] | None  # a YAML file, an entry; None: what is shipped
 
 
 @dataclass(frozen=True)

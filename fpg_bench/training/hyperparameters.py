@@ -19,10 +19,10 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import MOST_STEPS
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
+from fpg_bench.training.config import Hyperparams
 from fpg_bench.training.rl_zoo3_format import Entry, argument_problems, read_entry, whole_arguments
 
 # Arguments of algorithms that the runner sets itself.
-Hyperparams = str | Path | Mapping[str, object] | None  # a YAML file, an entry; None: what is shipped
 _RESERVED = {"env", "seed", "tensorboard_log", "verbose", "_init_setup_model"}
 _NOISE = ("noise_type", "noise_std")  # rl-zoo3's form of action_noise
 _TRANSLATED = ("log_std_init", "net_arch")  # of policies; checked where the model is made

@@ -22,7 +22,8 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
 from fpg_bench.products.league.best_responses import _teacher, best_responses
 from fpg_bench.products.league.champions import load_champions
-from fpg_bench.products.league.selfplay import selfplay
+from fpg_bench.products.league.config import BestResponseConfig, FictitiousSelfPlayConfig
+from fpg_bench.products.league.fictitious_self_play import fictitious_self_play
 from fpg_bench.products.tuning.export import export_values
 from fpg_bench.products.tuning.study import open_storage, open_study
 from fpg_bench.products.tuning.tune import tune
@@ -111,8 +112,8 @@ def test_hyperparameters_run_no_code_that_is_not_allowed(entry, tmp_path, ran):
     for use in (
         lambda: load_hyperparameters("ppo", ALLY, file),
         lambda: train(RunConfig("ppo", ALLY, hyperparams=file), "run"),
-        lambda: best_responses("expert", "responses", hyperparams=file),
-        lambda: selfplay("ppo", "selfplay", hyperparams=file),
+        lambda: best_responses(BestResponseConfig(agent="expert", hyperparams=file), "responses"),
+        lambda: fictitious_self_play(FictitiousSelfPlayConfig(hyperparams=file), "self_play"),
         lambda: tune("ppo", ALLY, "study", hyperparams=file),
     ):
         with pytest.raises(UserError, match=REFUSED):

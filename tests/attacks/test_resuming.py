@@ -37,7 +37,8 @@ VERBS = {
     "evaluate": "evaluate expert idle --suite ally-v1 --matches 2 --out FOLDER",
     "compare": "plan compare hold hill-climb --suite planner-v1 --matches 2 --out FOLDER",
     "match": "plan run --planner hill-climb --ally expert --seed 1 --rounds 6 --out FOLDER",
-    "selfplay": "selfplay ppo --generations 2 --steps 800 --hyperparams {scratch}/tiny.yml --out FOLDER",
+    "generations": "fictitious-self-play --generations 2 --steps 800 --hyperparams {scratch}/tiny.yml"
+    + " --out FOLDER",
     "reproduce": "reproduce fig4 --n-seeds 1 --n-jobs 1 --out FOLDER",
 }
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)

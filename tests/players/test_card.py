@@ -141,9 +141,9 @@ def test_a_run_in_ones_own_scenario_is_played_there_by_every_way(tmp_path, monke
     assert card.game == GameSpec("FPG/AllyVsScripted-v0", scenario="own.yml")
     assert card.home() == Scenario.from_dict(OWN)
     assert "in which" in fpg("play", "--ally", str(agent), "--every", "20").stdout
-    given = {"steps": 400, "n_seeds": 1, "progress": False, "hyperparams": settings("ppo")}
     league = pytest.importorskip("fpg_bench.products.league.best_responses")
-    found = league.best_responses(str(agent), tmp_path / "responses", **given)
+    config = league.BestResponseConfig(agent=str(agent), steps=400, n_seeds=1, hyperparams=settings("ppo"))
+    found = league.best_responses(config, tmp_path / "responses", progress=False)
     assert found["scenario"] == Scenario.from_dict(OWN).hash
     sha256 = hashlib.sha256((agent / "policy.onnx").read_bytes()).hexdigest()
     assert found["policy"] == sha256

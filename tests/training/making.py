@@ -11,6 +11,7 @@ import zoo_page
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, load_zoo
+from fpg_bench.players.trust import remember_exported
 from fpg_bench.training.config import RunConfig
 from tests.policies import policy
 
@@ -65,6 +66,7 @@ def make_agent(
     folder.mkdir(parents=True)
     (folder / "policy.onnx").write_bytes(model)
     (folder / "agent.json").write_text(json.dumps(about))
+    remember_exported(about["policy_sha256"])
     return folder
 
 

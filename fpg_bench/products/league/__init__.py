@@ -1,5 +1,1 @@
-"""League training: best responses to a player, self-play against the past, champions against populations."""
-
-from fpg_bench.training import require_libraries
-
-require_libraries()
+"""League training by algorithm: best responses, self-play, double oracles, and the champions of the zoo."""

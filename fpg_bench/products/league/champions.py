@@ -1,19 +1,22 @@
 """Champions: agents trained in stages against a population that responses to them join.
 
 Staged champions meet harder players more often, as in prioritized fictitious self-play (Vinyals et al. 2019).
-The others come from a double oracle, which stops once no stage keeps more against a fresh response.
+The others come from a double oracle or from self-play, which stop once no iteration keeps more against a
+fresh response.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
 from pydantic import Field as Constraint
 
-from fpg_bench.common.checks import mapping
+from fpg_bench.common.checks import check_keys, integer, mapping, one_of
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_json, read_yaml, write_json
 from fpg_bench.common.ids import find_env, policy_env
@@ -24,8 +27,11 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.population import expand_suites, member_folder
+from fpg_bench.products.league.config import DoubleOracleConfig, SearchConfig, SelfPlayConfig
 from fpg_bench.products.league.double_oracle import double_oracle
 from fpg_bench.products.league.evaluation import evaluate_against
+from fpg_bench.products.league.search import SearchResult
+from fpg_bench.products.league.self_play import self_play
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.train import train
@@ -94,69 +100,81 @@ class ChampionConfig(Strict):
         return find_env(self.id).other_side
 
 
-class OracleConfig(Strict):
-    """Configuration of a champion that a double oracle finds, an entry of ``baselines/champions.yml``.
+@dataclass(frozen=True)
+class SearchedChampion:
+    """Configuration of a champion that a search finds, an entry of ``baselines/champions.yml``.
 
     Attributes:
         name: folder of the agents.
-        options: options of the game, attributes of :class:`fpg_bench.game.spec.GameSpec`.
-        seeds: number of training seeds; not part of an agent's recipe.
-        others: arguments of :func:`fpg_bench.products.league.double_oracle.double_oracle`.
+        config: the search, without its seed.
+        recipe: the name and the entry without ``seeds``: ``verb`` names the search, the rest are its options.
+        seeds: number of training seeds.
     """
 
     name: str
-    side: Literal["ally", "opponent"]
-    mode: Literal["one", "both", "selfplay"] = "one"
-    stages: PositiveInt
-    steps: PositiveInt
-    response_steps: PositiveInt
-    algorithm: str
-    response_algorithm: str
-    response_actions: str
-    against: Annotated[list[str], Constraint(min_length=1)]
-    weight: PositiveInt
-    patience: PositiveInt
-    hyperparams: str | None = None
-    options: JsonObject = Constraint(default_factory=dict)
-    seeds: Annotated[PositiveInt, Constraint(exclude=True)] = 3
+    config: SearchConfig
+    recipe: JsonObject
+    seeds: int
+
+    @classmethod
+    def parse(cls, name: str, content: JsonObject, where: str) -> SearchedChampion:
+        """Return the configuration of an entry; raises UserError for an invalid one."""
+        options = dict(content)
+        verb, seeds = one_of(options.pop("verb"), f"{where}: verb", SEARCHES), options.pop("seeds", 3)
+        kind = SEARCHES[verb][0]
+        check_keys(options, [each.name for each in dataclasses.fields(kind)], where)
+        try:
+            config = kind(**options)
+            return cls(name, config, {"name": name, "verb": verb, **options}, integer(seeds, "seeds"))
+        except UserError as error:
+            raise UserError(f"{where}: {error}") from error
 
     @property
-    def id(self) -> str:
-        """Environment id of the side's training."""
-        return policy_env(self.side).id
+    def algorithm(self) -> str:
+        """The algorithm of the champion."""
+        return self.config.algorithm
 
-    def arguments(self) -> dict[str, Any]:
-        """Return the arguments of the double oracle."""
-        return {**self.model_dump(exclude={"name", "options"}), **self.options}
+    @property
+    def side(self) -> str:
+        """Side of the champion."""
+        return self.config.side
 
 
-def load_champions(file: Path) -> dict[str, ChampionConfig | OracleConfig]:
-    """Load the configurations of champions from a YAML file, by name; those with a side have a double oracle.
+SEARCHES: Mapping[str, tuple[type[SearchConfig], Callable[..., SearchResult]]] = {
+    DoubleOracleConfig.verb: (DoubleOracleConfig, double_oracle),
+    SelfPlayConfig.verb: (SelfPlayConfig, self_play),
+}
+
+
+def load_champions(file: Path) -> dict[str, ChampionConfig | SearchedChampion]:
+    """Load the configurations of champions from a YAML file, by name; those with a verb come from a search.
 
     Raises:
         UserError: the file cannot be read, or a key is missing, unknown or invalid.
     """
-    configs: dict[str, ChampionConfig | OracleConfig] = {}
-    config: ChampionConfig | OracleConfig
+    configs: dict[str, ChampionConfig | SearchedChampion] = {}
     for name, content in read_yaml(file, "champions").items():
         where = f"champions {file}: {name}"
         check_allowed(content, (), where)
-        content = {"name": name, **mapping(content, where)}
-        if "side" in content:
-            config = parse(OracleConfig, content, where)
+        if "verb" in mapping(content, where):
+            configs[name] = SearchedChampion.parse(name, content, where)
         else:
-            config = parse(ChampionConfig, content, where)
-        if config.id != policy_env(config.side).id:
-            raise UserError(f"{where}: id: expected {policy_env(config.side).id}, got {config.id}")
-        responders = () if isinstance(config, OracleConfig) else config.responders
-        for options in (config.options, *(responder.options or {} for responder in responders)):
-            GameSpec.from_dict({"id": config.id, **options}, f"{where}: options")
-        configs[config.name] = config
+            configs[name] = _staged_champion({"name": name, **content}, where)
     return configs
 
 
+def _staged_champion(content: JsonObject, where: str) -> ChampionConfig:
+    """Return the configuration of a staged champion."""
+    config = parse(ChampionConfig, content, where)
+    if config.id != policy_env(config.side).id:
+        raise UserError(f"{where}: id: expected {policy_env(config.side).id}, got {config.id}")
+    for options in (config.options, *(responder.options or {} for responder in config.responders)):
+        GameSpec.from_dict({"id": config.id, **options}, f"{where}: options")
+    return config
+
+
 def train_champion(
-    config: ChampionConfig | OracleConfig, seed: int, runs: Path, *, progress: bool = False
+    config: ChampionConfig | SearchedChampion, seed: int, runs: Path, *, progress: bool = False
 ) -> Path:
     """Train one champion; a stopped training is resumed, and finished runs are not repeated.
 
@@ -167,20 +185,21 @@ def train_champion(
     Args:
         config: the champion's configuration.
         seed: the training seed.
-        runs: folder of all champions' runs. ``NAME/seed_k`` is the folder of a double oracle, or has
+        runs: folder of all champions' runs. ``NAME/seed_k`` is the folder of a search, or has
             ``stage_i/run`` and ``stage_i/responder_j``.
         progress: show the progress of each training.
 
     Returns:
-        The folder of the agent: of the last stage, or of the one that the double oracle exports.
+        The folder of the agent: of the last stage, or of the iteration that the search exports.
 
     Raises:
         UserError: something unknown or out of range, or a folder that holds another run.
         KeyboardInterrupt: stopped by the user.
     """
     folder, agent = search_folder(config, seed, runs), Path()
-    if isinstance(config, OracleConfig):
-        double_oracle(folder, seed=seed, progress=progress, **config.arguments())
+    if isinstance(config, SearchedChampion):
+        search = SEARCHES[config.config.verb][1]
+        search(dataclasses.replace(config.config, seed=seed), folder, progress=progress)
         return folder / "agent"
     population = [str(spec) for spec in expand_suites(config.against, config.other_side)]
     for number, stage in enumerate(config.stages):
@@ -208,7 +227,7 @@ def train_champion(
     return agent
 
 
-def search_folder(config: ChampionConfig | OracleConfig, seed: int, runs: Path) -> Path:
+def search_folder(config: ChampionConfig | SearchedChampion, seed: int, runs: Path) -> Path:
     """Return the folder of a champion's training among those of all."""
     return runs / config.name / f"seed_{seed}"
 
@@ -267,7 +286,7 @@ def copies_by_hardness(returns: Sequence[float], priority: int) -> list[int]:
 
 
 def ship_champion(
-    agent: Path, folder: Path, config: ChampionConfig | OracleConfig, seed: int, command: str
+    agent: Path, folder: Path, config: ChampionConfig | SearchedChampion, seed: int, command: str
 ) -> None:
     """Copy a champion's agent to its shipped folder; its ``agent.json`` describes the whole training.
 
@@ -281,12 +300,11 @@ def ship_champion(
         UserError: the agent is incomplete.
     """
     trained = load_agent(agent, config.side)
-    update = {
-        "command": command,
-        "training_seed": seed,
-        "recipe": config.model_dump(mode="json", exclude_none=True),
-    }
-    if isinstance(config, ChampionConfig):  # a double oracle's agent tells the steps of all its stages
+    update: JsonObject = {"command": command, "training_seed": seed}
+    if isinstance(config, SearchedChampion):  # its agent tells the steps of all iterations
+        update["recipe"] = config.recipe
+    else:
+        update["recipe"] = config.model_dump(mode="json", exclude_none=True)
         update["training_steps"] = sum(stage.steps for stage in config.stages)
     assert trained.card is not None
     trained.card.model_copy(update=update).write(folder, trained.model)

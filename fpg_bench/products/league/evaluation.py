@@ -5,12 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 
-from fpg_bench.common.errors import other_content
-from fpg_bench.common.files import read_json
 from fpg_bench.common.rows import Row
-from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import SeedSource, play
 from fpg_bench.evaluation.store import Store, pairings
@@ -63,11 +59,3 @@ def result_row(summary: Summary) -> Row:
         "returns": {name: round(result.value, 4) for name, result in summary.by_rival.items()},
         "measures": {name: None if x is None else round(x, 5) for name, x in summary.measures.items()},
     }
-
-
-def check_same(file: Path, kind: str, about: Json) -> JsonObject:
-    """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
-    content = read_json(file, kind)
-    if different := [key for key in about if content.get(key) != about[key]]:
-        raise other_content(file, f"{kind} with another {different[0]}")
-    return content

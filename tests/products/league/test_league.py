@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import SCRIPTED, other_side
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
@@ -19,9 +19,11 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.players.tactics import draw_variants
 from fpg_bench.products.league import best_responses as responding
 from fpg_bench.products.league import champions as championing
-from fpg_bench.products.league import double_oracle as searching
 from fpg_bench.products.league import evaluation
-from fpg_bench.products.league import selfplay as playing
+from fpg_bench.products.league import fictitious_self_play as playing
+from fpg_bench.products.league import search as searching
+from fpg_bench.products.league.config import BestResponseConfig, FictitiousSelfPlayConfig
+from fpg_bench.products.league.double_oracle import double_oracle
 from fpg_bench.products.league.verbs import best_response
 from fpg_bench.training.callbacks import GameMeasuresCallback
 from tests.logged import logged
@@ -116,8 +118,8 @@ def result(ally):
 
 
 def respond(agent, out, **options):
-    given = {"hyperparams": settings("ppo"), "steps": 400, "n_seeds": 1, "progress": False}
-    return responding.best_responses(str(agent), out, **(given | options))
+    given = {"agent": str(agent), "hyperparams": settings("ppo"), "steps": 400, "n_seeds": 1}
+    return responding.best_responses(BestResponseConfig(**given | options), out, progress=False)
 
 
 def run_folder(out, seed, steps=400, algorithm="ppo"):
@@ -137,20 +139,20 @@ def test_the_full_search_tries_every_kind_of_response_with_two_seeds(tmp_path, m
     calls = []
     measures = {"return": 0.0, "measures": {"jamming_success_rate": 0.0}}
     row = {"responses": [], "scripts": {"tone": measures}, "lowest": {"return": 0.0, "against": "tone"}}
-    monkeypatch.setattr(responding, "best_responses", lambda agent, out, **given: calls.append(given) or row)
-    best_response("expert", tmp_path / "out", full=True, game={})
-    assert [call["algorithm"] for call in calls] == ["sac", "ppo-stack8", "ppo-stack8", "ppo-stack8"]
-    assert {call["n_seeds"] for call in calls} == {2}
-    assert [call.get("actions") for call in calls] == [None, None, "discrete", "discrete"]
-    assert calls[0]["search"] == 100
-    assert calls[3]["start"] == "strongest"
+    monkeypatch.setattr(responding, "best_responses", lambda config, *a, **k: calls.append(config) or row)
+    best_response("expert", tmp_path / "out", full=True, options={"reward": "own"}, game={"path": "circle"})
+    assert [call.algorithm for call in calls] == ["sac", "ppo-stack8", "ppo-stack8", "ppo-stack8"]
+    assert {(call.n_seeds, call.reward, call.game["path"]) for call in calls} == {(2, "own", "circle")}
+    assert [call.actions for call in calls] == [None, None, "discrete", "discrete"]
+    assert calls[0].n_scripts == 100
+    assert calls[3].start == "strongest"
 
 
 @pytest.mark.slow
 def test_scripts_with_other_constants_are_tried_beside_the_scripts(ally, tmp_path):
     out = tmp_path / "responses"
-    few = respond(ally, out, search=2)
-    more = respond(ally, out, search=5)
+    few = respond(ally, out, n_scripts=2)
+    more = respond(ally, out, n_scripts=5)
     variants = list(more["scripts"])[len(SCRIPTED["opponent"]) :]
     assert variants == draw_variants("opponent", 5, STANDARD)
     assert few["scripts"].items() <= more["scripts"].items()
@@ -171,7 +173,8 @@ def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result
 
 @pytest.mark.slow
 def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys):
-    best_response("tone", tmp_path / "out", steps="400", n_seeds=1, hyperparams=settings("ppo"), game={})
+    options = {"steps": 400, "n_seeds": 1, "hyperparams": settings("ppo")}
+    best_response("tone", tmp_path / "out", options=options, game={})
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
     assert [row["reward"] for row in result["responses"]] == ["own"]
     assert result["lowest"]["against"] in result["scripts"]
@@ -208,18 +211,19 @@ def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, 
     assert respond(ally, out, n_seeds=2) == result
     assert not trained
     assert respond(ally, out, n_seeds=3)["responses"][:2] == result["responses"]
-    respond(ally, out, steps=[400, 800])
+    respond(ally, out, steps=800)
     curve = respond(ally, out, algorithm="ppo-stack2")
     added = [("ppo", 400, 2), ("ppo", 800, 0), ("ppo-stack2", 400, 0)]
     assert [(run.algorithm, run.steps, run.seed) for run in trained] == added
     responses = [(r["algorithm"], r["steps"], r["training_seed"]) for r in curve["responses"]]
     assert responses == [("ppo", 400, 0), ("ppo", 400, 1), *added]
     assert curve["lowest"] == lowest(curve)
-    with pytest.raises(UserError, match="hyperparams: belong to one algorithm"):
-        respond(ally, out, algorithm=["ppo", "sac"])
     with pytest.raises(UserError, match="holds another run"):  # of this budget and seed
         respond(ally, out, hyperparams=settings("ppo", gamma=0.5))
-    for other, options, what in (("expert", {}, "policy"), (ally, {"path": "learned"}, "scenario")):
+    for other, options, what in (
+        ("expert", {}, "policy"),
+        (ally, {"game": {"path": "learned"}}, "scenario"),
+    ):
         with pytest.raises(UserError, match=f"holds best responses with another {what}"):
             respond(other, out, **options)
 
@@ -268,8 +272,10 @@ def test_an_interrupted_command_goes_on(ally, tmp_path, monkeypatch):
 
 def test_folders_of_others_are_refused_and_stay_as_they_are(tmp_path):
     (tmp_path / "thesis.tex").write_text("mine")
-    for make in (lambda: respond("expert", tmp_path), lambda: play_selfplay(tmp_path)):
-        with pytest.raises(UserError, match=r"holds other files, but no (best responses|self-play); choose"):
+    for make in (lambda: respond("expert", tmp_path), lambda: play_generations(tmp_path)):
+        with pytest.raises(
+            UserError, match=r"holds other files, but no (best resp|fictitious self).*; choose"
+        ):
             make()
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
@@ -310,7 +316,7 @@ def test_the_game_is_that_of_the_agent_s_training(env_id, options, scenario, pat
     assert configs[0].spec.resolve() == scenario
     assert configs[0].spec.sides == ({"ally": "opponent", "opponent": "ally"}[result["side"]],)
     with pytest.raises(KeyboardInterrupt):
-        respond(agent, tmp_path / "figures", scenario="figures")
+        respond(agent, tmp_path / "figures", game={"scenario": "figures"})
     kept = {name: options[name] for name in LIMITS if name in options}
     other = as_scenario("figures", opponent_path=path, rounds_per_match=1, **kept)
     assert configs[1].spec.resolve() == other
@@ -326,31 +332,32 @@ def test_an_agent_brings_its_scenario_whatever_becomes_of_the_file(tmp_path, mon
     file.write_text(yaml.safe_dump({"hop_cost": 30}))
     assert respond(agent, tmp_path / "out")["scenario"] == trained_in
     now = as_scenario("mine.yml").hash
-    assert respond(agent, tmp_path / "other", scenario="mine.yml")["scenario"] == now != trained_in
+    assert respond(agent, tmp_path / "other", game={"scenario": "mine.yml"})["scenario"] == now != trained_in
 
 
 @pytest.mark.slow
 def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
     for options, message in (
         ({}, "plays both sides; set side to ally or opponent"),
-        ({"side": "alli"}, "expected ally or opponent, got 'alli'"),
-        ({"side": "ally", "start": "weakest"}, "start: expected nothing or strongest, got 'weakest'"),
+        ({"side": "alli"}, "expected one of ally, opponent, got 'alli'; did you mean 'ally'"),
+        ({"side": "ally", "start": "weakest"}, "start: expected one of nothing, strongest, got 'weakest'"),
     ):
         with pytest.raises(UserError, match=message):
             respond("random", tmp_path / "out", **options)
     assert respond("random", tmp_path / "out", side="ally")["side"] == "ally"
 
 
-# Self-play
+# Fictitious self-play
 
 
-def play_selfplay(out, generations=2, **options):
-    given = {"hyperparams": TINY, "steps": 400, "progress": False, "evaluations": 0}
-    return playing.selfplay("ppo", out, generations=generations, **(given | options))
+def play_generations(out, generations=2, **options):
+    given = {"hyperparams": TINY, "steps": 400, "n_evals": 0, "generations": generations}
+    config = FictitiousSelfPlayConfig(**given | options)
+    return playing.fictitious_self_play(config, out, progress=False)
 
 
 def read_rows(out):
-    return RowFile(out / "selfplay.jsonl").read()
+    return RowFile(out / playing.ROWS).read()
 
 
 def read_run(out, side, generation):
@@ -360,8 +367,8 @@ def read_run(out, side, generation):
 @pytest.fixture(scope="module")
 def played(tmp_path_factory):
     """Two generations, scored on their suites."""
-    out = tmp_path_factory.mktemp("selfplay") / "out"
-    agents = play_selfplay(out, evaluations=1, seed=3)
+    out = tmp_path_factory.mktemp("generations") / "out"
+    agents = play_generations(out, n_evals=1, seed=3)
     assert agents == {"ally": out / "ally", "opponent": out / "opponent"}
     return out
 
@@ -395,14 +402,16 @@ def test_a_generation_starts_from_the_one_before_against_the_other_side_s_past(p
 @pytest.mark.slow
 def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
     described = {"training_seed": 3, "training_steps": 800, "steps_done": 800, "options": {}}
-    command = ["fpg-bench", "selfplay", "ppo", "--generations", "2", "--steps", "400", "--pool", "5"]
-    command += ["--seed", "3", "--hyperparams", json.dumps(TINY), "--n-evals", "1"]
+    command = ["fpg-bench", "fictitious-self-play", "--algorithm", "ppo", "--steps", "400"]
+    command += ["--hyperparams", json.dumps(TINY), "--generations", "2", "--pool", "5", "--seed", "3"]
+    command += ["--n-evals", "1"]
     described["command"] = shlex.join([*command, "--out", played.name])
     for side in ("ally", "opponent"):
         agent = load_agent(played / side, side)
         assert agent.model == load_agent(played / "generations" / f"{side}_1" / "agent").model
         content = agent.card.to_dict()
         assert {key: content[key] for key in described} == described
+        assert list(content["policies"]) == [f"generations/{other_side(side)}_0/agent"]
 
 
 def test_past_generations_are_drawn_uniformly_by_the_seed():
@@ -417,13 +426,13 @@ def test_past_generations_are_drawn_uniformly_by_the_seed():
 @pytest.mark.slow
 def test_finished_generations_are_kept_and_more_can_be_added(played, trained):
     before = read_rows(played)
-    play_selfplay(played, evaluations=1, seed=3)
+    play_generations(played, n_evals=1, seed=3)
     assert (read_rows(played), trained) == (before, [])
-    play_selfplay(played, 3, seed=3)
+    play_generations(played, 3, seed=3)
     assert [(run.spec.sides, run.seed) for run in trained] == [(("ally",), 3002), (("opponent",), 3002)]
     assert read_rows(played)[:4] == before
     assert load_agent(played / "ally").card.training_steps == 1200
-    play_selfplay(played, 1, seed=3)  # fewer generations change nothing
+    play_generations(played, 1, seed=3)  # fewer generations change nothing
     assert load_agent(played / "ally").card.training_steps == 1200
 
 
@@ -435,16 +444,16 @@ def test_self_play_goes_on_wherever_it_was_killed(tmp_path, monkeypatch):
         with monkeypatch.context() as patched:
             patched.setattr(owner, name, interrupt)
             with pytest.raises(KeyboardInterrupt):
-                play_selfplay(tmp_path, 1)
+                play_generations(tmp_path, 1)
 
     interrupted(GameMeasuresCallback, "_on_rollout_end")
     assert not read_rows(tmp_path)
     interrupted(playing, "evaluate_against")
     finished = read_run(tmp_path, "ally", 0)
     assert (finished["finished"], finished["part"], finished["steps_done"]) == (True, 0, 400)
-    interrupted(playing, "read_card")
+    interrupted(playing, "export_agent")
     assert len(read_rows(tmp_path)) == 2
-    play_selfplay(tmp_path, 1)
+    play_generations(tmp_path, 1)
     assert len(read_rows(tmp_path)) == 2
     assert read_run(tmp_path, "ally", 0) == finished
     load_agent(tmp_path / "ally", "ally")
@@ -455,11 +464,11 @@ def test_another_self_play_needs_another_folder(played):
     for changes, name in (
         ({"steps": 800}, "steps"),
         ({"seed": 4}, "seed"),
-        ({"path": "learned"}, "scenario"),
-        ({"hyperparams": TINY | {"n_epochs": 2}}, "hyperparameters"),
+        ({"game": {"path": "learned"}}, "scenario"),
+        ({"hyperparams": TINY | {"n_epochs": 2}}, "hyperparams"),
     ):
-        with pytest.raises(UserError, match=f"holds a self-play with another {name}"):
-            play_selfplay(played, **({"seed": 3} | changes))
+        with pytest.raises(UserError, match=f"holds a fictitious self-play with another {name}"):
+            play_generations(played, **({"seed": 3} | changes))
 
 
 # Champions
@@ -511,9 +520,10 @@ def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp
 
 
 ORACLE = {
+    "verb": "double-oracle",
     "side": "ally",
-    "options": {"actions": "uniform-hop"},
-    "stages": 2,
+    "actions": "uniform-hop",
+    "iterations": 2,
     "steps": 400,
     "response_steps": 300,
     "algorithm": "ppo",
@@ -532,35 +542,39 @@ def test_a_champion_of_a_double_oracle_is_shipped_from_a_finished_search_whereve
     monkeypatch.setattr(searching, "MATCHES", 3)
     (tmp_path / "champions.yml").write_text(json.dumps({"brave": ORACLE}))
     config = championing.load_champions(tmp_path / "champions.yml")["brave"]
-    game = config.arguments() | {"against": ["tone", "training-1/opponent/o01"]}
+    rivals = ["tone", "training-1/opponent/o01"]
     search = tmp_path / "elsewhere"
-    made = searching.double_oracle(search, seed=3, progress=False, **game)
+    made = double_oracle(dataclasses.replace(config.config, seed=3, against=rivals), search, progress=False)
     (tmp_path / "runs" / "brave").mkdir(parents=True)
     search.rename(tmp_path / "runs" / "brave" / "seed_3")
-    monkeypatch.setattr(searching, "train", interrupt)
+    for module in ("double_oracle", "search"):
+        monkeypatch.setattr(f"fpg_bench.products.league.{module}.train", interrupt)
     agent = championing.train_champion(config, 3, tmp_path / "runs")
     championing.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
     card = load_agent(tmp_path / "out", "ally").card.to_dict()
     assert (card["command"], card["training_seed"]) == ("make brave", 3)
-    assert card["training_steps"] == 400 * (made["stage"] + 1)
-    assert card["recipe"] == {"name": "brave", "mode": "one", **ORACLE}
-    responses = ["runs/response_0_0/agent"] * 2 if made["stage"] else []
+    assert card["training_steps"] == 400 * (made["iteration"] + 1)
+    assert card["recipe"] == {"name": "brave", **ORACLE}
+    responses = ["runs/response_0_0/agent"] * 2 if made["iteration"] else []
     assert card["game"]["opponent"] == ["tone", "training-1/opponent/o01", *responses]
     assert str(tmp_path) not in json.dumps(card)
     file = tmp_path / "scores.jsonl"
-    file.write_text('{"seed": 3, "stage": 5}\n{"seed": 4, "stage": 0}\n')
+    file.write_text('{"seed": 3, "iteration": 5}\n{"seed": 4, "iteration": 0}\n')
     searching.keep_search(agent.parent, file)
     *rows, other = RowFile(file).read()
-    assert other == {"seed": 4, "stage": 0}
-    assert [row["confirmed"] for row in rows] == [made["confirmed"].get(str(row["stage"])) for row in rows]
+    assert other == {"seed": 4, "iteration": 0}
+    assert [row["confirmed"] for row in rows] == [
+        made["confirmed"].get(str(row["iteration"])) for row in rows
+    ]
     assert [row["low"] for row in rows] == [row["low"] for row in made["rows"]]
-    assert {(row["scenario"], row["steps"], row["response_steps"]) for row in rows} == {
-        ("standard", 400, 300)
+    keys = ("scenario", "verb", "meta_solver", "steps", "response_steps")
+    assert {tuple(row[key] for key in keys) for row in rows} == {
+        ("standard", "double-oracle", "weights", 400, 300)
     }
 
 
 def test_a_search_that_is_not_finished_is_not_kept(tmp_path):
-    (tmp_path / "double_oracle.json").write_text("{}")
+    (tmp_path / "search.json").write_text("{}")
     with pytest.raises(UserError, match="the search is not finished; run its command again"):
         searching.keep_search(tmp_path, tmp_path / "scores.jsonl")
 
@@ -578,7 +592,8 @@ def test_an_invalid_champion_is_refused_in_one_line(tmp_path):
         ({"responders": [{"steps": 3}]}, "lacks algorithm"),
         ({"options": {"pth": "circle"}}, "options: unknown key 'pth'; did you mean 'path'"),
         ({"id": "FPG/AllyVsScripted-v0"}, "id: expected FPG/AllyVsPolicy-v0"),
-        ({"side": "ally"}, "unknown key 'id'"),
+        ({"verb": "double-oracle"}, "unknown key 'id'"),
+        ({"verb": "oracle"}, "verb: expected one of double-oracle, self-play, got 'oracle'"),
     ):
         with pytest.raises(UserError, match=message) as caught:
             load_champion(tmp_path, **changes)

@@ -1,0 +1,166 @@
+"""Configurations of league training, one for each algorithm; their fields are the options of its verb."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from fpg_bench.common.checks import check_keys, integer, one_of
+from fpg_bench.players.player import SIDES
+from fpg_bench.training.config import Hyperparams
+
+GAME = ("scenario", "path", "knowledge", "jamming_types")  # options of a game that both sides share
+META_SOLVERS = ("weights", "nash")
+# Known words, and least values, of fields
+WORDS = {"side": SIDES, "start": ("nothing", "strongest"), "meta_solver": META_SOLVERS}
+LEAST = dict.fromkeys(("seed", "n_evals", "n_scripts"), 0) | dict.fromkeys(
+    ("steps", "response_steps", "n_seeds", "generations", "pool", "iterations", "weight", "patience"), 1
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeagueConfig:
+    """What the configurations of all algorithms have in common.
+
+    Attributes:
+        algorithm: algorithm that is trained, as for ``train``.
+        steps: training budget of one training.
+        hyperparams: hyper-parameters: a YAML file with an entry for the id, a shipped name such as
+            ``ppo-fast``, or an entry as JSON; None: the shipped file. In Python also the entry itself.
+        allow: what files may load: ``package.module:object``, or an agent of the Hub. What the files of the
+            hyper-parameters name is not run on their word.
+        game: options of the game that both sides share, those of :data:`GAME`.
+
+    Raises:
+        UserError: something unknown or out of range.
+    """
+
+    verb: ClassVar[str]
+
+    algorithm: str = "ppo"
+    steps: int = 500_000
+    hyperparams: Hyperparams = None
+    allow: Collection[str] = ()
+    game: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_keys(self.game, GAME, "game")
+        given = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        for name, value in given.items():
+            if name in LEAST and value is not None:
+                integer(value, name, LEAST[name])
+            if name in WORDS and value is not None:
+                one_of(value, name, WORDS[name])
+
+
+@dataclass(frozen=True, kw_only=True)
+class BestResponseConfig(LeagueConfig):
+    """One kind of best response to a fixed player.
+
+    Attributes:
+        agent: the player: a shipped agent, a folder, a script, or ``package.module:object``.
+        side: side of the player; None: that of the agent or the script.
+        steps: training budget of each response.
+        n_seeds: number of responses, with training seeds from 0 on.
+        start: start of each training: ``nothing``, or ``strongest``, to imitate first whichever script or
+            response from ``nothing`` has the lowest return of the player so far.
+        reward: reward of the responses: ``zero_sum``, to lower the player's return, or ``own``, to raise the
+            response's; None: ``zero_sum`` against an ally, ``own`` against an opponent. In Python also any
+            other of :data:`fpg_bench.game.spec.REWARDS`.
+        actions: action mode of the responses; None: ``continuous``.
+        n_scripts: number of scripts with random constants to evaluate in addition to the scripts.
+        game: options of the game in place of those of the player's training.
+    """
+
+    verb = "best-response"
+    agent: str
+    side: str | None = None
+    n_seeds: int = 3
+    start: str = "nothing"
+    reward: str | None = None
+    actions: str | None = None
+    n_scripts: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FictitiousSelfPlayConfig(LeagueConfig):
+    """Self-play of both sides against past generations of each other.
+
+    Attributes:
+        generations: number of generations of each side.
+        steps: training budget of one generation of one side.
+        pool: maximum number of past generations of the other side to train against.
+        seed: seed of the draws and the trainings, ``1000 * seed + g`` for generation g.
+        n_evals: number of evaluations of each generation on its suite, besides the one at its start; 0 for
+            none.
+    """
+
+    verb = "fictitious-self-play"
+    generations: int = 10
+    pool: int = 5
+    seed: int = 0
+    n_evals: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchConfig(LeagueConfig):
+    """A search for a player that is hard to beat, whose iterations fresh responses measure.
+
+    Attributes:
+        side: the side that learns: ``ally`` or ``opponent``.
+        iterations: the most iterations.
+        algorithm: algorithm of the side, as for ``train``.
+        actions: action mode of the side; None: ``continuous``.
+        steps: training budget of an iteration.
+        against: rivals of the side's first training; None: all scripts of the other side. ``tone*8`` counts
+            eight times, ``suite:NAME`` stands for all members of a suite.
+        response_algorithm: algorithm of the responses.
+        response_actions: action mode of the responses.
+        response_steps: training budget of a response; None: that of an iteration.
+        response_hyperparams: hyper-parameters of the responses.
+        patience: stop after as many iterations without a higher low.
+        seed: seed of the trainings.
+    """
+
+    algorithm: str = "ppo-stack8"
+    steps: int = 1_000_000
+    side: str = "ally"
+    iterations: int = 3
+    actions: str | None = None
+    against: str | Sequence[str] | None = None
+    weight: int = 8
+    response_algorithm: str = "ppo-stack8"
+    response_actions: str = "discrete"
+    response_steps: int | None = None
+    response_hyperparams: Hyperparams = None
+    patience: int = 2
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfPlayConfig(SearchConfig):
+    """Self-play of two learners, each against the other's present policy.
+
+    Attributes:
+        algorithm: algorithm of both learners: PPO, or another that learns from rollouts.
+        weight: how many players of ``against`` the rival that learns counts as.
+    """
+
+    verb = "self-play"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoubleOracleConfig(SearchConfig):
+    """Double oracle (PSRO): the side answers responses, and responses the side.
+
+    Attributes:
+        meta_solver: who is answered: ``weights``, the side answers all rivals by their weights, a response
+            the side's newest policy; or ``nash``, each side answers the other's equilibrium.
+        weight: how often a response is listed among the rivals, by ``weights``.
+    """
+
+    verb = "double-oracle"
+
+    meta_solver: str = "weights"

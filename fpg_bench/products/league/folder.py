@@ -1,0 +1,100 @@
+"""Folders of league training: their settings, and the agents that they export."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from fpg_bench.common.errors import UserError, other_content
+from fpg_bench.common.files import read_json
+from fpg_bench.common.strict_json import Json, JsonObject
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.agent import read_card
+from fpg_bench.players.card import AgentCard
+from fpg_bench.products.league.config import GAME, LeagueConfig
+from fpg_bench.training.hyperparameters import as_option
+from fpg_bench.training.run_folder import RunFolder, command_line
+
+
+@contextlib.contextmanager
+def removed_if_empty(folder: Path, about: str, rows: str) -> Iterator[None]:
+    """Remove a locked folder on a UserError that comes before its first run, when it has no rows."""
+    try:
+        yield
+    except UserError:
+        if set(os.listdir(folder)) <= {about, rows} and not (folder / rows).stat().st_size:
+            shutil.rmtree(folder)
+        raise
+
+
+def settings_of(config: LeagueConfig, *without: str) -> JsonObject:
+    """Return the fields of a configuration but the game, what is allowed, and those named."""
+    fields = {each.name: getattr(config, each.name) for each in dataclasses.fields(config)}
+    return {name: value for name, value in fields.items() if name not in ("game", "allow", *without)}
+
+
+def command_of(config: LeagueConfig, game: GameSpec, out: Path, **changes: object) -> str | None:
+    """Return the command of a configuration; None if it has objects of Python."""
+    options = settings_of(config) | changes
+    options |= {name: as_option(value) for name, value in options.items() if name.endswith("hyperparams")}
+    options |= {name: value for name, value in game.to_dict().items() if name in GAME}
+    return command_line(config.verb, out=out, allow=config.allow, **options)
+
+
+def as_json(content: Mapping[str, object]) -> JsonObject:
+    """Return a mapping as it is read from JSON."""
+    read: JsonObject = json.loads(json.dumps(content))
+    return read
+
+
+def check_same(file: Path, kind: str, about: Json) -> JsonObject:
+    """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
+    content = read_json(file, kind)
+    if different := [key for key in about if content.get(key) != about[key]]:
+        raise other_content(file, f"{kind} with another {different[0]}")
+    return content
+
+
+def export_agent(runs: Sequence[RunFolder], folder: Path, name: str, update: JsonObject) -> Path:
+    """Copy the agent of the last of a series of runs in a folder; ``agent.json`` describes all of them.
+
+    Names of the folder's own agents begin at the folder, wherever it was when they were trained.
+
+    Args:
+        runs: the runs, each from the weights of the one before.
+        folder: the folder of all of them.
+        name: folder of the agent in it.
+        update: further attributes of the agent's card.
+    """
+    last, about = runs[-1].agent, [run.read() for run in runs]
+    steps = {
+        "training_steps": sum(each.training_steps for each in about),
+        "steps_done": sum(each.steps_done or 0 for each in about),
+        "seconds": round(sum(each.seconds for each in about), 1),
+    }
+    card = _named_within(read_card(last), folder)
+    card.model_copy(update=steps | update).write(folder / name, (last / "policy.onnx").read_bytes())
+    return folder / name
+
+
+def _named_within(card: AgentCard, folder: Path) -> AgentCard:
+    """Return a card in which the names of agents and runs in a folder begin at the folder."""
+
+    def within(name: str) -> str:
+        tails = (Path(*Path(name).parts[start:]) for start in range(1, len(Path(name).parts) - 1))
+        return next((tail.as_posix() for tail in tails if (folder / tail).is_dir()), name)
+
+    other = card.game.config.other_side
+    update: JsonObject = {}
+    if (players := getattr(card.game, other)) is not None:
+        update["game"] = GameSpec.of(card.game, **{other: list(map(within, players))})
+    if "start" in card.options:
+        update["options"] = {**card.options, "start": within(card.options["start"])}
+    if card.policies:
+        update["policies"] = {within(player): sha256 for player, sha256 in card.policies.items()}
+    return card.model_copy(update=update)
