@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -341,7 +341,7 @@ def check_seeds(seeds: Seeds, count: int) -> np.ndarray:
     if isinstance(seeds, np.ndarray) and not seeds.ndim:
         seeds = seeds.item()
     is_one = not isinstance(seeds, Sequence | np.ndarray)
-    each = [seeds] if is_one else list(seeds)  # type: ignore[arg-type]
+    each: list[Any] = [seeds] if is_one else list(cast(Sequence[int], seeds))
     is_sound = all(is_integer(seed, least=0) and seed <= MAX_SEED for seed in each)
     if not is_sound or len(each) != (1 if is_one else count):
         several = f" or {count} of them" if count > 1 else ""
