@@ -100,7 +100,7 @@ def gains(waves: Link, scenario: Scenario, symbols: int) -> Iterator[Row]:
 def played_steps(waves: Link, scenario: Scenario, count: int, symbols: int) -> Iterator[Row]:
     """Yield steps of played rounds: the compiled kernel's SINR beside a waveform of the same step."""
     batch = GameBatch(scenario, count, threads=1)
-    batch.reset(seeds=7)
+    batch.reset(seeds=range(7, 7 + count))
     rng = np.random.default_rng(7)
     lengths = 5 + np.arange(count) % 60
     for step in range(lengths.max()):
@@ -190,7 +190,7 @@ def los_share(ground_m: float, height_m: float) -> float:
 def los_shares(scenario: Scenario, cities: int) -> Iterator[tuple[float, float, float, float]]:
     """Yield ground distance, height, the report's share of line of sight, and that of drawn cities."""
     batch, radio = GameBatch(scenario, cities, threads=1), radio_record(scenario)[0]
-    batch.reset(seeds=0)
+    batch.reset(seeds=range(cities))
     base = np.array(scenario.base_station_m)
     angles = np.linspace(0, 2 * math.pi, 24, endpoint=False)
     around = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)

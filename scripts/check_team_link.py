@@ -111,7 +111,7 @@ def sums(scenario: Scenario, games: int) -> Iterator[Row]:
     """Yield steps of played rounds of four allies, half of whose choices spread, and three jammers."""
     team = TeamRules(4, 3, spacing_m=CLOSE, code_orthogonality=1)
     batch, waves, rng = TeamBatch(scenario, team, games), mast(scenario), np.random.default_rng(1)
-    batch.reset(seeds=3)
+    batch.reset(seeds=range(3, 3 + games))
     for _ in range(STEPS):
         allies, opponents = (rng.uniform(-1, 1, (games, seats, 9)) for seats in team.most)
         allies[..., SPREAD_GATE] = rng.choice([-1, 1], (games, 4))

@@ -36,7 +36,7 @@ DISCRETE = ("benchmarl_qmix", "dqn_single_file", "torchrl_dqn")
 def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
     if importlib.util.find_spec(needs) is None:
         pytest.skip(f"{needs} is not installed")
-    words = ["--steps", 300, "--envs", 4, "--out", tmp_path / "agent"]
+    words = ["--steps", 1300, "--envs", 4, "--out", tmp_path / "agent"]  # past the end of a round
     if name != "dqn_single_file":  # it learns in each step
         words += ["--rollout", 64]
     run = python(ROOT / "examples" / f"{name}.py", *words)

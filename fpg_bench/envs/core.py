@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import SCRIPTS, EnvConfig
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch, make_duel
-from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described
+from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described, read_only
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import OBSERVATIONS, REWARDS, GameSpec
@@ -148,8 +149,8 @@ class SingleAgentGame(Core):
         choices: what the caller chooses from; None where actions are continuous.
         waterfall: what the caller sees; None where it sees the 15 numbers.
         observation_space, action_space: of one game.
-        observations: ``(N, 15)`` or ``(N, history, bins)`` float32, a buffer; copy what you keep.
-        truncated: ``(N,)`` bool, a buffer.
+        observations: ``(N, 15)`` or ``(N, history, bins)`` float32, a read-only buffer; copy what you keep.
+        truncated: ``(N,)`` bool, a read-only buffer.
 
     Raises:
         UserError: an unknown option, a value or side that does not fit, or options that exclude each other.
@@ -197,8 +198,8 @@ class SingleAgentGame(Core):
         """Bind the buffers of the caller's side."""
         batch = self.duel.batch
         self._numbers = batch.ally_observations if self.side == "ally" else batch.opponent_observations
-        self.observations = self._numbers if self.waterfall is None else self._windows
-        self.truncated = batch.games["truncated"]
+        self.observations = self._numbers if self.waterfall is None else read_only(self._windows)
+        self.truncated = read_only(batch.games["truncated"])
 
     @property
     def rewards(self) -> np.ndarray:
@@ -310,8 +311,8 @@ class JointGame(Core):
 
     @property
     def truncated(self) -> np.ndarray:
-        """``(N,)`` bool: rounds that are over; a buffer."""
-        return self.duel.batch.games["truncated"]
+        """``(N,)`` bool: rounds that are over; a read-only buffer."""
+        return read_only(self.duel.batch.games["truncated"])
 
     @property
     def observations(self) -> np.ndarray:
@@ -334,6 +335,11 @@ class JointGame(Core):
         if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.shape != shape:
             raise ActionError(f"actions: expected a float array of shape {shape}, got {described(actions)}")
         self.duel.batch.step(*(np.ascontiguousarray(part) for part in np.split(actions, 2, axis=1)))
+
+
+def as_info(measures: Mapping[str, float | None]) -> Info:
+    """Return measures as infos hold them: floats, without those that do not exist."""
+    return {name: float(value) for name, value in measures.items() if value is not None}
 
 
 def wants_new_match(options: ResetOptions | None) -> bool:
@@ -380,7 +386,7 @@ def staggered_horizons(count: int, steps: int) -> np.ndarray:
 
 
 def first_seeds(seed: Seeds | None, count: int) -> np.ndarray:
-    """Return ``(count,)`` seeds from a whole number, one number per game, or None (drawn at random)."""
+    """Return the seeds of :func:`check_seeds`; None draws the whole number at random."""
     if seed is None:
         seed = int.from_bytes(os.urandom(4), "little")
     return check_seeds(seed, count)

@@ -10,7 +10,15 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.core import Info, ResetOptions, SingleAgentGame, first_seeds, one_action, wants_new_match
+from fpg_bench.envs.core import (
+    Info,
+    ResetOptions,
+    SingleAgentGame,
+    as_info,
+    first_seeds,
+    one_action,
+    wants_new_match,
+)
 from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 from fpg_bench.game.scenario import LINK
 from fpg_bench.game.spec import GameSpec
@@ -50,9 +58,10 @@ class FPGEnv(gymnasium.Env):
 
     **Episode end**: a round is truncated after the scenario's ``steps_per_round``; it never terminates.
 
-    **Info**: ``advice`` of the knowledge base for the ally, ``action_mask`` of the allowed choices where
-    actions are discrete, in the radio model ``link`` ``snr_db``, ``rate_mbit_s`` and ``covered`` of the step
-    (the truth, for logs and plots), and in a round's last step its ``measures``.
+    **Info**: ``advice`` of the knowledge base for an ally that senses jamming, ``action_mask`` of the allowed
+    choices where actions are discrete, in the radio model ``link`` ``snr_db``, ``rate_mbit_s`` and
+    ``covered`` of the step (the truth, for logs and plots), and in a round's last step its ``measures``,
+    without those that do not exist. No value is None.
 
     Args:
         env_id: one of the ids of :mod:`fpg_bench.common.ids`.
@@ -125,15 +134,15 @@ class FPGEnv(gymnasium.Env):
     def _info(self) -> Info:
         core = self.core
         info: Info = {}
-        if core.side == "ally":
-            info["advice"] = core.advice(0)
+        if (advice := core.advice(0)) is not None:
+            info["advice"] = advice
         if core.choices is not None:
             info["action_mask"] = core.choices.mask
         if core.scenario.snr_model == LINK[1]:
             game = core.duel.batch.games[0]
             info |= {name: game[name].item() for name in _OF_LINK}
         if core.truncated[0]:
-            info["measures"] = core.measures(0)
+            info["measures"] = as_info(core.measures(0))
         return info
 
     def action_masks(self) -> np.ndarray:

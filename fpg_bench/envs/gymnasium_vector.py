@@ -13,6 +13,7 @@ from fpg_bench.envs.core import (
     Info,
     ResetOptions,
     SingleAgentGame,
+    as_info,
     first_seeds,
     staggered_horizons,
     wants_new_match,
@@ -23,7 +24,10 @@ _MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 
 
 class FPGVectorEnv(VectorEnv):
-    """N games stepped at once; game i of a batch seeded s plays as a single game seeded s + i.
+    """N games stepped at once; each plays as a single game of its seed does.
+
+    Of one seed, game i plays a stream that is keyed by (seed, i), and game 0 the seed itself, so no other
+    seed shares a game; a list has a seed for each game.
 
     Observations are ``(N, 15)`` float32, actions ``(N, 9)`` floats in [-1, 1] or ``(N,)`` choices, and
     rewards ``(N,)`` float64; their meanings are those of :class:`fpg_bench.envs.gymnasium_env.FPGEnv`.
@@ -120,13 +124,13 @@ class FPGVectorEnv(VectorEnv):
             return {}
         mask = self.core.choices.mask
         return {
-            "action_mask": np.broadcast_to(mask, (self.num_envs, len(mask))),
+            "action_mask": np.tile(mask, (self.num_envs, 1)),
             "_action_mask": np.ones(self.num_envs, bool),
         }
 
     def _last_info(self, game: int) -> Info:
         """Return the info of a game whose round is over."""
-        info: Info = {"measures": self.core.measures(game)}
+        info: Info = {"measures": as_info(self.core.measures(game))}
         if self._same_step:
             return {"final_obs": self.core.observations[game].copy(), "final_info": info}
         return info

@@ -14,7 +14,15 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL, plain_id
-from fpg_bench.envs.core import Info, ResetOptions, action_space, first_seeds, observation_space, one_action
+from fpg_bench.envs.core import (
+    Info,
+    ResetOptions,
+    action_space,
+    as_info,
+    first_seeds,
+    observation_space,
+    one_action,
+)
 from fpg_bench.envs.screen import FRAMES_PER_SECOND, RENDER_MODES, Screen, offered_modes
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.choices import Choices
@@ -49,6 +57,16 @@ class SeededParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
     def action_space(self, agent: str) -> spaces.Space[Any]:
         """Return the space of an agent's actions, always the same object."""
         return self.action_spaces[agent]
+
+    def _after_the_end(self, actions: object) -> Any:
+        """Return a step of nobody, which PettingZoo allows once no agent is left, as ``black_death_v3`` asks.
+
+        Raises:
+            UserError: there are actions, or no round was begun.
+        """
+        if actions or not self._begun:
+            raise UserError("step: the round is over; call reset first")
+        return {}, {}, {}, {}, {}
 
     def _begin(self, reset: Callable[..., object], seed: int | None, options: ResetOptions | None) -> None:
         """Begin a round by a game's ``reset``: a new match of a seed, or the next round."""
@@ -125,7 +143,7 @@ class FPGParallelEnv(SeededParallelEnv):
                 a choice that is out of range or forbidden.
         """
         if not self.agents:
-            raise UserError("step: the round is over; call reset first")
+            return self._after_the_end(actions)
         batch = self.duel.batch
         choices = self.duel.choices
         given = mapping(actions, "step: actions by agent")
@@ -138,7 +156,7 @@ class FPGParallelEnv(SeededParallelEnv):
         rewards = {side: float(batch.games[f"{side}_reward"][0]) for side in SIDES}
         infos = self._infos()
         for info in infos.values() if over else ():
-            info["measures"] = self.duel.measures(0)
+            info["measures"] = as_info(self.duel.measures(0))
         return self._observations(), rewards, dict.fromkeys(SIDES, False), dict.fromkeys(SIDES, over), infos
 
     def _observations(self) -> _Observations:

@@ -21,6 +21,7 @@ from fpg_bench.envs.core import (
     JointGame,
     ResetOptions,
     SingleAgentGame,
+    as_info,
     first_seeds,
     staggered_horizons,
     wants_new_match,
@@ -41,7 +42,8 @@ class FPGVecEnv(VecEnv):
     Args:
         core: the games, of which the caller plays one side (:class:`fpg_bench.envs.core.SingleAgentGame`), or
             both, or a side of seats.
-        seed: seed of the first matches, seed + i in game i; None: random.
+        seed: seed of the first matches; each game has a stream of its own
+            (:func:`fpg_bench.game.batch.check_seeds`). None: random.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
     """
@@ -71,7 +73,7 @@ class FPGVecEnv(VecEnv):
         return self.core.game_spec
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Seed the next :meth:`reset`: game i begins a new match of seed + i."""
+        """Seed the next :meth:`reset`: each game begins a new match of its own stream of the seed."""
         self._next_seeds = first_seeds(seed, self.num_envs)
         return [int(s) for s in self._next_seeds]
 
@@ -110,7 +112,7 @@ class FPGVecEnv(VecEnv):
         return core.observations.copy(), rewards, dones, infos
 
     def _last_info(self, game: int) -> Info:
-        measures = self.core.measures(game)
+        measures = as_info(self.core.measures(game))
         episode = {
             "r": measures[f"{self.core.side}_return"],
             "l": self.core.length(game),
@@ -183,7 +185,8 @@ def make_sb3(
     Args:
         game: an environment id, or a specification.
         n_envs: number of games, N.
-        seed: game i begins with a match of seed + i; None: random.
+        seed: game i begins with a match of a stream keyed by (seed, i), game 0 with one of the seed itself,
+            so no other seed shares a game; None: random.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         render_mode: None, or ``rgb_array`` to film the first game (``VecVideoRecorder``).
         threads: see :class:`fpg_bench.game.batch.GameBatch`.

@@ -35,7 +35,7 @@ class SuperSuitVecEnv(VecEnvWrapper):
     Args:
         venv: result of ``supersuit.concat_vec_envs_v1(..., base_class="stable_baselines3")`` for copies
             of :class:`fpg_bench.envs.pettingzoo_env.FPGParallelEnv`, all in this process.
-        seed: copy i begins with a match of seed + i; None: random.
+        seed: copies begin with matches as games of :func:`fpg_bench.make_sb3` do; None: random.
     """
 
     def __init__(self, venv: VecEnv, seed: int | None = None) -> None:
@@ -45,7 +45,7 @@ class SuperSuitVecEnv(VecEnvWrapper):
         self._next_seeds: np.ndarray | None = first_seeds(seed, len(self.games))
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Seed the next :meth:`reset`: copy i begins a new match of seed + i."""
+        """Seed the next :meth:`reset`: each copy begins a new match of its own stream of the seed."""
         self._next_seeds = first_seeds(seed, len(self.games))
         return np.repeat(self._next_seeds, len(SIDES)).tolist()
 
@@ -113,7 +113,7 @@ def supersuit_vec_env(n_envs: int = 1, seed: int | None = None, **options: Any) 
 
     Args:
         n_envs: number of games.
-        seed: game i begins with a match of seed + i; None: random.
+        seed: games begin with matches as those of :func:`fpg_bench.make_sb3` do; None: random.
         **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
 
     Raises:

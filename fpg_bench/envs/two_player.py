@@ -96,8 +96,8 @@ class TwoPlayerBatch:
 
         Args:
             mask: ``(N,)`` bool; None: all.
-            seeds: None for the next round of each match; a whole number s (game i: s + i) or one per game
-                for new matches.
+            seeds: None for the next round of each match; for new matches a whole number
+                (:func:`fpg_bench.game.batch.check_seeds`), or one per game.
             new_match: leave the present match and begin the same seed's next one.
             horizons: ``(N,)`` the steps at which these rounds are cut; None: the scenario's.
 
@@ -193,7 +193,7 @@ class TwoPlayerBatch:
             match=int(played["match"]),
             round=int(played["round"]),
             ally_path=self.batch.ally_path(game) if self._sees_ally else None,
-            ally_flown=self._flown.get(game),
+            ally_flown=self._flown[game].copy() if game in self._flown else None,
         )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import gymnasium
@@ -267,13 +267,13 @@ def check_scenario(scenario: Scenario | str | None) -> None:
     """
     played = as_scenario(scenario)
     for ally, opponent in (("random", "random"), ("expert-spread", "adaptive")):
-        batch, again = (_play_round(played, ally, opponent, games=3, seed=11) for _ in range(2))
-        alone = _play_round(played, ally, opponent, games=1, seed=13)
+        batch, again = (_play_round(played, ally, opponent, seeds=range(11, 14)) for _ in range(2))
+        alone = _play_round(played, ally, opponent, seeds=[13])
         for step, (x, y, z) in enumerate(zip(batch, again, alone, strict=True)):
             _require((x == y).all(), f"scenario: the same seed gave another game at step {step}")
             _require(
                 (x[2] == z[0]).all(),
-                f"scenario: game 2 of a batch of seed s is not seed s + 2 at step {step}",
+                f"scenario: a game of a batch is not the single game of its seed at step {step}",
             )
     print(f"scenario {played.hash[:12]}: can be played")
 
@@ -284,9 +284,9 @@ def _duel_of(scenario: Scenario, games: int) -> TwoPlayerBatch:
     return TwoPlayerBatch(scenario, games, planner)
 
 
-def _play_round(scenario: Scenario, ally: str, opponent: str, games: int, seed: int) -> list[np.ndarray]:
+def _play_round(scenario: Scenario, ally: str, opponent: str, seeds: Sequence[int]) -> list[np.ndarray]:
     """Return the observations and rewards ``(games, ...)`` of each step of a round, checked."""
-    match = make_match(_duel_of(scenario, games), ally, opponent)
+    match = make_match(_duel_of(scenario, len(seeds)), ally, opponent)
     steps: list[np.ndarray] = []
 
     def check_step() -> None:
@@ -314,7 +314,7 @@ def _play_round(scenario: Scenario, ally: str, opponent: str, games: int, seed: 
         _require(is_in_order, f"scenario: a round of {length} steps did not end with its last one ({index})")
         steps.append(np.column_stack([step.ally_observations, step.opponent_observations, rewards]))
 
-    play_round(match, seeds=seed, on_step=check_step)
+    play_round(match, seeds=seeds, on_step=check_step)
     return steps
 
 

@@ -1,7 +1,8 @@
 """Ranges of seeds for training, tuning, evaluation and data sets, which never meet, and the keys of seasons.
 
 A training run of seed k takes [k * 10^6, (k + 1) * 10^6); tuning seeds begin at 2^40, evaluation seeds at
-2^41, and those of data sets at 2^42, where data set k has 2^32 of them. Evaluation seeds follow from the
+2^41, and those of data sets at 2^42, where data set k has 2^32 of them. The further
+games of a batch that has one seed lie above all of these, from 3 * 2^61 on. Evaluation seeds follow from the
 protocol version and a season key by a public hash, so they can be changed each season.
 """
 

@@ -6,12 +6,13 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from fpg_bench.common.checks import integer, is_integer
 from fpg_bench.common.errors import UserError, shown
+from fpg_bench.game import rng
 from fpg_bench.game import step as kernel
 from fpg_bench.game.flight import LEARNED, PURSUIT
 from fpg_bench.game.metrics import CLEAN
@@ -21,7 +22,7 @@ from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
 
 _GAMES_WORTH_A_THREAD = 512
 MAX_SEED = 2**63 - 1
-Seeds = int | Sequence[int] | np.ndarray  # one whole number in [0, 2^63) per game, or the first game's
+Seeds = int | Sequence[int] | np.ndarray  # one whole number in [0, 2^63) per game, or one for all of them
 
 
 class ActionError(UserError):
@@ -31,7 +32,7 @@ class ActionError(UserError):
 class GameBatch:
     """N games of one scenario.
 
-    The attributes are buffers that every call reuses; copy what you keep.
+    The attributes are buffers that every call reuses; copy what you keep. Observations are read-only.
 
     >>> from fpg_bench.game.scenario import preset
     >>> batch = GameBatch(preset("standard"), games=64)
@@ -74,8 +75,8 @@ class GameBatch:
         self.segments = np.zeros((self.count, scenario.waypoints, 4))
         self.waypoints = np.zeros((self.count, scenario.waypoints, 3))
         self.buildings = self._buildings()
-        self.ally_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
-        self.opponent_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
+        self._ally_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
+        self._opponent_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
         self._ally_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
         self._opponent_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
         self.flown_m: np.ndarray | None = None
@@ -93,6 +94,8 @@ class GameBatch:
 
     def _bind(self) -> None:
         """Collect the kernel's arguments once, as a call takes a few hundred nanoseconds."""
+        self.ally_observations = read_only(self._ally_observations)
+        self.opponent_observations = read_only(self._opponent_observations)
         self._arguments: tuple[Any, ...] = (
             self.games,
             self.tallies,
@@ -101,8 +104,8 @@ class GameBatch:
             self.waypoints,
             self._ally_actions,
             self._opponent_actions,
-            self.ally_observations,
-            self.opponent_observations,
+            self._ally_observations,
+            self._opponent_observations,
             self.buildings,
             self._channel,
             self._rules,
@@ -122,7 +125,7 @@ class GameBatch:
 
         Args:
             mask: ``(N,)`` bool, the games to begin; None: all.
-            seeds: None, one whole number s in [0, 2^63) (game i: s + i), or ``(N,)`` of them, of which
+            seeds: None, one whole number in [0, 2^63) (:func:`check_seeds`), or ``(N,)`` of them, of which
                 those of masked games are used.
             horizons: ``(N,)`` whole numbers: the step at which this round is cut; None: the scenario's.
             new_match: without ``seeds``: leave the present match and begin the seed's next one.
@@ -139,8 +142,8 @@ class GameBatch:
         kernel.begin(
             self.games,
             mask,
-            self.ally_observations,
-            self.opponent_observations,
+            self._ally_observations,
+            self._opponent_observations,
             self.segments,
             self.buildings,
             self._channel,
@@ -174,8 +177,8 @@ class GameBatch:
         self._record_flown()
 
     def received(self, side: str) -> np.ndarray:
-        """Return a side's actions of the last step, ``(N, 9)`` float32 within [-1, 1]; a buffer."""
-        return self._ally_actions if side == "ally" else self._opponent_actions
+        """Return a side's actions of the last step, ``(N, 9)`` float32 within [-1, 1]; a read-only buffer."""
+        return read_only(self._ally_actions if side == "ally" else self._opponent_actions)
 
     def keep_flown(self) -> None:
         """Record from now on the ally's position after each second of its round."""
@@ -250,7 +253,8 @@ class GameBatch:
         return path
 
     def __getstate__(self) -> dict[str, object]:
-        return {**self.__dict__, "_pool": None, "_arguments": None}
+        views = dict.fromkeys(("_arguments", "ally_observations", "opponent_observations"))
+        return {**self.__dict__, "_pool": None, **views}
 
     def __setstate__(self, state: dict[str, object]) -> None:
         self.__dict__.update(state)
@@ -326,18 +330,31 @@ def described(actions: object) -> str:
 
 
 def check_seeds(seeds: Seeds, count: int) -> np.ndarray:
-    """Return ``(count,)`` seeds as uint64: from one integer s (s, s + 1, ...), or one per game.
+    """Return ``(count,)`` seeds as uint64: those given one per game, or the streams of one whole number.
+
+    Of one number s, game 0 plays the matches of s, and game i those of a stream that is keyed by (s, i), so
+    batches of other seeds share none of their games.
 
     Raises:
         UserError: a seed that is not a whole number in [0, 2^63), or another number of seeds.
     """
     if isinstance(seeds, np.ndarray) and not seeds.ndim:
         seeds = seeds.item()
-    if isinstance(seeds, Sequence | np.ndarray):
-        each = list(seeds)
-    else:
-        each = [int(seeds) + i for i in range(count)] if is_integer(seeds, least=0) else []
-    if len(each) != count or not all(is_integer(seed, least=0) and seed <= MAX_SEED for seed in each):
+    is_one = not isinstance(seeds, Sequence | np.ndarray)
+    each: list[Any] = [seeds] if is_one else list(cast(Sequence[int], seeds))
+    is_sound = all(is_integer(seed, least=0) and seed <= MAX_SEED for seed in each)
+    if not is_sound or len(each) != (1 if is_one else count):
         several = f" or {count} of them" if count > 1 else ""
         raise UserError(f"seed: expected a whole number in [0, 2^63){several}, got {shown(seeds)}")
-    return np.array(each, np.uint64)
+    if not is_one:
+        return np.array(each, np.uint64)
+    streams = np.empty(count, np.uint64)
+    rng.batch_seeds(streams, np.uint64(each[0]))
+    return streams
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """Return a view of an array that cannot be written."""
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -109,7 +109,8 @@ class Choices:
         self.quantiles = np.array([normal.inv_cdf(k / points) for k in range(1, points)], np.float32)
         self.preferences = np.linspace(-1.0, 1.0, points).astype(np.float32)
         drawing = (every.drawn, self.quantiles, self.preferences)
-        self._table = (np.array(self.sizes), every.rows, every.allowed, every.homing, self.box_m, *drawing)
+        shown = (every.rows, every.allowed, every.homing, self.box_m, *drawing)
+        self._table = (np.array(self.sizes), *map(np.copy, shown))  # apart from what callers may write into
 
     @property
     def is_multi(self) -> bool:
@@ -158,7 +159,7 @@ class Choices:
             noise = np.zeros((shape[0], 1), np.float32)
         columns = np.ascontiguousarray(choices, np.int64).reshape(shape[0], -1)
         actions = np.empty((shape[0], ACTION_SIZE), np.float32)
-        seen = np.ascontiguousarray(observations, np.float32)
+        seen = np.require(observations, np.float32, ("C", "A", "W"))
         if not _look_up(columns, seen, noise, actions, *self._table):
             raise self._error(columns, whose)
         return actions

@@ -17,8 +17,8 @@ from fpg_bench.game.elementary import log, sin_cos
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
-_S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
-_ONE = np.uint64(1)
+_S30, _S27, _S31, _S11, _S61 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11), np.uint64(61)
+_ONE, _THREE = np.uint64(1), np.uint64(3)
 _TWO_TO_MINUS_53 = 2.0**-53
 
 PURPOSES = 64
@@ -54,6 +54,17 @@ def mix(z: np.uint64) -> np.uint64:
     z = (z ^ (z >> _S30)) * _MIX_1
     z = (z ^ (z >> _S27)) * _MIX_2
     return z ^ (z >> _S31)
+
+
+@compiled
+def batch_seeds(out: np.ndarray, seed: np.uint64) -> None:
+    """Fill ``out`` (N,) uint64 with the seeds of a batch's games: its own seed first, then keyed ones.
+
+    Those lie in [3 * 2^61, 2^63), above all seeds that the protocol names.
+    """
+    key = mix((seed ^ _MIX_2) + _GOLDEN)
+    for i in range(out.shape[0]):
+        out[i] = (_THREE << _S61) | (mix(key + np.uint64(i) * _GOLDEN) >> _THREE) if i else seed
 
 
 @compiled

@@ -129,7 +129,7 @@ class Waterfall:
 
     def push(self, windows: np.ndarray, seen: np.ndarray) -> None:
         """Add the rows of a step to windows in place; arguments as in :meth:`pushed`."""
-        numbers = np.ascontiguousarray(seen, np.float32)
+        numbers = np.require(seen, np.float32, ("C", "A", "W"))
         if len(windows) != len(numbers) or numbers.shape[1:] != (OBSERVATION_SIZE,):
             raise ValueError(f"windows of {len(windows)} games, observations {numbers.shape}")
         _push(windows, numbers, self.table)

@@ -39,7 +39,7 @@ class Player(Protocol):
         """Return actions ``(n, 9)`` float32 in [-1, 1], and the player's next memory.
 
         Args:
-            observation: ``(n, 15)`` float32, the observations of the player's side.
+            observation: ``(n, 15)`` float32, the observations of the player's side, an array of its own.
             state: the memory that the last call returned; None at first.
             episode_start: ``(n,)`` bool, true where a round starts: memory is taken as empty there.
             deterministic: true for the mode of a stochastic policy.
@@ -68,12 +68,14 @@ class Abilities:
         reset, predict_rows: its methods; None if it has none.
         sees_state: true for an oracle.
         pursues: true for an opponent that pursues the ally where others fly themselves.
+        is_known: true for a class of :mod:`fpg_bench.players`, none of which writes into its observation.
     """
 
     reset: Callable[[np.ndarray, np.ndarray], None] | None
     predict_rows: Callable[..., tuple[np.ndarray, Memory]] | None
     sees_state: bool
     pursues: bool
+    is_known: bool
 
     @classmethod
     def of(cls, player: Player) -> Self:
@@ -83,4 +85,5 @@ class Abilities:
             getattr(player, "predict_rows", None),
             getattr(player, "sees", "") == "state",
             getattr(player, "flies", None) == "pursuit",
+            type(player).__module__.startswith("fpg_bench.players."),
         )

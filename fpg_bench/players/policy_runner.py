@@ -9,7 +9,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import reason
 from fpg_bench.game import rng
-from fpg_bench.game.batch import GameBatch
+from fpg_bench.game.batch import GameBatch, read_only
 from fpg_bench.game.full_state import full_state
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.player import Abilities, Memory, Player
@@ -34,7 +34,7 @@ class PolicyRunner:
             (:mod:`fpg_bench.players.stack`); for training, never for results.
 
     Attributes:
-        observations: ``(N, 15)`` float32 of the side, the batch's buffer.
+        observations: ``(N, 15)`` float32 of the side, the game's own buffer, which nobody may write into.
         choice: ``(N,)`` int64, the index of the player that plays in each game.
     """
 
@@ -51,11 +51,12 @@ class PolicyRunner:
         self.choice = np.zeros(batch.count, np.int64)
         self._batch = batch
         self._purpose = purpose
-        self.observations = batch.ally_observations if side == "ally" else batch.opponent_observations
+        own = batch._ally_observations if side == "ally" else batch._opponent_observations
+        self.observations = own
         self._abilities = [Abilities.of(player) for player in self.players]
         self._callers = np.array([self._caller(index) for index in range(len(self.players))])
         self._memories: list[Memory] = [None] * len(self.players)
-        self._starts = np.ones(batch.count, bool)
+        self._starts = read_only(np.ones(batch.count, bool))
         self._has_starts = True
         self._calls: list[tuple[int, np.ndarray]] = []
         self._stacks = stacks(self.players, side, batch.scenario) if stacked else []
@@ -75,12 +76,12 @@ class PolicyRunner:
         for index, abilities in enumerate(self._abilities):
             if abilities.pursues:
                 self._batch.pursue(mask & (self.choice == index))
-        self._starts |= mask
+        self._starts = read_only(self._starts | mask)
         self._has_starts = True
         seeds = player_seeds(keys, self.side)
         for abilities in self._abilities:
             if abilities.reset is not None:
-                abilities.reset(mask, seeds)
+                abilities.reset(mask.copy(), seeds.copy())
 
     def _drawn(self, keys: np.ndarray) -> np.ndarray:
         """Return ``(N,)`` int64, the index of the player that each game draws for its round."""
@@ -89,8 +90,11 @@ class PolicyRunner:
         return drawn
 
     def _seen(self, index: int) -> np.ndarray:
-        """Return what a player sees of all games."""
-        return full_state(self._batch) if self._abilities[index].sees_state else self.observations
+        """Return what a player sees of all games; the game's own buffer only to those that do not write."""
+        abilities = self._abilities[index]
+        if abilities.sees_state:
+            return full_state(self._batch)
+        return self.observations if abilities.is_known else self.observations.copy()
 
     def act(self) -> np.ndarray:
         """Return the side's actions ``(N, 9)`` for the current observations.
@@ -108,7 +112,7 @@ class PolicyRunner:
             for stack, rows, members in self._stack_calls:
                 actions[rows] = stack.actions(self.observations[rows], members)
         if self._has_starts:
-            self._starts = np.zeros(self._batch.count, bool)
+            self._starts = read_only(np.zeros(self._batch.count, bool))
             self._has_starts = False
         return actions
 
@@ -126,7 +130,7 @@ class PolicyRunner:
         cuts = np.searchsorted(callers[order], np.arange(1, len(self.players)))
         return [
             (index, rows)
-            for index, rows in enumerate(np.split(order, cuts))
+            for index, rows in enumerate(np.split(read_only(order), cuts))
             if index not in inside and (len(rows) or self._abilities[index].predict_rows is None)
         ]
 

@@ -75,10 +75,11 @@ class Preprocessing:
         return np.concatenate((kept, seen), axis=1)
 
     def shown(self, stack: np.ndarray) -> np.ndarray:
-        """Return the observations of the model for a stack."""
+        """Return the observations of the model for a stack, an array of its own."""
+        shown = stack.copy()
         for normalize in self.after:
-            stack = normalize.normalize_obs(stack)
-        return stack
+            shown = normalize.normalize_obs(shown)
+        return shown
 
 
 def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preprocessing:

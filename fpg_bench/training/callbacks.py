@@ -43,10 +43,8 @@ class GameMeasuresCallback(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         infos = self.model.ep_info_buffer or ()
-        for name in infos[0] if infos else ():
-            values = [info[name] for info in infos if info.get(name) is not None]
-            if values and name not in _OF_MONITOR:
-                self.logger.record(f"game/{name}", float(np.mean(values)))
+        for name in {name: None for info in infos for name in info if name not in _OF_MONITOR}:
+            self.logger.record(f"game/{name}", float(np.mean([info[name] for info in infos if name in info])))
 
     def _on_step(self) -> bool:
         return True

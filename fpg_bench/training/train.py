@@ -491,9 +491,7 @@ class _Run:
 
     def _seed_games(self) -> None:
         """Seed the games with the matches of this part of the run."""
-        n_envs = self.games.num_envs
-        offset = self._part * n_envs % (TRAINING_STRIDE - n_envs)
-        self.games.seed(training_seed(self.about.training_seed) + offset)
+        self.games.seed(training_seed(self.about.training_seed) + self._part % TRAINING_STRIDE)
 
     def _imitate(self, stop: StopRequest) -> None:
         """Imitate the teacher of the hyper-parameters, if there is one and the weights are new."""

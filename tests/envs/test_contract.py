@@ -6,11 +6,17 @@ from functools import partial
 
 import gymnasium
 import numpy as np
+import pettingzoo
 import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnv
 
-from fpg_bench import make_duel, make_sb3, supersuit_vec_env
+from fpg_bench import make_duel, make_sb3, make_sb3_team, supersuit_vec_env
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.pettingzoo_env import parallel_env
+from fpg_bench.game.batch import check_seeds
+from fpg_bench.game.scenario import PRESETS, as_scenario, preset
+from fpg_bench.products.teams.pettingzoo_env import parallel_env as team_env
 
 from .contract import CHECKS, SEED, adapt, play
 from .playing import ALLY, ALLY_POLICY, IDS, OPPONENT_POLICY, PLANNED, SHORT, STEPS, Tape, tape
@@ -41,7 +47,7 @@ def test_the_contract_holds(kind, check):
 
 def shown_by(make, first=0, rounds=3):
     """Return the observations and rewards of all games, ``(N, ...)`` each, in single precision."""
-    shown = play(adapt(make()), SEED + first, rounds, first)
+    shown = play(adapt(make()), int(check_seeds(SEED, GAMES)[first]), rounds, first)
     return [np.asarray(part, np.float32) for part in shown]
 
 
@@ -66,6 +72,106 @@ def test_all_environments_of_both_sides_show_the_same_games():
     assert all(map(np.array_equal, duel, sb3))
     assert_game(duel, pettingzoo, 0)
     assert_game(duel, shown_by(BOTH_SIDES["pettingzoo"], 2), 2)
+
+
+def duel_seeds(make, seed):
+    """Return the seeds of all games that a seed opens."""
+    adapter = adapt(make())
+    adapter.reset(seed)
+    return adapter.duel().batch.games["seed"].tolist()
+
+
+def reseeded(seed):
+    """Return games that PPO seeds anew, whatever they were made with."""
+    env = PPO("MlpPolicy", make_sb3(ALLY, GAMES, seed=9, scenario=SHORT), device="cpu", seed=seed).env
+    env.reset()
+    return env.unwrapped.core.duel.batch.games["seed"].tolist()
+
+
+def copied(seed):
+    """Return the games of SuperSuit's copies."""
+    env = supersuit_vec_env(GAMES, seed=seed, scenario=SHORT)
+    env.reset()
+    return [int(game.duel.batch.games["seed"][0]) for game in env.venv.games]
+
+
+def of_teams(seed):
+    env = make_sb3_team(GAMES, seed=seed, side="ally", rivals="tone", scenario="link")
+    env.reset()
+    return env.core.teams.batch.games["seed"].tolist()
+
+
+DOORS = {
+    **{kind: partial(duel_seeds, partial(of, ALLY, scenario=SHORT)) for kind, of in BATCHED.items()},
+    **{kind: partial(duel_seeds, make) for kind, make in BOTH_SIDES.items()},
+    "PPO(seed=)": reseeded,
+    "SuperSuit": copied,
+    "teams": of_teams,
+}
+
+
+@pytest.mark.parametrize("kind", DOORS)
+def test_neighbouring_seeds_share_no_game(kind):
+    seeds = [DOORS[kind](seed) for seed in range(5)]
+    assert [first for first, *_ in seeds] == [*range(5)]
+    assert len({game for games in seeds for game in games}) == 5 * (1 if kind == "pettingzoo" else GAMES)
+
+
+def leaves(info):
+    """Yield all values within infos, with the names that lead to each."""
+    if isinstance(info, dict | list | tuple):
+        for name, value in info.items() if isinstance(info, dict) else enumerate(info):
+            yield from ((f"{name}/{inner}", leaf) for inner, leaf in leaves(value))
+    else:
+        yield "", info
+
+
+INFOS = {
+    **{f"{kind} {name}": partial(of, name) for kind, of in BATCHED.items() for name in IDS},
+    **{f"single {name}": partial(gymnasium.make, name) for name in IDS},
+    "same step": partial(gymnasium.make_vec, ALLY, num_envs=GAMES, autoreset_mode="SameStep"),
+    "choices": partial(gymnasium.make_vec, ALLY, num_envs=GAMES, actions="discrete"),
+    "sb3 of both sides": partial(make_sb3, "FPG/duel_v0", GAMES),
+    "pettingzoo": parallel_env,
+    "pettingzoo by choices": partial(parallel_env, actions="multi-discrete"),
+    "supersuit": partial(supersuit_vec_env, GAMES),
+    "pettingzoo of teams": team_env,
+    "sb3 of teams": partial(make_sb3_team, GAMES, side="ally", rivals="tone"),
+    "sb3 of jammers": partial(make_sb3_team, GAMES, side="opponent", rivals="idle"),
+}
+
+
+@pytest.mark.parametrize("kind", INFOS)
+@pytest.mark.parametrize("scenario", PRESETS)
+def test_infos_hold_numbers_arrays_of_numbers_and_texts_alone(scenario, kind):
+    """Over the ends of two rounds, of which one hears no check and covers nothing."""
+    if kind.endswith(("teams", "jammers")) and (preset(scenario).snr_model != "link" or "city" in scenario):
+        pytest.skip("teams do not play it")
+    played = as_scenario(scenario, steps_per_round=4, rounds_per_match=2, waypoints=4)
+    env = INFOS[kind](scenario=played)
+    ends = 0
+    for _ in range(2):
+        first = env.reset()
+        told = [env.reset_infos if isinstance(env, VecEnv) else first[1]]
+        for _ in range(4):
+            *_, infos = env.step(resting(env))
+            told.append(infos)
+        for name, leaf in leaves(told):
+            assert isinstance(leaf, str | int | float | np.ndarray | np.number), (name, leaf)
+            if isinstance(leaf, np.ndarray) and not name.endswith("/final_obs/"):  # Gymnasium's own format
+                assert leaf.dtype.kind in "bifu", (name, leaf)
+            ends += "_return" in name
+    assert ends
+
+
+def resting(env):
+    """Return actions of zeros, as an environment takes them."""
+    if isinstance(env, pettingzoo.ParallelEnv):
+        spaces = {agent: env.action_space(agent) for agent in env.agents}
+        return {agent: np.zeros(space.shape, space.dtype) for agent, space in spaces.items()}
+    space = env.action_space
+    batch = (env.num_envs,) if isinstance(env, VecEnv) else ()
+    return np.zeros((*batch, *space.shape), space.dtype)
 
 
 @pytest.mark.parametrize("path", ["pursuit", "learned", ["circle", "learned"]])

@@ -18,7 +18,7 @@ from fpg_bench import make_duel, make_sb3
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ACTION_MODES, ALLY_MODES, action_modes, find_env, id_with
 from fpg_bench.envs.pettingzoo_env import parallel_env
-from fpg_bench.game.batch import ActionError
+from fpg_bench.game.batch import ActionError, check_seeds
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario, preset
 from fpg_bench.players.player import SIDES
@@ -149,7 +149,8 @@ def test_random_hops_reach_every_point_equally_often():
 @pytest.mark.parametrize("mode", ALLY_MODES)
 def test_random_hops_depend_on_the_round_alone(mode):
     last = len(Choices("ally", mode, SHORT).lists[0]) - 1
-    alone, batch = (make_sb3(ALLY, count, seed=seed, actions=mode) for count, seed in ((1, 9), (4, 7)))
+    third = int(check_seeds(7, 4)[2])
+    alone, batch = (make_sb3(ALLY, count, seed=seed, actions=mode) for count, seed in ((1, third), (4, 7)))
     alone.reset(), batch.reset()
     seen = []
     for _ in range(20):
@@ -258,7 +259,7 @@ def test_every_environment_plays_the_same_game_bit_for_bit(env_id, path, mode):
     assert infos["action_mask"].shape == (3, *sb3.core.choices.mask.shape)
     first, *_ = (sb3.reset(), floats.reset())
     assert np.array_equal(seen, first)
-    alone, _ = single.reset(seed=9)
+    alone, _ = single.reset(seed=int(check_seeds(7, 3)[2]))
     batch.action_space.seed(0)
     for _ in range(SHORT.steps_per_round - 1):
         actions = batch.action_space.sample()

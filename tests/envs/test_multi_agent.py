@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pettingzoo
 import pytest
+import supersuit
 
 with warnings.catch_warnings():  # importing PettingZoo's tests warns of PettingZoo's own games
     warnings.simplefilter("ignore")
@@ -68,6 +69,23 @@ def test_anything_but_a_mapping_of_actions_is_refused_in_one_line(bad):
     env.reset(seed=0)
     with pytest.raises(UserError, match=r"^(ally|step: actions by agent): expected"):
         env.step(bad)
+
+
+def test_a_step_of_nobody_after_the_end_is_empty_as_black_death_asks():
+    env = supersuit.black_death_v3(registered("parallel"))
+    for _ in range(2):
+        env.reset(seed=0)
+        steps = 0
+        while env.agents:
+            env.step({side: tape(1, 1)[0, 0] for side in env.agents})
+            steps += 1
+        assert steps == STEPS + 1  # SuperSuit notices a time limit in the step after it
+    game = env.unwrapped
+    assert game.step({}) == ({}, {}, {}, {}, {})
+    with pytest.raises(UserError, match="call reset first"):
+        game.step(dict.fromkeys(("ally", "opponent"), tape(1, 1)[0, 0]))
+    with pytest.raises(UserError, match="call reset first"):
+        registered("parallel").step({})
 
 
 def test_taking_turns_is_the_same_game():

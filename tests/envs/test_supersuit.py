@@ -10,6 +10,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from fpg_bench import make_duel, supersuit_vec_env
 from fpg_bench.envs.pettingzoo_env import parallel_env
+from fpg_bench.game.batch import check_seeds
 from fpg_bench.players.player import SIDES
 
 from .playing import SHORT, STEPS, tape
@@ -21,7 +22,7 @@ def make(games=GAMES, **options):
     return supersuit_vec_env(games, **{"scenario": SHORT, **options})
 
 
-def test_a_slot_is_an_agent_and_copy_i_is_the_duel_seeded_s_plus_i():
+def test_a_slot_is_an_agent_and_copy_i_is_game_i_of_the_duel():
     env, duel = make(seed=20), make_duel(GAMES, scenario=SHORT)
     assert isinstance(env, VecEnv)
     observations = env.reset()
@@ -48,7 +49,7 @@ def test_a_slot_is_an_agent_and_copy_i_is_the_duel_seeded_s_plus_i():
 
 def test_seeds_are_for_the_next_reset():
     env = make()
-    assert env.seed(5) == [5, 5, 6, 6, 7, 7]
+    assert env.seed(5) == np.repeat(check_seeds(5, GAMES), 2).tolist()
     first = env.reset()
     assert len({row.tobytes() for row in first}) == 2 * GAMES
     assert env.get_attr("render_mode") == [None] * 2 * GAMES

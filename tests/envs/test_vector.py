@@ -8,6 +8,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.game.batch import check_seeds
 
 from .playing import ALLY, ALLY_POLICY, REST, SHORT, STEPS, tape
 
@@ -25,7 +26,8 @@ def test_same_step_begins_the_next_round_as_gymnasiums_own_batch_does(mode):
     ours = make(autoreset_mode=mode)
     assert ours.metadata["autoreset_mode"] is ours.autoreset_mode is AutoresetMode.SAME_STEP
     assert make().metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    assert np.array_equal(theirs.reset(seed=3)[0], ours.reset(seed=3)[0])
+    seeds = check_seeds(3, GAMES).tolist()
+    assert np.array_equal(theirs.reset(seed=seeds)[0], ours.reset(seed=3)[0])
     for action in tape(GAMES, 2 * STEPS):
         *there, their_infos = theirs.step(action)
         *here, our_infos = ours.step(action)
@@ -97,10 +99,10 @@ def test_players_and_paths_of_a_list_are_drawn_per_round_from_the_games_own_stre
     assert all(len(set(choices[:, kind].ravel())) == 2 for kind in (0, 1))
     assert (choices[:, 0] != choices[0, 0]).any(), "rounds of one game never differ"
     assert np.array_equal(choices, drawn(16))
-    assert np.array_equal(choices[:, :, 5:6], drawn(1, seed=5))
+    assert np.array_equal(choices[:, :, 5:6], drawn(1, seed=int(check_seeds(0, 16)[5])))
 
 
-@pytest.mark.parametrize("seed", [[1, 2], [1, 2, "3"], [1, 2, None], 2**63 - 1])
+@pytest.mark.parametrize("seed", [[1, 2], [1, 2, "3"], [1, 2, None]])
 def test_a_seed_that_cannot_be_is_refused(seed):
     with pytest.raises(UserError, match="seed: expected"):
         make().reset(seed=seed)

@@ -9,6 +9,8 @@ import dataclasses
 import hashlib
 import json
 
+import numpy as np
+
 from fpg_bench.common.ids import LEARNERS, SCRIPTED
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.rounds import make_match, play_round
@@ -35,7 +37,7 @@ def digest(scenario: Scenario) -> str:
                 sha.update(part.tobytes())
 
         for number in range(duel.scenario.rounds_per_match if duel.planner else 1):
-            play_round(match, seeds=None if number else 2**41, on_step=add_step)
+            play_round(match, seeds=None if number else 2**41 + np.arange(batch.count), on_step=add_step)
             for records in (batch.games, batch.tallies):  # field by field: padding is nobody's
                 for name in records.dtype.names:
                     sha.update(records[name].tobytes())

@@ -32,7 +32,7 @@ def still(base: Scenario = STANDARD, ally=(750.0, 750.0, 600.0), **changes) -> S
 
 def begin(scenario: Scenario, seed: int = 0, games: int = 1, **options) -> GameBatch:
     batch = GameBatch(scenario, games, **options)
-    batch.reset(seeds=seed)
+    batch.reset(seeds=range(seed, seed + games))
     return batch
 
 

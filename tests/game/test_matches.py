@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.batch import GameBatch
+from fpg_bench.evaluation.seeds import dataset_seed
+from fpg_bench.game.batch import GameBatch, check_seeds
 from fpg_bench.game.scenario import STANDARD
 
 from .playing import ally, begin, opponent, play, wander
@@ -86,6 +87,23 @@ def test_a_round_lasts_its_steps_and_is_not_played_on():
 def test_bad_seeds_are_refused(seeds):
     with pytest.raises(UserError, match="seed"):
         GameBatch(TEN, 3).reset(seeds=seeds)
+
+
+def test_a_thousand_batches_of_other_seeds_share_no_game():
+    """Of 1,000 pairs of a seed and a number of games, a third with neighbouring seeds."""
+    rng = np.random.default_rng(0)
+    seeds = [*range(300), *(10**6 * k + part for k in range(1, 101) for part in range(2))]
+    seeds += rng.integers(2**63, size=500).tolist()
+    pairs = list(zip(seeds, rng.integers(1, 100, len(seeds)).tolist(), strict=True))
+    assert len(pairs) == 1000
+    streams = {(seed, i): each for seed, games in pairs for i, each in enumerate(check_seeds(seed, games))}
+    assert len(set(streams.values())) == sum(games for _, games in pairs)
+    assert [streams[seed, 0] for seed in seeds] == seeds
+    further = [each for (_, i), each in streams.items() if i]
+    assert min(further) >= 3 * 2**61 > dataset_seed(2**30 - 1) + 2**32
+    assert max(further) < 2**63
+    for seed, games in pairs[::100]:  # whatever the number of games
+        assert check_seeds(seed, 200)[:games].tolist() == [streams[seed, i] for i in range(games)]
 
 
 def test_a_batch_is_reset_before_its_first_step():

@@ -35,7 +35,7 @@ def tallies(ally: str, opponent: str, scenario: Scenario = STANDARD, games: int 
     duel = TwoPlayerBatch(scenario, games)
     names = {"ally": ally, "opponent": opponent}
     runners = [PolicyRunner(side, [as_player(names[side], side, scenario)], duel.batch) for side in SIDES]
-    mask = duel.reset(seeds=0)
+    mask = duel.reset(seeds=range(games))
     for runner in runners:
         runner.begin(mask)
     for _ in range(scenario.steps_per_round):

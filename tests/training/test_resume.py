@@ -16,6 +16,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.seeds import training_seed
+from fpg_bench.game.batch import check_seeds
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training import checkpoint, train
 from fpg_bench.training.checkpoint import newest_checkpoint
@@ -101,7 +103,7 @@ def test_a_resumed_run_continues_from_its_checkpoint_to_its_budget(algorithm, tm
     assert second.counts == first.counts + 4
     assert any(isinstance(layer, torch.nn.ELU) for layer in second.model.policy.modules())
     assert set(second.seeds).isdisjoint(first.seeds)
-    assert set(second.seeds) <= set(range(10**6))
+    assert (first.seeds[0], second.seeds[0]) == (0, 1)
     assert second.rates[-1] <= second.rates[0] == first.rates[-1] < first.rates[0]
     about = json.loads((tmp_path / "run" / "run.json").read_text())
     assert about["steps_done"] == 1200
@@ -115,7 +117,8 @@ def test_runs_of_neighbouring_seeds_play_other_matches(tmp_path, monkeypatch):
     for seed in (0, 1):
         watch = stopped("ppo", tmp_path / str(seed), monkeypatch, at=400, seed=seed)
         seeds.append(watch.seeds)
-    assert seeds == [[0, 1, 2, 3], [10**6 + k for k in range(4)]]
+    assert seeds == [check_seeds(training_seed(seed), 4).tolist() for seed in (0, 1)]
+    assert not set(seeds[0]) & set(seeds[1])
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from fpg_bench.common.errors import UserError, first_line, nearest
 from fpg_bench.common.files import check_regular, read_json
 from fpg_bench.common.schema import parse
 from fpg_bench.common.strict_json import JsonObject
+from fpg_bench.game.batch import read_only
 from fpg_bench.products.offline.make import METADATA, RECIPE, content_sha256, datasets_root
 from fpg_bench.products.offline.rounds import round_digest
 from fpg_bench.products.offline.spec import NAMESPACE, DatasetSpec, spec_names
@@ -43,7 +44,7 @@ class Dataset:
         return self.spec.name if self.path.is_relative_to(home) else str(self.path)
 
     def read(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Read all N rounds of T steps; those of the last data set are cached.
+        """Read all N rounds of T steps, read-only: those of the last data set are cached.
 
         Returns:
             Observations ``(N, T + 1, 15)`` float32, actions ``(N, T, 9)`` float32 or ``(N, T)`` int64, and
@@ -154,4 +155,4 @@ def _read(dataset: Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rounds = iterate_rounds(dataset.path, dataset.spec, dataset.sha256, f"data set {dataset.path}")
     arrays = [[getattr(episode, name) for name in ARRAYS] for _, episode in rounds]
     observations, actions, rewards = map(np.stack, zip(*arrays, strict=True))
-    return observations, actions, rewards.astype(np.float32)
+    return read_only(observations), read_only(actions), read_only(rewards.astype(np.float32))

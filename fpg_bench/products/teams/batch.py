@@ -8,7 +8,7 @@ import numpy as np
 
 from fpg_bench.common.checks import check_keys, integer, one_of
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.batch import Seeds, load_actions, number_rounds
+from fpg_bench.game.batch import Seeds, load_actions, number_rounds, read_only
 from fpg_bench.game.flight import LEARNED, PURSUIT
 from fpg_bench.game.metrics import CLEAN
 from fpg_bench.game.rules import radio_record, rules_record
@@ -35,7 +35,8 @@ TEAM_STATE_SIZE = (MOST_ALLIES + MOST_JAMMERS) * TEAM_OBSERVATION_SIZE + MOST_AL
 class TeamBatch:
     """G games of N allies and M jammers in one scenario; in each round a part of the seats may be absent.
 
-    The attributes are buffers that every call reuses; copy what you keep. What belongs to absent seats is 0.
+    The attributes are buffers that every call reuses; copy what you keep. Observations are read-only. What
+    belongs to absent seats is 0.
 
     >>> from fpg_bench.game.scenario import preset
     >>> batch = TeamBatch(preset("link"), TeamRules(allies=3, jammers=2), games=64)
@@ -91,8 +92,8 @@ class TeamBatch:
         self.rivals = np.zeros((self.count, m), np.int64)
         self.tallies = np.zeros((self.count, n), TALLY)
         self.histograms = np.zeros((self.count, n, 2, scenario.frequency_points), np.int32)
-        self.ally_observations = np.zeros((self.count, n, TEAM_OBSERVATION_SIZE), np.float32)
-        self.opponent_observations = np.zeros((self.count, m, TEAM_OBSERVATION_SIZE), np.float32)
+        shapes = ((self.count, seats, TEAM_OBSERVATION_SIZE) for seats in (n, m))
+        self._observations = tuple(np.zeros(each, np.float32) for each in shapes)
         self._has_credits, self._credits = has_credits, np.zeros((self.count, m))
         self._ally_actions = np.zeros((self.count, n, ACTION_SIZE), np.float32)
         self._opponent_actions = np.zeros((self.count, m, ACTION_SIZE), np.float32)
@@ -108,7 +109,7 @@ class TeamBatch:
     def _bind(self) -> None:
         """Collect what the kernel takes."""
         self._seats = Seats(self.allies, self.opponents, self.sensed, self.found, self.rivals)
-        self._observations = (self.ally_observations, self.opponent_observations)
+        self.ally_observations, self.opponent_observations = map(read_only, self._observations)
         self._no_waypoints = np.zeros((1, 3))
 
     def reset(
@@ -159,8 +160,8 @@ class TeamBatch:
         )
 
     def received(self, side: str) -> np.ndarray:
-        """Return a side's actions of the last step, ``(G, K, 9)`` float32 within [-1, 1]; a buffer."""
-        return self._ally_actions if side == "ally" else self._opponent_actions
+        """Return a side's actions of the last step, ``(G, K, 9)`` float32 in [-1, 1]; a read-only buffer."""
+        return read_only(self._ally_actions if side == "ally" else self._opponent_actions)
 
     def playing(self, side: str) -> np.ndarray:
         """Return ``(G, N)`` or ``(G, M)`` bool: the seats that play in these rounds."""
@@ -225,7 +226,8 @@ class TeamBatch:
         self.opponents["path"][mask & (self.opponents["path"] == LEARNED)] = PURSUIT
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("_seats", "_observations", "games")}
+        views = ("_seats", "ally_observations", "opponent_observations", "games")
+        return {k: v for k, v in self.__dict__.items() if k not in views}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

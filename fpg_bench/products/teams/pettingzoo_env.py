@@ -10,7 +10,7 @@ from gymnasium import spaces
 
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.envs.core import Info, ResetOptions, one_action
+from fpg_bench.envs.core import Info, ResetOptions, as_info, one_action
 from fpg_bench.envs.pettingzoo_env import SeededParallelEnv, mask_info
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
@@ -83,7 +83,7 @@ class TeamParallelEnv(SeededParallelEnv):
                 a choice that is out of range or forbidden; or an action of no agent, or of an absent one.
         """
         if not self.agents:
-            raise UserError("step: the round is over; call reset first")
+            return self._after_the_end(actions)
         self.team.play(self._played(mapping(actions, "step: actions by agent")))
         over, playing = bool(self.team.batch.games["truncated"][0]), self.agents
         observations, infos = dict(self._observed()), self._infos()
@@ -91,7 +91,7 @@ class TeamParallelEnv(SeededParallelEnv):
         rewards = {agent: by_side[side][k] for agent, (side, k) in self._present()}
         for agent in playing if over else ():
             side, k = self._places[agent]
-            infos[agent]["measures"] = self.team.measures(0, k if side == "ally" else None)
+            infos[agent]["measures"] = as_info(self.team.measures(0, k if side == "ally" else None))
         if over:
             self.agents = []
         return observations, rewards, dict.fromkeys(playing, False), dict.fromkeys(playing, over), infos

@@ -9,6 +9,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import other_side
+from fpg_bench.game.batch import read_only
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.players.player import Abilities, Player
 from fpg_bench.players.policy_runner import PolicyRunner
@@ -37,11 +38,14 @@ class SeatRows:
     @property
     def ally_observations(self) -> np.ndarray:
         """``(G K, 67)`` float32, of whichever side this is."""
-        batch = self.batch
-        seen = batch.ally_observations if self.side == "ally" else batch.opponent_observations
+        return read_only(self._ally_observations)
+
+    @property
+    def _ally_observations(self) -> np.ndarray:
+        seen = self.batch._observations[self.side == "opponent"]
         return seen.reshape(self.count, TEAM_OBSERVATION_SIZE)
 
-    opponent_observations = ally_observations
+    opponent_observations, _opponent_observations = ally_observations, _ally_observations
 
     def received(self, side: str) -> np.ndarray:
         """Return the seats' actions of the last step, ``(G K, 9)`` float32; a buffer."""
@@ -105,7 +109,7 @@ class TeamRunner(PolicyRunner):
         """
         for player in self.players:
             if foresee := getattr(player, "foresee", None):
-                foresee(known[other_side(self.side)])
+                foresee(known[other_side(self.side)].copy())
         return super().act().reshape(*self._rows.shape, -1)
 
     def _drawn(self, keys: np.ndarray) -> np.ndarray:
@@ -135,7 +139,9 @@ class TeamRunner(PolicyRunner):
         return told(side, skills["mates"])
 
     def _seen(self, index: int) -> np.ndarray:
-        seen, numbers = self._rows.ally_observations, self._told[index]
+        seen, numbers = self._rows._ally_observations, self._told[index]
         if numbers is None:
-            return seen[:, :OBSERVATION_SIZE]
-        return seen if numbers.all() else seen * numbers.astype(np.float32)
+            seen = seen[:, :OBSERVATION_SIZE]
+        elif not numbers.all():
+            return seen * numbers.astype(np.float32)
+        return seen if self._abilities[index].is_known else seen.copy()

@@ -126,7 +126,7 @@ def make_sb3_team(
 
     Args:
         n_envs: number of games, G.
-        seed: game g begins with a match of seed + g; None: random.
+        seed: games begin with matches as those of :func:`fpg_bench.make_sb3` do; None: random.
         stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
         game: ``FPG/team_v0``, or a specification whose options are replaced.
         **options: those of :func:`fpg_bench.products.teams.core.make_team`, with ``side``.

@@ -21,6 +21,7 @@ from envs.playing import STEPS, tape
 import fpg_bench
 from fpg_bench import make_duel
 from fpg_bench.common.errors import UserError
+from fpg_bench.envs.core import as_info
 from fpg_bench.envs.pettingzoo_env import aec_env, parallel_env
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.game.spec import GameSpec
@@ -112,8 +113,8 @@ def test_agents_are_the_seats_of_the_batch():
         assert np.array_equal(env.state(), team.state()[0])
     assert all(truncations.values())
     assert not env.agents
-    assert infos["ally_1"]["measures"] == team.measures(0, 1)
-    assert infos["opponent_0"]["measures"] == team.measures(0)
+    assert infos["ally_1"]["measures"] == as_info(team.measures(0, 1))
+    assert infos["opponent_0"]["measures"] == as_info(team.measures(0))
 
 
 def test_a_team_of_one_against_one_is_the_duel():

@@ -80,7 +80,7 @@ def content(batch: TeamBatch, games: slice = slice(None)) -> bytes:
 
 def played(team: TeamRules, games: int = 4, steps: int = 40, seed: int = 0, scenario=LEARNED, **options):
     batch = TeamBatch(scenario, team, games, **options)
-    batch.reset(seeds=seed)
+    batch.reset(seeds=range(seed, seed + games))
     for actions in zip(*both(steps, games, *team.most), strict=True):
         batch.step(*actions)
     return batch
