@@ -11,9 +11,10 @@ from typing import Any, TypedDict, TypeVar, cast
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.files import check_own_folder, write_json
+from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTED, SCRIPTS, other_side, policy_env
 from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.entry import code_fingerprint
 from fpg_bench.evaluation.seeds import PROTOCOL
@@ -170,41 +171,45 @@ def best_responses(
         "matches": MATCHES,
         "protocol": PROTOCOL,
     }
-    check_own_folder(file.parent, RESULT, "best responses")
     other = other_side(target.side)
     names = [*SCRIPTED[other], *draw_variants(other, search, target.scenario)]
-    begun: Row = {"agent": agent, **about, "scripts": {}, "responses": []}
-    result = cast("BestResponses", check_same(file, "best responses", about) if file.exists() else begun)
-    if missing := [name for name in names if name not in result["scripts"]]:
-        result["scripts"] |= {name: target.evaluate(name) for name in missing}
-        # The folder is taken before any training
-        result["lowest"] = _lowest_return(result)
-        write_json(file, result)
-    for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
-        config: Row = {
-            "algorithm": name,
-            "steps": budget,
-            "start": kind,
-            "training_seed": seed,
-            "reward": reward,
-            **({} if actions in (None, "continuous") else {"actions": actions}),
-        }
-        run_folder = RunFolder(Path(out) / response_folder(config))
-        game = GameSpec.of(target.game, reward=reward, actions=actions)
-        values = load_hyperparameters(name, game, hyperparams, allow=allow).entry()
-        if kind == "strongest":
-            values |= {"imitate": {"teacher": _teacher(run_folder) or _strongest_player(result, Path(out))}}
-        config["hyperparameters"] = json.loads(json.dumps(values, default=str))  # as they are read from JSON
-        same = [r for r in result["responses"] if r.get("actions") == config.get("actions")]
-        if not any(config.items() <= response.items() for response in same):
-            run = RunConfig(name, game, seed, budget, values)
-            response = train(run, run_folder.path, evaluations=0, progress=progress, resume=True)
-            ran = run_folder.read()
-            cost = {"seconds": ran.seconds} | ({"n_resumes": ran.part} if ran.part else {})
-            result["responses"].append(config | cost | target.evaluate(str(response)))
-        result["lowest"] = _lowest_return(result)
-        write_json(file, result)
-    return result
+    with own_folder(file.parent, RESULT, "best responses"):
+        begun: Row = {"agent": agent, **about, "scripts": {}, "responses": []}
+        result = cast("BestResponses", check_same(file, "best responses", about) if file.exists() else begun)
+        if missing := [name for name in names if name not in result["scripts"]]:
+            result["scripts"] |= {name: target.evaluate(name) for name in missing}
+            # The folder is taken before any training
+            result["lowest"] = _lowest_return(result)
+            write_json(file, result)
+        for kind, name, budget, seed in product(starts, algorithms, budgets, range(n_seeds)):
+            config: Row = {
+                "algorithm": name,
+                "steps": budget,
+                "start": kind,
+                "training_seed": seed,
+                "reward": reward,
+                **({} if actions in (None, "continuous") else {"actions": actions}),
+            }
+            run_folder = RunFolder(Path(out) / response_folder(config))
+            game = GameSpec.of(target.game, reward=reward, actions=actions)
+            values = load_hyperparameters(name, game, hyperparams, allow=allow).entry()
+            if kind == "strongest":
+                values |= {
+                    "imitate": {"teacher": _teacher(run_folder) or _strongest_player(result, Path(out))}
+                }
+            config["hyperparameters"] = json.loads(
+                json.dumps(values, default=str)
+            )  # as they are read from JSON
+            same = [r for r in result["responses"] if r.get("actions") == config.get("actions")]
+            if not any(config.items() <= response.items() for response in same):
+                run = RunConfig(name, game, seed, budget, values)
+                response = train(run, run_folder.path, evaluations=0, progress=progress, resume=True)
+                ran = run_folder.read()
+                cost = {"seconds": ran.seconds} | ({"n_resumes": ran.part} if ran.part else {})
+                result["responses"].append(config | cost | target.evaluate(str(response)))
+            result["lowest"] = _lowest_return(result)
+            write_json(file, result)
+        return result
 
 
 def full_search(agent: str, out: str | Path, **options: Any) -> BestResponses:

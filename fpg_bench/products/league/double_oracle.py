@@ -25,8 +25,9 @@ from typing import Any, TypedDict
 
 from fpg_bench.common.checks import integer, one_of
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import check_own_folder, read_json, write_json, write_whole
+from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env
+from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import JsonObject, read_object
 from fpg_bench.evaluation.entry import player_entry
@@ -180,8 +181,7 @@ def double_oracle(
         allow=allow,
     )
     about, file = league.describe(), RowFile(league.folder / ROWS, {"stage": int})
-    check_own_folder(league.folder, ABOUT, "double oracle", ROWS)
-    with file.locked():
+    with own_folder(league.folder, ABOUT, "double oracle"):
         rows = file.read()
         if not rows:
             write_json(league.folder / ABOUT, about)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
-from fpg_bench.common.errors import other_content
+from fpg_bench.common.errors import other_content, shown
 from fpg_bench.common.files import read_json
 from fpg_bench.common.rows import Row
 from fpg_bench.common.strict_json import Json, JsonObject
@@ -68,6 +68,18 @@ def result_row(summary: Summary) -> Row:
 def check_same(file: Path, kind: str, about: Json) -> JsonObject:
     """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
     content = read_json(file, kind)
-    if different := [key for key in about if content.get(key) != about[key]]:
-        raise other_content(file, f"{kind} with another {different[0]}")
+    if different := _difference(content, about):
+        raise other_content(file, f"{kind} with another {different}")
     return content
+
+
+def _difference(before: Mapping[str, Json], now: Mapping[str, Json]) -> str:
+    """Return the first key in which two mappings differ, with both values; empty if there is none."""
+    for key, value in now.items():
+        known = before.get(key)
+        if isinstance(known, dict) and isinstance(value, dict):
+            if inner := _difference(known, dict.fromkeys(known) | value):
+                return f"{key}, {inner}"
+        elif known != value:
+            return f"{key} ({shown(known)}, now {shown(value)})"
+    return ""

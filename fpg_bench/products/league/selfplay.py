@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.checks import integer
-from fpg_bench.common.files import check_own_folder, write_json
+from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTED, other_side, policy_env
+from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import tuning_seeds
@@ -88,8 +89,7 @@ def selfplay(
     games = {side: GameSpec.of(policy_env(side).id, **game) for side in SIDES}
     league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, games, allow, evaluations)
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
-    check_own_folder(league.folder, ABOUT, "self-play", ROWS)
-    with file.locked():
+    with own_folder(league.folder, ABOUT, "self-play"):
         done = {(row["generation"], row["side"]) for row in file.read()}
         if not done:
             write_json(league.folder / ABOUT, about)

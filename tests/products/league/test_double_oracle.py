@@ -12,6 +12,7 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.players.agent import load_agent
 from fpg_bench.products.league import double_oracle as oracle
+from fpg_bench.products.league.evaluation import check_same
 from fpg_bench.products.league.verbs import double_oracle
 from fpg_bench.training.run_folder import RunFolder
 from tests.training.tiny import settings
@@ -85,7 +86,7 @@ def test_stages_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp
     assert json.loads((tmp_path / oracle.ABOUT).read_text())["stage"] == result["stage"]
     seeds = {RunFolder(run).read().training_seed for run in (tmp_path / "runs").glob("*")}
     assert len(seeds) == 6
-    with pytest.raises(UserError, match="another weight"):
+    with pytest.raises(UserError, match=r"another weight \(3, now 4\)"):
         oracle.double_oracle(tmp_path, stages=2, **SEARCH | {"weight": 4})
 
 
@@ -174,3 +175,16 @@ def test_an_opponent_searches_against_allies_that_play_for_themselves(tmp_path):
     assert result["rows"][0]["meta_value"] <= result["rows"][0]["low"]
     with pytest.raises(UserError, match="side"):
         oracle.double_oracle(tmp_path / "other", side="both", **SEARCH)
+
+
+def test_another_search_says_what_differs(tmp_path):
+    about = {"game": {"id": "a", "opponent": ["tone"]}, "steps": [1, 2], "seed": 0}
+    (tmp_path / "about.json").write_text(json.dumps(about))
+    for changes, message in (
+        ({"game": {"id": "a", "opponent": ["comb"]}}, r"game, opponent \(\['tone'\], now \['comb'\]\)"),
+        ({"game": {"id": "a"}}, r"game, opponent \(\['tone'\], now None\)"),
+        ({"steps": [1, 3]}, r"steps \(\[1, 2\], now \[1, 3\]\)"),
+    ):
+        with pytest.raises(UserError, match=f"holds a double oracle with another {message}"):
+            check_same(tmp_path / "about.json", "a double oracle", about | changes)
+    assert check_same(tmp_path / "about.json", "a double oracle", about) == about
