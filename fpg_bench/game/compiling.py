@@ -26,7 +26,7 @@ from fpg_bench.common.folders import user_cache
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = ("game", "players", "planning")
 _UNUSED_DAYS = 30
-if config.DISABLE_JIT:
+if getattr(config, "DISABLE_JIT", False):
     raise UserError("NUMBA_DISABLE_JIT is set, but the game runs as compiled code alone; unset it")
 
 

@@ -73,7 +73,7 @@ def check_same(file: Path, kind: str, about: Json) -> JsonObject:
     return content
 
 
-def _difference(before: Mapping[str, Json], now: Mapping[str, Json]) -> str:
+def _difference(before: Mapping[str, object], now: Mapping[str, object]) -> str:
     """Return the first key in which two mappings differ, with both values; empty if there is none."""
     for key, value in now.items():
         known = before.get(key)
