@@ -23,6 +23,7 @@ from zoo_page import keep_curve, write_page
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import DUEL, SCRIPTED, sides_of
+from fpg_bench.common.locks import locked
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, Workers, run_jobs
 from fpg_bench.common.rows import RowFile
@@ -70,7 +71,7 @@ def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, workers: int = 2) -
         )
         for folder, agents in by_run.items()
     ]
-    with RowFile(runs / _LOCK).locked():
+    with locked(runs / _LOCK):
         run_jobs(jobs, workers)
     return [agent.name for agent in missing if not agent.shipped]
 

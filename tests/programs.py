@@ -7,12 +7,15 @@ What a program imports, how it is stopped and what it may use are tested with ``
 from __future__ import annotations
 
 import atexit
+import contextlib
+import fcntl
 import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -46,6 +49,17 @@ def python(
 def fpg(*words: Any, **where: Any) -> subprocess.CompletedProcess[str]:
     """Run ``fpg-bench WORDS`` and return what comes of it; ``where``: see :func:`python`."""
     return python("-m", "fpg_bench", *words, **where)
+
+
+@contextlib.contextmanager
+def held_elsewhere(path: Path) -> Iterator[None]:
+    """Hold a file as another process would that writes there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lock = path.with_name(f".{path.name}.lock")
+    with lock.open("a") as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    lock.unlink()
 
 
 def started(*words: Any, folder: Path, **options: Any) -> subprocess.Popen[str]:

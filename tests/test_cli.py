@@ -91,6 +91,24 @@ def test_help_of_every_verb_has_an_example_that_can_be_typed(words, verb):
 
 
 @pytest.mark.process
+@pytest.mark.parametrize("words", ["train --help", "play --every 200"])
+def test_verbs_need_no_docstrings(words):
+    ran = subprocess.run([sys.executable, "-OO", "-m", "fpg_bench", *words.split()], capture_output=True)
+    assert ran.returncode == 0, ran.stderr
+
+
+@pytest.mark.process
+def test_without_compilation_one_line_says_what_to_do():
+    words = [sys.executable, "-m", "fpg_bench", "play"]
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    ran = subprocess.run(words, capture_output=True, text=True, env=environment)
+    assert ran.returncode == 2
+    assert ran.stderr == (
+        "fpg-bench: NUMBA_DISABLE_JIT is set, but the game runs as compiled code alone; unset it\n"
+    )
+
+
+@pytest.mark.process
 def test_a_shell_can_complete_verbs():
     asked = {"_FPG_BENCH_COMPLETE": "complete_bash", "COMP_WORDS": "fpg-bench pl", "COMP_CWORD": "1"}
     code = "import sys; sys.argv = ['fpg-bench']; from fpg_bench.cli import main; main()"
@@ -174,7 +192,10 @@ def test_version():
         (("play", "--out", "/proc/there/round.html"), "there is no folder /proc/there; make it first"),
         (("leaderboard", "verify", "--sample", "500%"), "at most 100 %, got 500 %"),
         (("leaderboard", "crossplay", "--check", "500%"), "at most 100 %, got 500 %"),
-        (("table", "nowhere"), "cannot be read"),
+        (("table", "nowhere"), "results nowhere: there are none; make them first"),
+        (("play", "--opponent", "suite:nope"), "opponent 'suite:nope': no such suite"),
+        (("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--against", "suite:nope"), "no such suite"),
+        (("tune", "run", "ppo"), "(fpg-bench tune run --help)"),
         (("trian",), "train"),
         (("play", "--sed", "1"), "--seed"),
     ],

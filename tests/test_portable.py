@@ -1,9 +1,11 @@
 """Other machines: Windows, macOS, and containers whose user has no home folder."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import platformdirs
 import pytest
@@ -14,6 +16,7 @@ from fpg_bench.common.imports import names_object
 from fpg_bench.common.output import is_terminal
 from fpg_bench.products.language_models import local_server
 from fpg_bench.products.offline.make import datasets_root
+from fpg_bench.training.run_folder import RunFolder
 
 pytestmark = pytest.mark.process
 
@@ -30,8 +33,8 @@ for name in ("fork", "getpgrp", "setpgrp", "getuid", "sched_getaffinity", "getlo
 """
 
 
-def on_windows(code, folder, *words):
-    command = [sys.executable, "-c", WINDOWS + code, *words]
+def on_windows(code, folder, *words, before=""):
+    command = [sys.executable, "-c", f"{before}\n{WINDOWS}{code}", *words]
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
     return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment)
 
@@ -42,6 +45,40 @@ def test_the_command_line_evaluates_without_what_windows_lacks(tmp_path):
     assert ran.returncode == 0, ran.stderr
     assert "several processes need Linux or macOS" in ran.stderr
     assert (tmp_path / "results").is_dir()
+
+
+TINY = """
+FPG/AllyVsScripted-v0: {policy: MlpPolicy, n_timesteps: 16, n_envs: 2, n_steps: 8, batch_size: 16}
+"""
+SPACE = "{learning_rate: {kind: float, low: 0.0001, high: 0.001, log: true}}"
+
+
+@pytest.mark.slow
+def test_the_command_line_trains_without_what_windows_lacks(tmp_path):
+    (tmp_path / "tiny.yml").write_text(TINY)
+    (tmp_path / "space.yml").write_text(SPACE)
+    game = "ppo FPG/AllyVsScripted-v0 --hyperparams tiny.yml"
+
+    def run(words):
+        before = "import torch._dynamo"  # as it is loaded on Linux
+        ran = on_windows("from fpg_bench.cli import main; main()", tmp_path, *words.split(), before=before)
+        assert ran.returncode == 0, ran.stderr
+        return ran.stdout
+
+    train = f"train {game} --n-evals 1 --out run"
+    begun = RunFolder(tmp_path / "run")
+    run(train)
+    about = begun.read()
+    shutil.rmtree(begun.agent)
+    about.model_copy(update={"finished": False}).write(begun.path)  # as a run that was killed
+    run(f"{train} --resume")
+    assert begun.is_finished()
+    assert len(begun.evaluations.read()) == 2
+    run("export run --out mine")
+    run(f"train {game} --n-evals 0 --seeds 0-1 --n-jobs 2 --out seeds")
+    assert sorted(path.parent.name for path in tmp_path.glob("seeds/*/agent")) == ["seed_0", "seed_1"]
+    run(f"tune run {game} --space space.yml --n-seeds 1 --rounds 1 --n-trials 2 --n-jobs 2 --out study")
+    assert not list(tmp_path.rglob("*.lock"))
 
 
 LOCKED_TWICE = """
@@ -60,7 +97,7 @@ with file.locked():
 
 def test_files_are_locked_without_fcntl(tmp_path):
     ran = on_windows(LOCKED_TWICE, tmp_path)
-    assert "UserError: rows rows.jsonl: another process is writing them" in ran.stdout
+    assert "UserError: rows.jsonl: another process is writing there; wait until it ends" in ran.stdout
     assert ran.stdout.endswith("[{'a': 1}]\n"), ran.stderr
 
 
@@ -123,3 +160,4 @@ def test_a_temporary_cache_that_others_may_write_is_not_used(no_home, monkeypatc
 
 def test_a_missing_stream_is_no_terminal():
     assert not is_terminal(None)
+    assert not is_terminal(SimpleNamespace(write=print))  # one that somebody put in its place

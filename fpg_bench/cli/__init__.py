@@ -68,6 +68,7 @@ for name, verb in _VERBS.items():
         app.add_typer(verb, name=name)
     elif verb is not None:
         app.command(name)(with_fields(verb))
+_NAME = "fpg-bench"
 _DEBUG = False
 _STOPPED, _KEPT = 130, "stopped; what was finished is kept"
 _AGAIN_S = 0.05
@@ -135,13 +136,14 @@ def main() -> None:
 
 def _run() -> None:
     try:
-        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        status = app(sys.argv[1:] or ["--help"], prog_name=_NAME, standalone_mode=False)
         if status == _STOPPED:  # how typer reports Ctrl-C
             raise KeyboardInterrupt
         sys.exit(status)
     except typer.TyperException as error:  # wrong arguments
         message = getattr(error, "format_message", error.__str__)()
-        _fail(f"{message} (fpg-bench --help)", 2)
+        verb = getattr(getattr(error, "ctx", None), "command_path", _NAME)
+        _fail(f"{message} ({verb} --help)", 2)
     except (typer.Abort, KeyboardInterrupt) as error:
         cause = error.__cause__ or error.__context__
         if isinstance(cause, EOFError):  # typer takes it for the user's own stop

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import inspect
 import re
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -49,7 +50,7 @@ class Fields:
             if self.names is not None and field.name not in self.names:
                 continue
             kind = self._type_of(field)
-            help = docs.get(field.name, "") + " Several are separated by commas." * (field.name in self.lists)
+            help = docs[field.name] + " Several are separated by commas." * (field.name in self.lists)
             help += " May be repeated." * (kind == list[str])
             details = {"help": help, "rich_help_panel": self.panel} | dict(self.details.get(field.name, {}))
             value = field.default if isinstance(default, type) else getattr(default, field.name)
@@ -99,10 +100,13 @@ def with_fields(verb: Callable[..., None]) -> Callable[..., None]:
 
 
 def first_sentences(kind: type) -> dict[str, str]:
-    """Return the first sentence on each attribute in the docstrings of a class and its bases, as help."""
+    """Return the first sentence on each attribute in the docstrings of a class and its bases, as help.
+
+    Where Python has dropped the docstrings (``-OO``), each is empty.
+    """
     sections = [(inspect.getdoc(each) or "").partition("Attributes:\n")[2] for each in kind.__mro__[::-1]]
     text_of_all = "\n".join(section.split("\n\n")[0] for section in sections)
-    sentences: dict[str, str] = {}
+    sentences: dict[str, str] = defaultdict(str)
     for names, text in re.findall(r"^    ([\w, ]+): (.*(?:\n {8}.*)*)", text_of_all, re.MULTILINE):
         first = re.split(r"(?<=\.)\s", " ".join(text.replace("``", "").split()))[0].rstrip(".")
         first = first.replace("; None: ", ". Default: ")

@@ -29,6 +29,11 @@ def blank_figure(width: float, height: float, dpi: int = 100) -> Figure:
     return figure
 
 
+def literal(text: str) -> str:
+    """Return a text, such as a user's name for something, that matplotlib shows as it is, without math."""
+    return text.replace("$", r"\$")
+
+
 def check_figure(path: Path) -> None:
     """Raise UserError if a figure cannot have the suffix of a path."""
     if path.suffix.lower() not in FIGURES:

@@ -191,20 +191,19 @@ def folder_beside(path: Path) -> Iterator[Path]:
         yield Path(folder)
 
 
-def check_own_folder(folder: Path, description: str, what: str, *others: str) -> None:
+def check_own_folder(folder: Path, description: str, what: str) -> None:
     """Raise UserError for a foreign folder: it has files, but not the one that describes its content.
 
     Args:
         folder: the folder, which need not exist.
         description: name of the file that is written first.
         what: what the folder would hold, in messages.
-        others: names of files that may be there before.
     """
     if folder.exists() and not folder.is_dir():
         raise UserError(f"{folder}: is a file; choose a folder")
     names = os.listdir(folder) if folder.exists() else []
-    begun = f".{description}."  # of a process that was killed while it wrote the description
-    if description not in names and any(name not in others and not name.startswith(begun) for name in names):
+    begun = f".{description}."  # of a process that writes the description, or was killed while it did
+    if description not in names and not all(name.startswith(begun) for name in names):
         raise other_content(folder, f"other files, but no {what}")
 
 

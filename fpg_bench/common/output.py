@@ -43,8 +43,8 @@ def wrapped(heading: str, cells: Iterable[str]) -> str:
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Return True for an open terminal; services and ``2>&-`` have no stream at all."""
-    return stream is not None and not stream.closed and stream.isatty()
+    """Return True for an open terminal; services and ``2>&-`` have no stream, and some streams only write."""
+    return stream is not None and not getattr(stream, "closed", True) and stream.isatty()
 
 
 def accept_all_letters() -> None:

@@ -5,30 +5,17 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import threading
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType, UnionType
 
-import filelock
-
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_bounded
+from fpg_bench.common.locks import locked
 from fpg_bench.common.strict_json import JsonObject, read_object
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 Row = JsonObject
 _LARGEST = 2**30  # bytes; those of a long run are a few million
-
-# Locks held by this process, and the number of holders of each: a match and its planner share a transcript.
-_LOCKS: dict[tuple[int, Path], Callable[[], object]] = {}
-_HOLDERS: Counter[tuple[int, Path]] = Counter()
-_GUARD = threading.Lock()
 
 
 class RowFile:
@@ -93,40 +80,9 @@ class RowFile:
             error.filename = error.filename or str(self.path)  # a full disk names no file
             raise
 
-    @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
-        """Hold an advisory lock on the file, released when the process dies; shared within the process.
-
-        Raises:
-            UserError: another process holds it.
-        """
-        held = (os.getpid(), self.path.resolve())
-        with _GUARD:
-            if not _HOLDERS[held]:
-                _LOCKS[held] = self._lock()
-            _HOLDERS[held] += 1
-        try:
-            yield
-        finally:
-            with _GUARD:
-                _HOLDERS[held] -= 1
-                if not _HOLDERS[held]:
-                    _LOCKS.pop(held)()
-
-    def _lock(self) -> Callable[[], object]:
-        """Lock the file; return what unlocks it."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            if fcntl is None:  # Windows keeps all writers off a file that is locked: a file beside it
-                lock = filelock.FileLock(f"{self.path}.lock", thread_local=False)
-                lock.acquire(timeout=0)
-                return lock.release
-            with contextlib.ExitStack() as opened:
-                file = opened.enter_context(self.path.open("a"))
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                return opened.pop_all().close
-        except (BlockingIOError, filelock.Timeout) as error:
-            raise UserError(f"rows {self.path}: another process is writing them") from error
+    def locked(self) -> contextlib.AbstractContextManager[None]:
+        """Hold the file for this process; raises UserError while another one holds it."""
+        return locked(self.path)
 
     def _truncate_partial_line(self) -> None:
         """Remove a partial last line; of complete files only the last byte is read."""

@@ -8,7 +8,16 @@ import typing
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, TypeAdapter, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    TypeAdapter,
+    ValidationError,
+)
+from pydantic import Strict as PydanticStrict
 from pydantic_core import ErrorDetails, core_schema
 
 from fpg_bench.common.errors import UserError, meant, nearest, shown
@@ -50,6 +59,16 @@ class Expected:
 
 PositiveInt = Annotated[int, Field(ge=1), Expected("a whole number above 0")]
 NonNegativeInt = Annotated[int, Field(ge=0), Expected("a whole number, 0 or more")]
+
+
+def _check_printable(text: str) -> str:
+    if not text.isprintable():
+        raise UserError("expected printable text")
+    return text
+
+
+# A name, or another word, in a record or a table
+Word = Annotated[str, PydanticStrict(), Field(min_length=1, max_length=200), AfterValidator(_check_printable)]
 Items = Annotated[tuple[T, ...], Field(strict=False)]
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpg_bench.common.canvas import SIDE_COLOURS, Style, blank_figure
+from fpg_bench.common.canvas import SIDE_COLOURS, Style, blank_figure, literal
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.entry import distinct_names
@@ -68,6 +68,9 @@ def curves(rows: Iterable[Row], over: str, band: str = "interval") -> dict[str, 
             down the others.
         band: ``interval``, the pointwise 95 % interval of the mean over training seeds by Student's t; or
             ``range``, from the lowest to the highest seed.
+
+    Raises:
+        UserError: training seeds without a step in common.
     """
     points: dict[str, dict[int, list[tuple[float, float]]]] = {}
     seconds_per_step: dict[str, float] = {}
@@ -76,6 +79,9 @@ def curves(rows: Iterable[Row], over: str, band: str = "interval") -> dict[str, 
         if steps > 0:  # a logarithmic axis has no zero
             points.setdefault(name, {}).setdefault(row["training_seed"], []).append((steps, row["score"]))
             seconds_per_step[name] = min(seconds_per_step.get(name, np.inf), row["seconds"] / steps)
+    for name, seeds in points.items():
+        if max(min(each)[0] for each in seeds.values()) > min(max(each)[0] for each in seeds.values()):
+            raise UserError(f"curves: the training seeds of {name} have no steps in common; draw them apart")
     units = dict.fromkeys(points, 1.0) if over == "steps" else seconds_per_step
     return {
         name: _mean_curve([np.array(sorted(each)).T * [[units[name]], [1]] for each in seeds.values()], band)
@@ -243,7 +249,7 @@ def draw_curves(
         drawn = curves(rows, over, band)
         for name, curve in drawn.items():
             style = styles.get(name, {"color": GREY})
-            axes.plot(curve.x / unit, curve.mean, lw=1.8, label=name, **style)
+            axes.plot(curve.x / unit, curve.mean, lw=1.8, label=literal(name), **style)
             axes.fill_between(curve.x / unit, curve.low, curve.high, color=style["color"], alpha=0.2, lw=0)
         limit_scores(axes, [curve.mean for curve in drawn.values()], levels or {})
         axes.set(xscale="log", xlabel=label)
@@ -271,7 +277,7 @@ def draw_run(run: Path) -> Figure | None:
         points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
         axes.plot(*zip(*points, strict=True), "o-", ms=3, color=SIDE_COLOURS[side], label=side)
     title = about.algorithm if about.game is None else f"{about.algorithm}, {about.game.id}"
-    axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=title)
+    axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=literal(title))
     limit_scores(axes, [np.array([row["score"] for row in rows])], levels_of([run]))
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)

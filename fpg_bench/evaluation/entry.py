@@ -15,10 +15,11 @@ from pathlib import Path
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import NAMED, SCRIPTED
+from fpg_bench.common.schema import Word, parse
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.run_description import MADE_BY
-from fpg_bench.evaluation.suite import Rival, Suite
+from fpg_bench.evaluation.suite import Rival, Suite, identity
 from fpg_bench.planning import PLANNERS, as_planner
 from fpg_bench.players.agent import agents_named
 from fpg_bench.players.player import Abilities, Player, PlayerSpec
@@ -42,6 +43,9 @@ class EvaluatedPlayer:
         made: hash of all that made an agent except its training seed; None for all else.
         training: training steps and seconds of an agent, as far as they are known.
         elsewhere: True if an agent's training had other rules than the suite.
+
+    Raises:
+        UserError: a name that no record can hold.
     """
 
     name: str
@@ -52,13 +56,17 @@ class EvaluatedPlayer:
     training: dict[str, float] = dataclasses.field(default_factory=dict)
     elsewhere: bool = False
 
+    def __post_init__(self) -> None:
+        parse(Word, self.name, "name")  # no record could hold another
+
 
 def player_entry(
     spec: PlayerSpec, name: str | None = None, training_seed: int | None = None
 ) -> EvaluatedPlayer:
     """Return the entry of a single player, given by its name or as an object."""
-    fingerprint = policy_hash(spec) or code_fingerprint(player_name(spec))
-    return EvaluatedPlayer(name or player_name(spec), training_seed, fingerprint, FixedPlayer(spec))
+    named = player_name(spec)
+    fingerprint = policy_hash(spec) or code_fingerprint(identity(named) if isinstance(spec, str) else named)
+    return EvaluatedPlayer(name or named, training_seed, fingerprint, FixedPlayer(spec))
 
 
 def entries_of(

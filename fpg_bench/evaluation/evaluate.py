@@ -15,6 +15,7 @@ import pydantic
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_writable, read_json, write_json
+from fpg_bench.common.locks import own_folder
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.schema import PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import (
@@ -122,12 +123,12 @@ def play_into(
         workers: see :func:`evaluate`.
     """
     check_seeds(entries)
-    if out.is_dir() and any(out.iterdir()) and not any((out / name).exists() for name in (RECORDS, ABOUT)):
-        raise other_content(f"results {out}", "other files, but no results")
     store, wanted = Store(out / RECORDS), pairings(entries, suite)
-    with store.locked():
-        _claim(out, name, suite, entries)
+    with own_folder(out, ABOUT, "results"):
+        about = _claim(out, name, suite, entries)
         store.claim(wanted)
+        empty = {key for key in ("training", "elsewhere") if not getattr(about, key)}
+        write_json(out / ABOUT, about.model_dump(exclude=empty))
         store.fill(wanted, progress=progress, workers=workers)
     return _summaries(out, suite)
 
@@ -180,8 +181,8 @@ class _ResultsFile(Strict):
     elsewhere: list[str] = pydantic.Field(default_factory=list)
 
 
-def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer]) -> None:
-    """Write into a folder the suite of its records, and how its agents were made and at what cost.
+def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer]) -> _ResultsFile:
+    """Return a folder's description with these entries: how its agents were made, and at what cost.
 
     Raises:
         UserError: it holds records of another suite, or differently made agents of one of these names.
@@ -189,7 +190,7 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer
     about = _ResultsFile(suite=name, suite_hash=suite.hash, matches=suite.matches)
     if (out / ABOUT).exists():
         known = _about(out)
-        if (out / RECORDS).stat().st_size:
+        if (records := out / RECORDS).exists() and records.stat().st_size:
             about = known
     if about.suite_hash != suite.hash:
         raise other_content(
@@ -210,8 +211,7 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer
             about.training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training
         if entry.elsewhere and entry.name not in about.elsewhere:
             about.elsewhere.append(entry.name)
-    empty = {key for key in ("training", "elsewhere") if not getattr(about, key)}
-    write_json(out / ABOUT, about.model_dump(exclude=empty))
+    return about
 
 
 def _about(folder: Path) -> _ResultsFile:
@@ -220,6 +220,10 @@ def _about(folder: Path) -> _ResultsFile:
         raise UserError(
             f"results {folder}: is a training run without results; play it first: "
             f"fpg-bench evaluate {folder} --out DIR"
+        )
+    if not (folder / ABOUT).exists():
+        raise UserError(
+            f"results {folder}: there are none; make them first: fpg-bench evaluate PLAYERS --out {folder}"
         )
     content = read_json(folder / ABOUT, "results")
     try:

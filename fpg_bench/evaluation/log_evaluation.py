@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import check_own_folder
+from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS
 from fpg_bench.evaluation.policy_evaluator import MATCHES, PolicyEvaluator
@@ -59,7 +59,6 @@ def log_evaluation(
     """
     steps = integer(steps, "steps", 0)
     folder = Path(folder)
-    check_own_folder(folder, FILE, "training run", EVALUATIONS)
     evaluator = PolicyEvaluator(suite, rounds)
     if training_seed is None:
         training_seed = int(match[1]) if (match := _SEED.fullmatch(folder.resolve().name)) else 0
@@ -71,7 +70,7 @@ def log_evaluation(
         training_seed=integer(training_seed, "training_seed", 0),
     )
     file = RowFile(folder / EVALUATIONS, {"side": str, "score": float | int, "steps": int})
-    with file.locked():
+    with own_folder(folder, FILE, "training run"):
         if (folder / FILE).exists():
             known = RunDescription.read(folder)
             if differing := [key for key in about.to_dict() if getattr(known, key) != getattr(about, key)]:

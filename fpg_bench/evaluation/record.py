@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field, Strict
+from pydantic import ConfigDict, Field, Strict
 
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row
-from fpg_bench.common.schema import Expected, parse
+from fpg_bench.common.schema import Expected, Word, parse
 from fpg_bench.evaluation.hops import HOP_BITS
 from fpg_bench.game.metrics import CLEAN, GREATEST, measures
 from fpg_bench.game.state import TALLY
@@ -29,16 +29,9 @@ _BOUND = 10**15  # larger than any real sum
 _MOST_STATUSES = 100
 
 
-def _check_printable(text: str) -> str:
-    if not text.isprintable():
-        raise UserError("expected printable text")
-    return text
-
-
 # Types of what a record holds, which may come from anybody; lists stop at their first bad number.
 Number = Annotated[float, Strict(), Field(gt=-_BOUND, lt=_BOUND)]
 Count = Annotated[int, Strict(), Field(ge=0, lt=_BOUND), Expected("a whole number, 0 or more")]
-Word = Annotated[str, Strict(), Field(max_length=200), AfterValidator(_check_printable)]
 Numbers = Annotated[tuple[Number, ...], Field(min_length=1, fail_fast=True)]
 Counts = Annotated[tuple[Count, ...], Field(min_length=1, fail_fast=True)]
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)

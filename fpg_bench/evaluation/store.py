@@ -84,7 +84,10 @@ class Store:
         """Return all records; raises UserError for an invalid row."""
         if self._file is None:
             return list(self._kept)
-        return read_records(self._file.read(), f"records {self.path}")
+        try:
+            return read_records(self._file.read(), f"records {self.path}")
+        except UserError as error:
+            raise UserError(f"{error}; without its line it is played again") from error
 
     def add(self, record: Record) -> None:
         """Append a record."""
@@ -96,16 +99,19 @@ class Store:
     def claim(self, wanted: Iterable[Pairing]) -> None:
         """Refuse to mix: raise UserError unless all records are of these suites, and of these players.
 
-        A player of the same name and training seed must be the same player; other names may be there.
+        A player of the same name and training seed must be the same player, and a name has training seeds or
+        none; other names may be there.
         """
         wanted = list(wanted)
         suites = {pairing.suite.hash[:16] for pairing in wanted}
         players = {(each.name, each.training_seed): each.fingerprint[:16] for each, *_ in wanted}
+        seeded = {each.name: each.training_seed is not None for each, *_ in wanted}
         for record in self.records():
             if record.suite_hash not in suites:
                 raise other_content(f"records {self.path}", f"some of another suite ({record.suite})")
             known = players.get((record.entry, record.training_seed), record.fingerprint)
-            if known != record.fingerprint:
+            is_seeded = record.training_seed is not None
+            if known != record.fingerprint or seeded.get(record.entry, is_seeded) != is_seeded:
                 raise other_content(
                     f"records {self.path}",
                     f"records of another {record.entry!r} (another policy, or its file has changed)",

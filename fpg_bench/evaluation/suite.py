@@ -21,7 +21,7 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.imports import SUITE, check_allowed, names_object
 from fpg_bench.common.products import files_of_products
-from fpg_bench.common.schema import Items, PositiveInt, Strict, parse
+from fpg_bench.common.schema import Items, PositiveInt, Strict, Word, parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import SEASON, season_seed
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -121,6 +121,8 @@ class Suite:
     game: OtherGame | None = None
 
     def __post_init__(self) -> None:
+        for name in (self.name, *(rival.name for rival in self.rivals)):
+            parse(Word, name, "name")  # no record could hold another
         if self.rounds > MOST_ROUNDS:
             raise UserError(
                 f"matches: {self.matches:,} of {self.rounds_per_match:,} rounds; at most {MOST_ROUNDS:,} "

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpg_bench.common.canvas import Style, blank_figure, write_figure
+from fpg_bench.common.canvas import Style, blank_figure, literal, write_figure
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import wrapped
@@ -108,7 +108,10 @@ def latex(summaries: Sequence[Summary], suite: Suite) -> str:
     """
     head, *lines = lines_of_table(summaries, suite, _PAGE_WIDTH)
     cells = [head, *([name, *map(_dashed, numbers)] for name, *numbers in lines)]
-    rows = [" & ".join(map(_escaped, line)) + r" \\" for line in cells]
+    # At the beginning of a line * and [ would belong to the end of the one before
+    rows = [
+        "{}" * line[0].startswith(("*", "[")) + " & ".join(map(_escaped, line)) + r" \\" for line in cells
+    ]
     body = [r"\toprule", rows[0], r"\midrule", *rows[1:], r"\bottomrule"]
     columns = "l" + "r" * (len(head) - 1)
     comment = textwrap.wrap(caption(summaries, suite), 100, initial_indent="% ", subsequent_indent="% ")
@@ -210,11 +213,11 @@ def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
         axes = figure.subplots()
     for index, s in enumerate(summaries):
         _draw_score(axes, s, len(summaries) - 1 - index, _style(s, index))
-    axes.set_yticks(range(len(summaries)), [s.entry for s in reversed(summaries)])
+    axes.set_yticks(range(len(summaries)), [literal(s.entry) for s in reversed(summaries)])
     axes.set_ylim(-0.6, len(summaries) - 0.4)
     axes.set_xlabel(f"{'score' if planned else suite.scale.description}; with 95 % interval, | per rival")
     first = "" if count == len(summaries) else f", the first {len(summaries)} of {count:,}"
-    axes.set_title(f"{suite.name}, {suite.matches} matches per rival{first}", fontsize=11)
+    axes.set_title(literal(f"{suite.name}, {suite.matches} matches per rival{first}"), fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     write_figure(figure, path)
 

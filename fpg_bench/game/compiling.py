@@ -20,12 +20,15 @@ from numba import config
 # Private modules of Numba, used only here: for the notice of compilation, and for the cache's location.
 from numba.core import caching, event
 
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.folders import user_cache
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = ("game", "players", "planning")
 _GAME = _PACKAGE / "game"
 _UNUSED_DAYS = 30
+if getattr(config, "DISABLE_JIT", False):
+    raise UserError("NUMBA_DISABLE_JIT is set, but the game runs as compiled code alone; unset it")
 
 
 def source_digest(home: Path = _GAME) -> str:

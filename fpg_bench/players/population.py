@@ -55,10 +55,20 @@ def expand_suites(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:
 
 
 def member_folder(spec: str, side: str) -> str:
-    """Return the name of a member's folder, ``NAME/SIDE/MEMBER``, and any other player's name as it is."""
+    """Return the name of a member's folder, ``NAME/SIDE/MEMBER``, and any other player's name as it is.
+
+    Raises:
+        UserError: no such suite or member, or a whole suite.
+    """
     if not spec.startswith(SUITE):
         return spec
-    suite, _, member = spec.removeprefix(SUITE).rpartition("/")
+    name = spec.removeprefix(SUITE)
+    if _folder(name) is not None:
+        raise UserError(f"{spec}: names a whole suite; expected a single player")
+    suite, _, member = name.rpartition("/")
+    known = _members(SUITE + (suite or name), side)
+    if spec not in known:
+        raise UserError(f"{side} {spec!r}: the suite has no such member{nearest(spec, known)}")
     return f"{suite}/{side}/{member}"
 
 
@@ -68,16 +78,7 @@ def load_member(spec: str, side: str) -> SuiteMember:
     Raises:
         UserError: no such suite or member, a whole suite, or an agent that cannot be loaded as this side.
     """
-    name = spec.removeprefix(SUITE)
-    if _folder(name) is not None:
-        raise UserError(f"{spec}: names a whole suite; expected a single player")
-    suite, _, member = name.rpartition("/")
-    known = _members(SUITE + (suite or name), side)
-    if spec not in known:
-        raise UserError(f"{side} {spec!r}: the suite has no such member{nearest(spec, known)}")
-    folder = _folder(suite)
-    assert folder is not None
-    return member_from_folder(folder / side / member, side)
+    return member_from_folder(member_folder(spec, side), side)
 
 
 def _members(spec: str, side: str) -> list[str]:

@@ -12,11 +12,11 @@ import os
 import shlex
 import shutil
 import subprocess
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import check_own_folder
+from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.curves import CURVE, EVALUATIONS
 from fpg_bench.evaluation.run_description import FILE, RunDescription
@@ -42,21 +42,13 @@ class RunFolder:
         """Return the folder of a side's agent, given the sides that learn."""
         return self.agent if len(sides) == 1 else self.agent / side
 
-    @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
+    def locked(self) -> contextlib.AbstractContextManager[None]:
         """Lock the folder for this process.
 
         Raises:
             UserError: another process holds it, or it is neither empty nor the folder of a run.
         """
-        # A run that was killed before its run.json was complete may have left its evaluations
-        check_own_folder(self.path, self.description.name, "training run", EVALUATIONS)
-        with contextlib.ExitStack() as stack:
-            try:
-                stack.enter_context(self.evaluations.locked())
-            except UserError as error:
-                raise UserError(f"{self.path}: another process is training in this folder") from error
-            yield
+        return own_folder(self.path, self.description.name, "training run")
 
     def read(self) -> RunDescription:
         """Return the content of ``run.json``; raises UserError if it is unreadable."""
@@ -113,14 +105,14 @@ class RunFolder:
         for folder in (self.agent, self.checkpoints):
             shutil.rmtree(folder, ignore_errors=True)
         events = self.path.glob("events.out.tfevents.*")
-        for file in (self.curve, *events, *(self.path / name for name in (MODEL, NORMALIZE))):
+        files = self.curve, self.evaluations.path, self.path / MODEL, self.path / NORMALIZE
+        for file in (*files, *events):
             file.unlink(missing_ok=True)
         transcript, number = self.path / TRANSCRIPT, 1
         while (kept := transcript.with_stem(f"{transcript.stem}-{number}")).exists():
             number += 1
         if transcript.exists():
             transcript.rename(kept)
-        os.truncate(self.evaluations.path, 0)  # it is locked, so it stays
 
 
 def command_line(*arguments: str, out: Path, allow: Collection[str] = (), **options: object) -> str | None:

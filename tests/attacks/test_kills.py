@@ -250,7 +250,7 @@ def test_two_at_work_on_one_board_are_refused(board, in_process, tmp_path):
     enter(board, "ally", "wise", script="expert")
     other = python(HOLDS, board, tmp_path / "cache", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert other.stdout.readline() == "held\n"
-    with pytest.raises(UserError, match="another process is playing it; wait until it ends"):
+    with pytest.raises(UserError, match="another process is writing there; wait until it ends"):
         verify(board)
     other.communicate("", timeout=60)
     with at_work(board), at_work(board):  # one process may do so twice

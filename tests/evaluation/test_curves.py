@@ -62,6 +62,12 @@ def test_runs_that_cannot_be_drawn_together_are_refused(runs, tmp_path):
             read_runs([*runs, tmp_path / folder])
 
 
+def test_training_seeds_without_a_step_in_common_have_no_curve(runs, tmp_path):
+    write_run(tmp_path / "ppo" / "seed_3", seed=3, steps=(0, 500, 600))
+    with pytest.raises(UserError, match="the training seeds of ppo have no steps in common; draw them apart"):
+        curves(read_runs(runs), "steps")
+
+
 def test_the_verb_writes_a_figure_by_its_suffix(runs, tmp_path):
     verb(runs, tmp_path / "curves.svg")
     assert (tmp_path / "curves.svg").read_bytes().startswith(b"<?xml")

@@ -1,14 +1,15 @@
 """One entry: agents that differ by their training seed alone."""
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
-from fpg_bench.evaluation.entry import entries_of
+from fpg_bench.evaluation.entry import entries_of, player_entry
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.players.agent import load_agent
+from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.players.scripted import Scripted
 from tests.training.making import make_agent, make_zoo
 
@@ -140,3 +141,11 @@ def test_a_mapping_names_its_entries(suite, agent):
     assert names(players, suite) == [("mine", 0), ("mine", 1), ("calm", None), ("best", None)]
     with pytest.raises(UserError, match="both: expert and idle are several entries"):
         entries_of({"both": ["expert", "idle"]}, suite)
+
+
+def test_an_agent_of_a_folder_is_told_by_its_policy(tmp_path):
+    shutil.copytree(baselines_folder() / "agents/ally-scripted/ppo/seed_0", tmp_path / "one")
+    shutil.copytree(baselines_folder() / "agents/ally-scripted/ppo/seed_1", tmp_path / "two")
+    one, two = (player_entry(str(tmp_path / name)) for name in ("one", "two"))
+    assert one.fingerprint == player_entry("ally-scripted/ppo/seed_0").fingerprint != two.fingerprint
+    assert one.fingerprint == load_agent(tmp_path / "one").card.policy_sha256

@@ -265,3 +265,39 @@ def test_a_file_in_the_place_of_the_results_folder_is_refused_by_name(tmp_path):
     (tmp_path / "mine").write_text("")
     with pytest.raises(UserError, match=r"out: .*mine is a file; name a folder"):
         evaluate(["expert"], "ally-v1", tmp_path / "mine", matches=1)
+
+
+@pytest.mark.parametrize("name", ["", "a\tb", "x" * 201])
+def test_a_name_that_no_record_can_hold_is_refused_before_anything_is_played(suite, tmp_path, name):
+    with pytest.raises(UserError, match="name: expected"):
+        evaluate({name: "idle"}, suite, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    rival = load_suite(suite).rivals[0]
+    with pytest.raises(UserError, match="name: expected"):
+        dataclasses.replace(load_suite(suite), rivals=(dataclasses.replace(rival, name=name),))
+
+
+def test_a_folder_with_a_bad_record_can_be_mended(suite, tmp_path):
+    evaluate(["idle"], suite, tmp_path / "out")
+    file = tmp_path / "out" / "records.jsonl"
+    whole = file.read_text()
+    file.write_text(whole.replace('"entry":"idle"', '"entry":""', 1))
+    with pytest.raises(UserError, match=r"record 1: .*; without its line it is played again"):
+        evaluate(["idle"], suite, tmp_path / "out")
+    file.write_text("".join(file.read_text().splitlines(keepends=True)[1:]))
+    evaluate(["idle"], suite, tmp_path / "out")
+    assert sorted(file.read_text().splitlines()) == sorted(whole.splitlines())
+
+
+def test_a_refused_player_leaves_nothing_in_the_folder(suite, tmp_path):
+    evaluate({"mine": "idle"}, suite, tmp_path / "out")
+    before = (tmp_path / "out" / "evaluation.json").read_bytes()
+    with pytest.raises(UserError, match="records of another 'mine'"):
+        evaluate({"mine": "ally-scripted/ppo/seed_0"}, suite, tmp_path / "out")
+    assert (tmp_path / "out" / "evaluation.json").read_bytes() == before
+
+
+def test_names_are_drawn_as_they_are(suite, tmp_path):
+    results = evaluate({r"$\frac$": "idle", "$x$": "random"}, suite)
+    write_table(results, load_suite(suite), tmp_path)
+    assert (tmp_path / "table.png").exists()

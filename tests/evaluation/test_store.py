@@ -123,7 +123,7 @@ def test_a_killed_filling_goes_on_and_two_processes_never_fill_at_once(tmp_path)
     killed = subprocess.Popen([sys.executable, "-c", FILLER, str(path)], cwd=ROOT)
     while not (path.exists() and path.read_bytes().count(b"\n") == 2) and killed.poll() is None:
         time.sleep(0.005)
-    with pytest.raises(UserError, match="another process is writing them"):
+    with pytest.raises(UserError, match="another process is writing there"):
         Store(path).fill(wanted(small()))
     killed.kill()
     assert killed.wait() == -signal.SIGKILL

@@ -67,6 +67,8 @@ def test_a_latex_table_prints_each_character_of_a_name(summaries, suite):
     }
     renamed = [dataclasses.replace(s, entry=name) for s, name in zip(summaries, names, strict=True)]
     text = latex(renamed, suite)
+    for name in ("[0]", "*x"):  # after a line's end they would belong to it
+        assert f"\n{{}}{name} & " in latex([dataclasses.replace(summaries[0], entry=name)], suite)
     rows = [line.removesuffix(r" \\") for line in text.splitlines() if line.endswith(r" \\")]
     cells = [re.split(r" (?<!\\)& ", row) for row in rows]
     assert [row[0] for row in cells[1:3]] == list(names.values())[:2]

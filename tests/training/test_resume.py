@@ -1,7 +1,6 @@
 """A run that was stopped goes on where it was, ends as it would have, and never loses a good checkpoint."""
 
 import base64
-import fcntl
 import json
 import pickle
 import re
@@ -22,7 +21,7 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.training import checkpoint, train
 from fpg_bench.training.checkpoint import newest_checkpoint
 from tests.logged import logged
-from tests.programs import ROOT, python
+from tests.programs import ROOT, held_elsewhere, python
 from tests.training.tiny import settings, train_tiny
 
 ALGORITHMS = ["sac", "dqn", "recurrent-ppo", "ppo-stack3"]
@@ -222,10 +221,9 @@ def test_another_run_is_not_resumed_and_a_resumed_one_says_that_its_policy_is_an
     ):
         with pytest.raises(UserError, match=message):
             train_tiny("ppo", tmp_path / "run", resume=True, **options)
-    with (tmp_path / "run" / "evaluations.jsonl").open("a") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        with pytest.raises(UserError, match="run: another process is training in this folder"):
-            train_tiny("ppo", tmp_path / "run", resume=True)
+    message = "run: another process is writing there; wait until it ends"
+    with held_elsewhere(tmp_path / "run" / "run.json"), pytest.raises(UserError, match=message):
+        train_tiny("ppo", tmp_path / "run", resume=True)
     with logged() as messages:
         train_tiny("ppo", tmp_path / "run", resume=True)
     (line,) = [line for line in messages if "resumed" in line]

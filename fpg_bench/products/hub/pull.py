@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder, check_writable, folder_beside, read_json, write_json
+from fpg_bench.common.locks import locked
 from fpg_bench.products.hub.download import Snapshot
 from fpg_bench.products.leaderboard.playing import smoke_test
 from fpg_bench.products.leaderboard.submission import read_policy
@@ -35,17 +36,18 @@ def keep(snapshot: Snapshot, out: Path) -> bool:
         OSError: a file cannot be read or written.
     """
     check_writable(out)
-    check_own_folder(out, PULLED, "agent of the Hub")
-    origin = {key: getattr(snapshot, key) for key in ("repository", "revision", "commit")}
-    if (out / PULLED).exists():
-        _check_same(out, origin)
-        return False
-    with folder_beside(out.absolute()) as temporary:
-        agent = temporary / "agent"
-        copy_checked(snapshot.folder, agent, snapshot.name)
-        write_json(agent / PULLED, origin)
-        os.replace(agent, out)
-    return True
+    with locked(out):
+        check_own_folder(out, PULLED, "agent of the Hub")
+        origin = {key: getattr(snapshot, key) for key in ("repository", "revision", "commit")}
+        if (out / PULLED).exists():
+            _check_same(out, origin)
+            return False
+        with folder_beside(out.absolute()) as temporary:
+            agent = temporary / "agent"
+            copy_checked(snapshot.folder, agent, snapshot.name)
+            write_json(agent / PULLED, origin)
+            os.replace(agent, out)
+        return True
 
 
 def copy_checked(source: Path, into: Path, name: str) -> None:

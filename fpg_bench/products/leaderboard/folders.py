@@ -7,32 +7,55 @@ import hashlib
 import os
 import shutil
 import stat
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.folders import user_cache
-from fpg_bench.common.rows import RowFile
+from fpg_bench.common.locks import locked
+from fpg_bench.players.agent import baselines_folder
 
 TRACK_FOLDERS = ("ally", "opponent", "planner")  # folders of submissions; opponents have two tables
 _MOST_NAMES = 200
 
 
-def start_board(board: Path) -> None:
-    """Create the folders of a leaderboard without entries.
+def repository_board() -> Path:
+    """Return the folder of the benchmark's own board.
+
+    Raises:
+        UserError: the package was installed without it.
+    """
+    board = baselines_folder().parent / "leaderboard"
+    if not (board / "submissions").is_dir():
+        raise UserError(
+            "with-baselines: the benchmark's board is in its repository; run this in a clone of it"
+        )
+    return board
+
+
+def start_board(board: Path, source: Path | None = None) -> None:
+    """Create the folders of a leaderboard.
+
+    Args:
+        board: the new leaderboard.
+        source: a leaderboard whose entries, results and responses it begins with; None: it has none.
 
     Raises:
         UserError: something is in the folder already.
     """
-    if not board.is_dir() and board.exists():
-        raise UserError(f"leaderboard {board}: is a file; name a folder")
-    if board.is_dir() and any(board.iterdir()):
-        raise UserError(f"leaderboard {board}: holds files already; name an empty or a new folder")
-    for track in TRACK_FOLDERS:
-        for kind in ("submissions", "results"):
-            write_whole(board / kind / track / ".gitkeep", "")  # git keeps no empty folders
+    with at_work(board):
+        if not board.is_dir() and board.exists():
+            raise UserError(f"leaderboard {board}: is a file; name a folder")
+        if board.is_dir() and any(board.iterdir()):
+            raise UserError(f"leaderboard {board}: holds files already; name an empty or a new folder")
+        for track in TRACK_FOLDERS:
+            for kind in ("submissions", "results"):
+                write_whole(board / kind / track / ".gitkeep", "")  # git keeps no empty folders
+        for kind in ("submissions", "results", "responses"):
+            if source is not None and (source / kind).is_dir():
+                shutil.copytree(source / kind, board / kind, dirs_exist_ok=True)
 
 
 def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:
@@ -96,21 +119,9 @@ def work_folder(board: Path) -> Path:
     return user_cache() / "leaderboard" / checkout
 
 
-@contextlib.contextmanager
-def at_work(board: Path) -> Iterator[None]:
-    """Lock a board's unfinished work for this process.
-
-    Raises:
-        UserError: another process is at work on the board.
-    """
-    with contextlib.ExitStack() as held:
-        try:
-            held.enter_context(RowFile(work_folder(board) / "at-work").locked())
-        except UserError as error:
-            raise UserError(
-                f"leaderboard {board}: another process is playing it; wait until it ends"
-            ) from error
-        yield
+def at_work(board: Path) -> contextlib.AbstractContextManager[None]:
+    """Hold a board for this process; raises UserError while another one writes there."""
+    return locked(work_folder(board) / "at-work", f"leaderboard {board}")
 
 
 def set_aside(board: Path, track: str, slug: str) -> Path:

@@ -45,6 +45,7 @@ require_extra("evaluate", "onnx", "scipy", "matplotlib", "joblib")
 ABOUT = "submission.yaml"
 MOST_TEXT_BYTES = AGENT_FILES["agent.json"]  # of submission.yaml, too
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
+_RESERVED = re.compile(r"con|prn|aux|nul|com\d|lpt\d|index")
 _SEED = re.compile(r"seed_(0|[1-9]\d{0,5})")
 _OVERSHOOT = 1.05  # training ends with a whole rollout, a little after its budget
 
@@ -247,7 +248,9 @@ def read_submission(
 
 
 def slug_problems(folder: Path) -> Iterator[str]:
-    """Yield a problem if the name of a folder cannot be an address on the board."""
+    """Yield a problem if the name of a folder cannot be an address on the board, or a file anywhere."""
+    if _RESERVED.fullmatch(folder.name):
+        yield f"the folder's name {quoted(folder.name)}: is taken by Windows or by a page of the board"
     if not _SLUG.fullmatch(folder.name):
         yield (
             f"the folder's name {quoted(folder.name)}: expected at most 40 of a-z, 0-9 and -, "

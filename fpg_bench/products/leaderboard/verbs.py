@@ -12,6 +12,7 @@ from fpg_bench.cli.fields import with_fields
 from fpg_bench.cli.options import LocalWorkersOption, WorkersOption, share
 from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.locks import locked
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
 
@@ -98,17 +99,24 @@ def run(
 @leaderboard.command()
 def init(
     folder: Annotated[Path, typer.Argument(help="Folder of the leaderboard: new or empty.")],
+    with_baselines: Annotated[
+        bool,
+        typer.Option(
+            "--with-baselines",
+            help="Begin with all entries and results of the benchmark's own board, of the present season.",
+        ),
+    ] = False,
 ) -> None:
-    """Start a leaderboard of your own, without entries.
+    """Start a leaderboard of your own, without entries or beside those of the benchmark.
 
     Put submissions into FOLDER/submissions, play them with fpg-bench submit run, and build the site and its
     browser game with fpg-bench leaderboard build --folder FOLDER.
 
     Example: fpg-bench leaderboard init leaderboard
     """
-    from fpg_bench.products.leaderboard.folders import start_board
+    from fpg_bench.products.leaderboard.folders import repository_board, start_board
 
-    start_board(folder)
+    start_board(folder, repository_board() if with_baselines else None)
     print_line(
         f"started: {folder}; an entry is a folder in {folder}/submissions/<track>, "
         f"see {page('benchmark/submitting')}"
@@ -139,19 +147,21 @@ def verify(
     Example: fpg-bench leaderboard verify --sample 5%
     """
     from fpg_bench.products.leaderboard.exploited import verify_responses
+    from fpg_bench.products.leaderboard.folders import at_work
     from fpg_bench.products.leaderboard.verification import verify as verify_all
 
     verdicts = []
-    for verify_part in (partial(verify_all, changes_known=changes_known), verify_responses):
-        verdicts += verify_part(
-            folder,
-            names or (),
-            sample=None if sample is None else share(sample),
-            sample_seed=sample_seed,
-            update=update,
-            since=since,
-            workers=workers,
-        )
+    with at_work(folder):
+        for verify_part in (partial(verify_all, changes_known=changes_known), verify_responses):
+            verdicts += verify_part(
+                folder,
+                names or (),
+                sample=None if sample is None else share(sample),
+                sample_seed=sample_seed,
+                update=update,
+                since=since,
+                workers=workers,
+            )
     bad = sum(not verdict.is_good for verdict in verdicts)
     print_line(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
     raise typer.Exit(1 if bad else 0)
@@ -176,13 +186,14 @@ def crossplay(
     """
     from fpg_bench.products.leaderboard.changed_entries import rows_at
     from fpg_bench.products.leaderboard.crossplay import check_pairs, play_missing
-    from fpg_bench.products.leaderboard.folders import crossplay_file
+    from fpg_bench.products.leaderboard.folders import at_work, crossplay_file
 
     trusted = None if since is None else rows_at(folder, since, crossplay_file)
-    if check is None:
-        failed = play_missing(folder, trusted=trusted, workers=workers)
-    else:
-        failed = check_pairs(folder, share(check), sample_seed, workers=workers)
+    with at_work(folder):
+        if check is None:
+            failed = play_missing(folder, trusted=trusted, workers=workers)
+        else:
+            failed = check_pairs(folder, share(check), sample_seed, workers=workers)
     for line in failed:
         print_line(line)
     raise typer.Exit(1 if failed else 0)
@@ -209,9 +220,11 @@ def exploit(
     """
     require_extra("train", "torch")
     from fpg_bench.products.leaderboard.exploited import exploit as make_responses
+    from fpg_bench.products.leaderboard.folders import at_work
 
-    for line in make_responses(folder, work, names or (), workers=workers):
-        print_line(line)
+    with at_work(folder):
+        for line in make_responses(folder, work, names or (), workers=workers):
+            print_line(line)
 
 
 @leaderboard.command()
@@ -237,10 +250,11 @@ def build(
     from fpg_bench.products.leaderboard.site.replays import make_replays
 
     check_folder(out)
-    entries = load_entries(folder)
-    rounds = make_replays(entries, out, simulate=replays)
-    board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
-    files = build_site(board, out, rounds, docs, submitted_policies(entries), read_seasons(folder))
+    with locked(out):
+        entries = load_entries(folder)
+        rounds = make_replays(entries, out, simulate=replays)
+        board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
+        files = build_site(board, out, rounds, docs, submitted_policies(entries), read_seasons(folder))
     n_entries, n_rounds = len(entries.verified) + len(entries.rejected), sum(map(len, rounds.values()))
     print_line(
         f"{n_entries} entries, {n_rounds} rounds to watch, {len(files)} files: open {out / 'index.html'}"
@@ -352,9 +366,10 @@ def audit_season(
     from fpg_bench.products.leaderboard.season.season import load_season
 
     season = load_season(name)
-    for audited in audit.audit_season(
-        season, read_entries(folder, scenario=season.scenario), work, member, n_members, workers=workers
-    ):
+    with locked(work / "audit", work):
+        entries = read_entries(folder, scenario=season.scenario)
+        all_audited = audit.audit_season(season, entries, work, member, n_members, workers=workers)
+    for audited in all_audited:
         policies = "the same policy" if audited.is_same else "another policy"
         print_line(
             f"{audited.side}/{audited.name}: {policies}; entries earn {audited.difference:.2f} per step "

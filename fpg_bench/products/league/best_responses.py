@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, TypedDict, cast
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.files import check_own_folder, write_json
+from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTED, SCRIPTS, other_side, policy_env
 from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.entry import code_fingerprint
 from fpg_bench.evaluation.seeds import PROTOCOL
@@ -113,21 +114,21 @@ def best_responses(config: BestResponseConfig, out: str | Path, *, progress: boo
         "matches": MATCHES,
         "protocol": PROTOCOL,
     }
-    check_own_folder(out, RESULT, "best responses")
     other = other_side(target.side)
     names = [*SCRIPTED[other], *draw_variants(other, config.n_scripts, target.scenario)]
-    begun: Row = {"agent": config.agent, **about, "scripts": {}, "responses": []}
-    result = cast("BestResponses", check_same(file, "best responses", about) if file.exists() else begun)
-    if missing := [name for name in names if name not in result["scripts"]]:
-        result["scripts"] |= {name: target.evaluate(name) for name in missing}
-        # The folder is taken before any training
-        result["lowest"] = _lowest_return(result)
-        write_json(file, result)
-    for seed in range(config.n_seeds):
-        if (response := _respond(config, target, seed, out, result, progress)) is not None:
-            result["responses"].append(response)
+    with own_folder(out, RESULT, "best responses"):
+        begun: Row = {"agent": config.agent, **about, "scripts": {}, "responses": []}
+        result = cast("BestResponses", check_same(file, "best responses", about) if file.exists() else begun)
+        if missing := [name for name in names if name not in result["scripts"]]:
+            result["scripts"] |= {name: target.evaluate(name) for name in missing}
+            # The folder is taken before any training
             result["lowest"] = _lowest_return(result)
             write_json(file, result)
+        for seed in range(config.n_seeds):
+            if (response := _respond(config, target, seed, out, result, progress)) is not None:
+                result["responses"].append(response)
+                result["lowest"] = _lowest_return(result)
+                write_json(file, result)
     return result
 
 

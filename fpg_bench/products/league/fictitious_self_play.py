@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fpg_bench.common.files import check_own_folder, write_json
+from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTED, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import JsonObject
@@ -27,7 +27,7 @@ from fpg_bench.products.league.folder import (
     check_same,
     command_of,
     export_agent,
-    removed_if_empty,
+    search_folder,
     settings_of,
 )
 from fpg_bench.training.config import RunConfig
@@ -66,8 +66,7 @@ def fictitious_self_play(
     """
     league = _FictitiousSelfPlay(config, Path(out))
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
-    check_own_folder(league.folder, ABOUT, "fictitious self-play", ROWS)
-    with file.locked(), removed_if_empty(league.folder, ABOUT, ROWS):
+    with search_folder(league.folder, ABOUT, ROWS, "fictitious self-play"):
         done = {(row["generation"], row["side"]) for row in file.read()}
         if not done:
             write_json(league.folder / ABOUT, about)

@@ -6,12 +6,12 @@ import contextlib
 import dataclasses
 import json
 import os
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from fpg_bench.common.errors import UserError, other_content
+from fpg_bench.common.errors import UserError, other_content, shown
 from fpg_bench.common.files import read_json
+from fpg_bench.common.locks import own_folder
 from fpg_bench.common.strict_json import Json, JsonObject
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card
@@ -22,14 +22,17 @@ from fpg_bench.training.run_folder import RunFolder, command_line
 
 
 @contextlib.contextmanager
-def removed_if_empty(folder: Path, about: str, rows: str) -> Iterator[None]:
-    """Remove a locked folder on a UserError that comes before its first run, when it has no rows."""
-    try:
-        yield
-    except UserError:
-        if set(os.listdir(folder)) <= {about, rows} and not (folder / rows).stat().st_size:
-            shutil.rmtree(folder)
-        raise
+def search_folder(folder: Path, about: str, rows: str, what: str) -> Iterator[None]:
+    """Hold a folder; a UserError that comes before its first run and its first row leaves nothing in it."""
+    with own_folder(folder, about, what):
+        try:
+            yield
+        except UserError:
+            held = {name for name in os.listdir(folder) if not name.startswith(".")}
+            if held <= {about, rows} and not (rows in held and (folder / rows).stat().st_size):
+                for name in held:
+                    (folder / name).unlink()
+            raise
 
 
 def settings_of(config: LeagueConfig, *without: str) -> JsonObject:
@@ -55,9 +58,21 @@ def as_json(content: Mapping[str, object]) -> JsonObject:
 def check_same(file: Path, kind: str, about: Json) -> JsonObject:
     """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
     content = read_json(file, kind)
-    if different := [key for key in about if content.get(key) != about[key]]:
-        raise other_content(file, f"{kind} with another {different[0]}")
+    if different := _difference(content, about):
+        raise other_content(file, f"{kind} with another {different}")
     return content
+
+
+def _difference(before: Mapping[str, object], now: Mapping[str, object]) -> str:
+    """Return the first key in which two mappings differ, with both values; empty if there is none."""
+    for key, value in now.items():
+        known = before.get(key)
+        if isinstance(known, dict) and isinstance(value, dict):
+            if inner := _difference(known, dict.fromkeys(known) | value):
+                return f"{key}, {inner}"
+        elif known != value:
+            return f"{key} ({shown(known)}, now {shown(value)})"
+    return ""
 
 
 def export_agent(runs: Sequence[RunFolder], folder: Path, name: str, update: JsonObject) -> Path:

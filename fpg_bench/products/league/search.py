@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TypedDict
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import check_own_folder, read_json, write_json, write_whole
+from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import JsonObject
@@ -36,7 +36,7 @@ from fpg_bench.products.league.folder import (
     check_same,
     command_of,
     export_agent,
-    removed_if_empty,
+    search_folder,
     settings_of,
 )
 from fpg_bench.training.config import RunConfig
@@ -140,8 +140,7 @@ class Search(ABC):
     def run(self) -> SearchResult:
         """Play the iterations that are missing, confirm the best ones, and export the one that keeps most."""
         about, file = self._describe(), RowFile(self.folder / ROWS, {"iteration": int})
-        check_own_folder(self.folder, ABOUT, "search", ROWS)
-        with file.locked(), removed_if_empty(self.folder, ABOUT, ROWS):
+        with search_folder(self.folder, ABOUT, ROWS, "search"):
             rows = file.read()
             if not rows:
                 write_json(self.folder / ABOUT, about)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import logging
 import os
@@ -19,6 +20,7 @@ from minari.serialization import serialize_space
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder, check_writable, read_json, write_json
+from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.products.offline.croissant import croissant
@@ -82,32 +84,34 @@ def make_dataset(
     root = (datasets_root() if out is None else Path(out)).absolute()
     folder, unfinished = (root / NAMESPACE / name for name in (spec.name, f".{spec.name}.partial"))
     recipe = {**spec.recipe(), "rounds_per_part": rounds_per_part}
-    if folder.exists():
-        _check_same(folder, recipe)
+    if not folder.exists():
+        check_writable(unfinished)
+    with contextlib.nullcontext() if folder.exists() else locked(folder):
+        if folder.exists():
+            _check_same(folder, recipe)
+            return folder
+        data = unfinished / "data"
+        if (data / METADATA).exists():
+            _check_same(unfinished, recipe)
+        else:
+            check_own_folder(data, METADATA, "data set")
+            write_json(data / METADATA, _metadata(spec, recipe))
+        _check_room(data, spec)
+        cuts = [*range(0, spec.episodes, rounds_per_part), spec.episodes]
+        jobs = [
+            Job(
+                f"data set {spec.name}, part {part}",
+                partial(_make_part, spec, part_path(data, part), *ends),
+                lambda _: progress(_finished(data, cuts), spec.episodes),
+                part_path(data, part).exists,
+            )
+            for part, ends in enumerate(pairwise(cuts))
+        ]
+        check_all_done(run_jobs(jobs, workers, level=logging.DEBUG))
+        _finish(data, spec, [end - first for first, end in pairwise(cuts)])
+        write_json(unfinished / "croissant.json", croissant(spec, unfinished))
+        os.rename(unfinished, folder)
         return folder
-    check_writable(unfinished)
-    data = unfinished / "data"
-    if (data / METADATA).exists():
-        _check_same(unfinished, recipe)
-    else:
-        check_own_folder(data, METADATA, "data set")
-        write_json(data / METADATA, _metadata(spec, recipe))
-    _check_room(data, spec)
-    cuts = [*range(0, spec.episodes, rounds_per_part), spec.episodes]
-    jobs = [
-        Job(
-            f"data set {spec.name}, part {part}",
-            partial(_make_part, spec, part_path(data, part), *ends),
-            lambda _: progress(_finished(data, cuts), spec.episodes),
-            part_path(data, part).exists,
-        )
-        for part, ends in enumerate(pairwise(cuts))
-    ]
-    check_all_done(run_jobs(jobs, workers, level=logging.DEBUG))
-    _finish(data, spec, [end - first for first, end in pairwise(cuts)])
-    write_json(unfinished / "croissant.json", croissant(spec, unfinished))
-    os.rename(unfinished, folder)
-    return folder
 
 
 def content_sha256(digests: bytes) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_writable
+from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.products.paper.conditions import ALL, LLM, LONG, SHORT_SEEDS, TABLES, Condition, conditions_of
 from fpg_bench.products.paper.experiment import BUDGETS, LEARNERS, Budget, check_learner, run_experiment
@@ -60,16 +61,19 @@ def reproduce(
     seeds = range(first_seed, first_seed + count)
     file = RunFile(out, scenario, budget.name)
     conditions = _conditions(target, scenario, budget, llm or transcript is not None)
-    failed = run_jobs(_missing(file, conditions, scenario, budget, seeds, transcript, learner), workers)
-    names = [name for each in _conditions(ALL, scenario, BUDGETS["full"], True) for name in each.runs]
-    results = read_results(file, dict.fromkeys(names, seeds))
-    drawn = draw(results, scenario, out / "figures")
-    command = f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --n-seeds {count}"
-    command += f" --first-seed {first_seed}" if first_seed else ""
-    command += f" --learner {learner}" if learner != LEARNERS[0] else ""
-    reports = write_report(results, scenario, budget, drawn, out, command, target == TABLES)
-    check_all_done(failed)
-    return [*(path for paths in drawn.values() for path in paths), *reports]
+    with locked(file.path):
+        failed = run_jobs(_missing(file, conditions, scenario, budget, seeds, transcript, learner), workers)
+        names = [name for each in _conditions(ALL, scenario, BUDGETS["full"], True) for name in each.runs]
+        results = read_results(file, dict.fromkeys(names, seeds))
+        drawn = draw(results, scenario, out / "figures")
+        command = (
+            f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --n-seeds {count}"
+        )
+        command += f" --first-seed {first_seed}" if first_seed else ""
+        command += f" --learner {learner}" if learner != LEARNERS[0] else ""
+        reports = write_report(results, scenario, budget, drawn, out, command, target == TABLES)
+        check_all_done(failed)
+        return [*(path for paths in drawn.values() for path in paths), *reports]
 
 
 def _missing(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, write_figure
+from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, literal, write_figure
 from fpg_bench.evaluation.match import Round
 from fpg_bench.products.rendering.picture import GREY, GROUND, INK, PALE, bezier_curve
 from fpg_bench.products.rendering.replay import write_replay
@@ -39,7 +39,7 @@ def draw_match(rounds: Sequence[Round], path: Path, title: str) -> None:
         _draw_above(axes[2 * row, column], played)
         _draw_heights(axes[2 * row + 1, column], played, labelled=column == 0)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(literal(title), fontsize=11)
     write_figure(figure, path)
 
 

@@ -19,7 +19,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import NullLocator
 from numpy.typing import ArrayLike
 
-from fpg_bench.common.canvas import ALLY, OPPONENT, SIDE_COLOURS, Style
+from fpg_bench.common.canvas import ALLY, OPPONENT, SIDE_COLOURS, Style, literal
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
@@ -378,7 +378,7 @@ class Picture:
         self._canvas = FigureCanvasAgg(self._figure)
         self._background: object = None
         self._limits: tuple[float, float] | None = None
-        self._figure.text(0.022, 0.965, _heading(recording, title), color=INK, size=11, va="center")
+        self._figure.text(0.022, 0.965, literal(_heading(recording, title)), color=INK, size=11, va="center")
         self._values = [self._tile(*tile) for tile in _TILES]
         axes = self._figure.add_axes
         self._panels: tuple[BoxPanel | TimePanel, ...] = (

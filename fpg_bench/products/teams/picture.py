@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from fpg_bench.common.canvas import ALLY, OPPONENT
+from fpg_bench.common.canvas import ALLY, OPPONENT, literal
 from fpg_bench.products.rendering.picture import (
     GREY,
     GROUND,
@@ -62,7 +62,7 @@ class TeamPicture:
         end = len(whole.frames) if step is None else step + 1
         seen = slice(max(0, end - WINDOW), end)
         figure.clear()
-        figure.text(0.022, 0.965, self._title, color=INK, size=11, va="center")
+        figure.text(0.022, 0.965, literal(self._title), color=INK, size=11, va="center")
         earned = whole.frames["ally_reward"][:end].sum(axis=0).mean() / max(end - 1, 1)
         about = f"seed {whole.seed}, step {end - 1}: {earned:.2f} per step and ally"
         figure.text(0.022, 0.925, about, color=GREY, size=9, va="center")

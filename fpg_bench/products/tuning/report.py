@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from optuna.distributions import CategoricalDistribution
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.common.canvas import Style, blank_figure, image_of
+from fpg_bench.common.canvas import Style, blank_figure, image_of, literal
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.products.tuning.space import format_values, from_params
@@ -115,7 +115,7 @@ def _importances(study: optuna.Study) -> Figure:
         found = optuna.importance.get_param_importances(study)
     figure = blank_figure(9, 0.8 + 0.28 * len(found))
     axes = figure.subplots()
-    axes.barh(list(found)[::-1], list(found.values())[::-1], color="#0072b2")
+    axes.barh([literal(name) for name in found][::-1], list(found.values())[::-1], color="#0072b2")
     axes.set_xlabel("share of the variation that it explains")
     return figure
 
@@ -134,10 +134,10 @@ def _slices(study: optuna.Study) -> Figure:
         values, kind = [trial.params[name] for trial in with_it], with_it[0].distributions[name]
         is_choice = isinstance(kind, CategoricalDistribution)
         scores = [trial.value for trial in with_it]
-        axes.scatter(list(map(str, values)) if is_choice else values, scores, **_DOT)
+        axes.scatter([literal(str(value)) for value in values] if is_choice else values, scores, **_DOT)
         if getattr(kind, "log", False):
             axes.set_xscale("log")
-        axes.set_xlabel(name)
+        axes.set_xlabel(literal(name))
         axes.tick_params(labelsize=8)
     return figure
 

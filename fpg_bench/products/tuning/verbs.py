@@ -16,6 +16,7 @@ from fpg_bench.cli.options import (
     steps_option,
 )
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Workers
 
 app = typer.Typer(help="Tune hyper-parameters with Optuna.")
@@ -130,15 +131,16 @@ def export(
     require_extra("tune", "optuna")
     from fpg_bench.products.tuning.export import export_values
 
-    export_values(
-        out,
-        file,
-        n_best=n_best,
-        n_seeds=n_seeds,
-        steps=steps,
-        force=force,
-        storage=storage,
-        study_name=study_name,
-        workers=workers,
-        allow=allow or (),
-    )
+    with locked(out / "export", out):
+        export_values(
+            out,
+            file,
+            n_best=n_best,
+            n_seeds=n_seeds,
+            steps=steps,
+            force=force,
+            storage=storage,
+            study_name=study_name,
+            workers=workers,
+            allow=allow or (),
+        )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import gc
 
 import pytest
@@ -14,6 +13,7 @@ from fpg_bench.evaluation.match import replay_match
 from fpg_bench.products.language_models.llm_planner import LLMPlanner
 from tests.products.language_models.fault_server import FaultServer, error_object, ok, refusal, status
 from tests.products.language_models.playing import GOOD, KEY, path_text
+from tests.programs import held_elsewhere
 
 BEHAVIOURS = (
     GOOD,
@@ -58,14 +58,14 @@ def test_a_language_models_match_is_repeated_without_it(asks, file, monkeypatch)
 def test_a_match_that_ends_lets_go_of_its_file(planner, asks, file):
     def hold(index, played):
         if index == 1:
-            with file.open() as other, pytest.raises(BlockingIOError):
-                fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            with pytest.raises(BlockingIOError), held_elsewhere(file):
+                pass
 
     with FaultServer([GOOD]) as server:
         asks(server)
         play(file, planner, progress=hold)
-    with file.open() as other:
-        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with held_elsewhere(file):
+        pass
 
 
 def attempts(rows):

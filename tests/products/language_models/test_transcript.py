@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import gzip
 import json
 from pathlib import Path
@@ -18,6 +17,7 @@ from fpg_bench.products.language_models.transcript import (
     Transcript,
     chain_start,
 )
+from tests.programs import held_elsewhere
 
 from .playing import path, request
 
@@ -182,10 +182,9 @@ def test_nothing_to_replay_is_said(file):
 
 
 def test_a_file_that_another_process_writes_is_not_recorded_into(recorded):
-    with recorded.open("a") as other:
-        fcntl.flock(other, fcntl.LOCK_EX)
+    with held_elsewhere(recorded):
         assert Transcript(recorded, "replay").attempts() == [ATTEMPT]
-        with pytest.raises(UserError, match="another process is writing"):
+        with pytest.raises(UserError, match="another process is writing there"):
             Transcript(recorded, "record").attempts()
 
 

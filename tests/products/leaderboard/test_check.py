@@ -7,10 +7,14 @@ from typer.testing import CliRunner
 from fpg_bench.cli import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.products.leaderboard.about import board_name
+from fpg_bench.products.leaderboard.entries import load_entries
+from fpg_bench.products.leaderboard.folders import start_board
 from fpg_bench.products.leaderboard.playing import suites_of
 from fpg_bench.products.leaderboard.submission import load_submission, notes, problems
 from fpg_bench.products.leaderboard.tracks import PUBLIC, TrackSuites
+from fpg_bench.products.leaderboard.verification import run_one, verify
 from tests.policies import policy, write_seed
+from tests.products.leaderboard.entering import enter
 from tests.products.leaderboard.making import FIELDS, write_submission
 
 TRAINED = FIELDS["training"]
@@ -325,3 +329,18 @@ def test_the_verb_says_line_by_line(tmp_path):
     lines = [few, f"note: {NOWHERE}", "nothing is wrong"]
     assert check(sound) == (0, "".join(f"{sound}: {line}\n" for line in lines))
     assert check(tmp_path / "none")[0] == 1
+
+
+@pytest.mark.parametrize("name", ["con", "nul", "com1", "index"])
+def test_a_name_that_windows_or_the_site_has_already_is_refused(tmp_path, name):
+    lines = problems(write_submission(tmp_path / name))
+    assert f"the folder's name '{name}': is taken by Windows or by a page of the board" in lines
+
+
+def test_a_leaderboard_of_ones_own_begins_with_the_entries_of_another(board, in_process, tmp_path):
+    enter(board, "ally", "wise", script="expert")
+    assert verify(board)[0].is_good
+    start_board(tmp_path / "own", board)
+    assert run_one(enter(tmp_path / "own", "ally", "still", script="idle")).is_good
+    verified = load_entries(tmp_path / "own").verified
+    assert [entry.key for entry in verified] == [("ally", "still"), ("ally", "wise")]

@@ -7,7 +7,6 @@ import dataclasses
 import hashlib
 import json
 import logging
-import multiprocessing
 import re
 import shutil
 from collections import Counter
@@ -30,7 +29,7 @@ from fpg_bench.products.leaderboard.season.candidates import (
     earned,
     play_candidate,
 )
-from fpg_bench.products.leaderboard.season.closing import _lock, close_season, make_closing
+from fpg_bench.products.leaderboard.season.closing import close_season, make_closing
 from fpg_bench.products.leaderboard.season.entries import SeasonEntry, read_entries, season_seed
 from fpg_bench.products.leaderboard.season.recipes import (
     ALGORITHMS,
@@ -56,6 +55,7 @@ from fpg_bench.products.leaderboard.season.selection import (
 from tests.logged import logged
 from tests.policies import dividing_by_zero, model, node, through, weights, write_seed
 from tests.products.leaderboard.making import write_submission
+from tests.programs import held_elsewhere
 
 ALLIES = [
     SeasonEntry(f"ally/{name}", "ally", None, tuple(f"{name}/seed_{k}" for k in range(5))) for name in "abcd"
@@ -370,29 +370,10 @@ def test_a_season_is_closed_once_and_in_a_folder_of_its_own(closed, board, tmp_p
         close_tiny(board, work, tmp_path / "season-2", name="2")
 
 
-@contextlib.contextmanager
-def locked_elsewhere(work, task):
-    """Hold a lock of a closing in another process."""
-    fork = multiprocessing.get_context("fork")
-    held, released = fork.Event(), fork.Event()
-
-    def hold():
-        with _lock(work, task, ""):
-            held.set()
-            released.wait(60)
-
-    other = fork.Process(target=hold)
-    other.start()
-    assert held.wait(60)
-    yield
-    released.set()
-    other.join()
-
-
 @pytest.mark.process
 def test_two_closings_at_once_in_one_folder_are_refused(board, tmp_path):
-    message = "another process is training candidates of the opponent in .*; wait until it ends"
-    with locked_elsewhere(tmp_path, "opponent"), pytest.raises(UserError, match=message):
+    message = "season: .*, opponent: another process is writing there; wait until it ends"
+    with held_elsewhere(tmp_path / "at-work-opponent"), pytest.raises(UserError, match=message):
         close_tiny(board, tmp_path, tmp_path / "season")
     assert not (tmp_path / "season").exists()
 
@@ -402,8 +383,8 @@ def test_two_closings_at_once_in_one_folder_are_refused(board, tmp_path):
 def test_two_processes_with_a_side_each_publish_a_season_once(season, board, copied, monkeypatch):
     out, work = copied / "season-1", copied / "work"
     shutil.rmtree(out)
-    message = "another process is publishing season-1 in .*; wait until it ends"
-    with locked_elsewhere(work, "publish"), pytest.raises(UserError, match=message):
+    message = "season: .*/work: another process is writing there; wait until it ends"
+    with held_elsewhere(work / "at-work-publish"), pytest.raises(UserError, match=message):
         close_tiny(board, work, out, sides=["ally"])
     assert not out.exists()
 

@@ -18,7 +18,7 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.products.leaderboard.about import name_skeleton
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
-from fpg_bench.products.leaderboard.folders import start_board, submission_folders
+from fpg_bench.products.leaderboard.folders import repository_board, start_board, submission_folders
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.submission import Reader, load_submission, problems
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SCENARIOS, UNSEEN
@@ -203,6 +203,14 @@ def test_pages_of_the_board_load_little(board, tmp_path):
     assert loaded("ranking.html") < 190_000  # with some 130 entries
     chosen = largest("data/compare/*.js", 1) + largest("data/compare/*/*.js", 2)
     assert loaded("compare.html") + chosen < 300_000
+
+
+def test_the_baselines_are_those_of_the_repository(tmp_path, monkeypatch):
+    assert (repository_board() / "submissions" / "ally" / "expert").is_dir()
+    folders = "fpg_bench.products.leaderboard.folders"
+    monkeypatch.setattr(f"{folders}.baselines_folder", lambda: tmp_path / "baselines")
+    with pytest.raises(UserError, match="run this in a clone"):
+        repository_board()
 
 
 def test_a_leaderboard_starts_empty_and_is_built_with_the_game(tmp_path):

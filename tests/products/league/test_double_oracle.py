@@ -14,6 +14,7 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.products.league import double_oracle as oracle
 from fpg_bench.products.league import search
 from fpg_bench.products.league.config import DoubleOracleConfig, SelfPlayConfig
+from fpg_bench.products.league.folder import check_same
 from fpg_bench.products.league.self_play import self_play
 from fpg_bench.products.league.verbs import double_oracle
 from fpg_bench.training.run_folder import RunFolder
@@ -93,7 +94,7 @@ def test_iterations_meet_the_responses_by_their_weights_and_the_best_is_exported
     assert json.loads((tmp_path / search.ABOUT).read_text())["iteration"] == result["iteration"]
     seeds = {RunFolder(run).read().training_seed for run in (tmp_path / "runs").glob("*")}
     assert len(seeds) == 6
-    with pytest.raises(UserError, match="another weight"):
+    with pytest.raises(UserError, match=r"another weight \(3, now 4\)"):
         find(tmp_path, iterations=2, weight=4)
 
 
@@ -214,3 +215,16 @@ def test_an_opponent_searches_against_allies_that_play_for_themselves(tmp_path):
 def test_what_is_unknown_or_out_of_range_is_refused_by_the_configuration(change, message):
     with pytest.raises(UserError, match=message):
         DoubleOracleConfig(**change)
+
+
+def test_another_search_says_what_differs(tmp_path):
+    about = {"game": {"id": "a", "opponent": ["tone"]}, "steps": [1, 2], "seed": 0}
+    (tmp_path / "about.json").write_text(json.dumps(about))
+    for changes, message in (
+        ({"game": {"id": "a", "opponent": ["comb"]}}, r"game, opponent \(\['tone'\], now \['comb'\]\)"),
+        ({"game": {"id": "a"}}, r"game, opponent \(\['tone'\], now None\)"),
+        ({"steps": [1, 3]}, r"steps \(\[1, 2\], now \[1, 3\]\)"),
+    ):
+        with pytest.raises(UserError, match=f"holds a double oracle with another {message}"):
+            check_same(tmp_path / "about.json", "a double oracle", about | changes)
+    assert check_same(tmp_path / "about.json", "a double oracle", about) == about

@@ -7,7 +7,7 @@ import logging
 import re
 import shutil
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,8 +17,8 @@ import numpy as np
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import other_side
+from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
-from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Pairing, Store
@@ -162,7 +162,7 @@ def close_season(
         raise UserError(f"season: {out} is closed already; choose another number, name or folder")
     with contextlib.ExitStack() as locks:
         for side in sides:  # otherwise two processes would both fill a profile, which never becomes complete
-            locks.enter_context(_lock(closing.work, side, f"is training candidates of the {side}"))
+            locks.enter_context(locked(closing.work / f"at-work-{side}", f"season: {closing.work}, {side}"))
         _check_plan(closing)
         jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
         done = sum(job.done() for job in jobs)
@@ -177,30 +177,10 @@ def close_season(
             sides_missing = " and ".join(missing)
             _logger.info(f"{closing.name}: not closed yet: candidates of the {sides_missing} are missing")
             return None
-        locks.enter_context(_lock(closing.work, "publish", f"is publishing {closing.name}"))
+        locks.enter_context(locked(closing.work / "at-work-publish", f"season: {closing.work}"))
         if (out / FILE).exists():  # by a process that trained the other side
             return load_season(out)
         return _publish(closing, out, {side: _select_members(closing, side) for side in SIDES})
-
-
-@contextlib.contextmanager
-def _lock(work: Path, task: str, doing: str) -> Iterator[None]:
-    """Lock one task of a closing for this process.
-
-    Args:
-        work: folder of the candidates.
-        task: a side, or ``publish``.
-        doing: text for the error: what another process is doing.
-
-    Raises:
-        UserError: another process holds the lock.
-    """
-    with contextlib.ExitStack() as held:
-        try:
-            held.enter_context(RowFile(work / f"at-work-{task}").locked())
-        except UserError as error:
-            raise UserError(f"season: another process {doing} in {work}; wait until it ends") from error
-        yield
 
 
 def _check_plan(closing: Closing) -> None:
