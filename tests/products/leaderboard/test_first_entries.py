@@ -207,8 +207,10 @@ def test_pages_of_the_board_load_little(board, tmp_path):
 
 def test_the_baselines_are_those_of_the_repository(tmp_path, monkeypatch):
     assert (repository_board() / "submissions" / "ally" / "expert").is_dir()
-    monkeypatch.setattr("fpg_bench.products.leaderboard.folders.baselines_folder", lambda: tmp_path /
-    "baselines") with pytest.raises(UserError, match="run this in a clone"):
+    monkeypatch.setattr(
+        "fpg_bench.products.leaderboard.folders.baselines_folder", lambda: tmp_path / "baselines"
+    )
+    with pytest.raises(UserError, match="run this in a clone"):
         repository_board()
 
 
