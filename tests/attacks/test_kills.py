@@ -26,7 +26,7 @@ from tests.products.leaderboard.entering import enter
 STOPS = """
 import os, signal, sys
 from fpg_bench import cli
-def app(words, standalone_mode):
+def app(words, prog_name, standalone_mode):
     try:
         os.kill(os.getpid(), signal.{name})
         signal.pause()
@@ -81,7 +81,7 @@ def test_no_alarm_is_left_where_nothing_is_left_to_stop(monkeypatch):
     swallowed = SimpleNamespace(exc_type=KeyboardInterrupt)
     monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
 
-    def app(words, standalone_mode):
+    def app(words, prog_name, standalone_mode):
         sys.unraisablehook(swallowed)
         assert signal.getitimer(signal.ITIMER_REAL)[0] > 0
 
