@@ -14,7 +14,7 @@ from types import MappingProxyType, UnionType
 import filelock
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_bounded
+from fpg_bench.common.files import read_bounded, write_whole
 from fpg_bench.common.strict_json import JsonObject, read_object
 
 try:
@@ -29,6 +29,10 @@ _LARGEST = 2**30  # bytes; those of a long run are a few million
 _LOCKS: dict[tuple[int, Path], Callable[[], object]] = {}
 _HOLDERS: Counter[tuple[int, Path]] = Counter()
 _GUARD = threading.Lock()
+
+
+def _text(rows: Iterable[Row]) -> str:
+    return "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
 
 
 class RowFile:
@@ -83,7 +87,7 @@ class RowFile:
         Raises:
             OSError: the file cannot be written; the error names it, also where the disk is full.
         """
-        text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
+        text = _text(rows)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._truncate_partial_line()
         try:
@@ -92,6 +96,15 @@ class RowFile:
         except OSError as error:
             error.filename = error.filename or str(self.path)  # a full disk names no file
             raise
+
+    def replace(self, rows: Iterable[Row]) -> None:
+        """Replace all rows in one step; this process holds the lock, which passes to the new file."""
+        write_whole(self.path, _text(rows))
+        if fcntl is not None:
+            held = (os.getpid(), self.path.resolve())
+            with _GUARD:
+                unlock, _LOCKS[held] = _LOCKS[held], self._lock()
+                unlock()
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:

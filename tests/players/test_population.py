@@ -107,6 +107,18 @@ def test_a_suites_name_stands_for_its_members_of_the_side_wherever_it_is_in_a_li
     assert SingleAgentGame(GameSpec("FPG/OpponentVsPolicy-v0", ally=suite)).other_specs == [f"{suite}/ppo"]
 
 
+def test_code_that_a_training_meets_counts_by_its_content(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for options in ({"opponent": ["tone", "friend:mine"]}, {"planner": "friend:mine"}):
+        game = GameSpec(ENV_ID, **options)
+        (tmp_path / "friend.py").write_text("mine = 1\n")
+        before = policies_of(game)
+        assert before.keys() == {"friend:mine"}
+        assert policies_of(game) == before
+        (tmp_path / "friend.py").write_text("mine = 2\n")
+        assert policies_of(game)["friend:mine"] != before["friend:mine"]
+
+
 def test_a_member_is_a_player_by_its_own_name(suite):
     agent = as_player(f"{suite}/a-td3", "opponent", STANDARD)
     assert agent.card.algorithm == "td3"

@@ -13,9 +13,8 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_own_folder, write_json
 from fpg_bench.common.ids import SCRIPTED, SCRIPTS, other_side, policy_env
-from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.imports import check_allowed, code_fingerprint
 from fpg_bench.common.rows import Row
-from fpg_bench.evaluation.entry import code_fingerprint
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.game.spec import GameSpec, Options
