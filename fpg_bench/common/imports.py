@@ -151,15 +151,10 @@ def _sources(module: str, is_named: bool) -> list[Path]:
         spec = importlib.util.find_spec(module)
     except (ImportError, ValueError):  # ``__main__``, for one
         return []
-    if spec is None:
-        return []
-    folders = spec.submodule_search_locations
-    files = (
-        [Path(spec.origin or "")]
-        if folders is None
-        else [path for folder in folders for path in Path(folder).rglob("*.py")]
-    )
-    return sorted(p for p in files if p.suffix == ".py" and p.is_file() and (is_named or not _is_foreign(p)))
+    places = [] if spec is None else map(Path, spec.submodule_search_locations or [spec.origin or ""])
+    own = [place for place in places if is_named or not _is_foreign(place)]
+    files = [file for place in own for file in (place.rglob("*.py") if place.is_dir() else [place])]
+    return sorted(file for file in files if file.suffix == ".py" and file.is_file())
 
 
 def _search_here() -> None:
@@ -171,7 +166,8 @@ def _search_here() -> None:
 def _is_foreign(file: Path) -> bool:
     """Return True if a file is part of this package, of Python, or of what is installed beside it."""
     others = (Path(__file__).parents[1], Path(sys.prefix), Path(sys.base_prefix))
-    return any(file.absolute().is_relative_to(folder) for folder in others)
+    is_installed = not {"site-packages", "dist-packages"}.isdisjoint(file.parts)
+    return is_installed or any(file.absolute().is_relative_to(folder) for folder in others)
 
 
 def ready(thing: object, what: str, methods: Sequence[str], scenario: object) -> Any:

@@ -89,6 +89,30 @@ def dividing_by_zero() -> bytes:
     return model(nodes, [weights(scale=0.0), whole([1], "axis"), top])
 
 
+def constant(content, name, kind=np.float32):
+    return numpy_helper.from_array(np.array(content, kind), name)
+
+
+def contradictory():
+    """An LSTM whose weights are of another size than it says."""
+    nodes = [
+        node("Unsqueeze", ["observation", "first"], ["x"]),
+        node("LSTM", ["x", "W", "R"], ["y"], hidden_size=9),
+        node("Reshape", ["y", "shape"], ["action"]),
+    ]
+    tensors = [constant(np.zeros((1, 36, 15)), "W"), constant(np.zeros((1, 36, 7)), "R")]
+    return model(nodes, [*tensors, whole([0], "first"), whole([-1, 9], "shape")])
+
+
+def over_rows():
+    """A policy that is normalised over the games of a batch."""
+    nodes = [
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("RMSNormalization", ["x", "scale"], ["action"], axis=0),
+    ]
+    return model(nodes, [weights(), constant([1], "scale")], opsets=[("", 23)])
+
+
 def policy(seed: int) -> bytes:
     """A random linear policy, for which nothing has to be trained."""
     drawn = np.random.default_rng(seed).normal(size=(15, 9)).astype(np.float32)

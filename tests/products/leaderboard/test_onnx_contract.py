@@ -6,7 +6,18 @@ from onnx import ModelProto, TensorProto, helper, numpy_helper
 
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.sandbox.client import check_policies, check_policy
-from tests.products.leaderboard.making import model, node, policy, through, value, weights, whole
+from tests.products.leaderboard.making import (
+    constant,
+    contradictory,
+    model,
+    node,
+    over_rows,
+    policy,
+    through,
+    value,
+    weights,
+    whole,
+)
 
 DEEP = model(
     [node("MatMul", ["observation", "w"], ["x0"])]
@@ -108,10 +119,6 @@ def without_width(name):
     return model([PRODUCT, *after], [weights()], [value("observation"), value(name, 0)], outputs)
 
 
-def constant(content, name, kind=np.float32):
-    return numpy_helper.from_array(np.array(content, kind), name)
-
-
 def least_by_minus_one(kind):
     """Whole numbers, of which the least is divided by -1 where an answer is above 0: its process ends."""
     least = np.iinfo(kind).min
@@ -137,25 +144,6 @@ def out_of_range():
         node("Gather", ["table", "place"], ["action"]),
     ]
     return model(nodes, [weights(), whole([1], "axis"), constant(np.zeros((4, 9)), "table")])
-
-
-def contradictory():
-    """An LSTM whose weights are of another size than it says."""
-    nodes = [
-        node("Unsqueeze", ["observation", "first"], ["x"]),
-        node("LSTM", ["x", "W", "R"], ["y"], hidden_size=9),
-        node("Reshape", ["y", "shape"], ["action"]),
-    ]
-    tensors = [constant(np.zeros((1, 36, 15)), "W"), constant(np.zeros((1, 36, 7)), "R")]
-    return model(nodes, [*tensors, whole([0], "first"), whole([-1, 9], "shape")])
-
-
-def over_rows():
-    nodes = [
-        node("MatMul", ["observation", "w"], ["x"]),
-        node("RMSNormalization", ["x", "scale"], ["action"], axis=0),
-    ]
-    return model(nodes, [weights(), constant([1], "scale")], opsets=[("", 23)])
 
 
 HOSTILE = {
