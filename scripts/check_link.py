@@ -10,9 +10,7 @@ extra ``check-link`` and minutes; ``--scenario`` checks another scenario of the 
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
-import io
 import itertools
 import math
 import sys
@@ -24,6 +22,7 @@ import numpy as np
 from marks import fill
 from waveforms import SAMPLES_MHZ, Link, Transmission, array_gain, energy_rate, qam_rate
 
+from fpg_bench.common.output import csv_text
 from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import JAMMING_TYPES
@@ -242,15 +241,13 @@ def summary(comparisons: dict[str, list[Row]]) -> str:
 
 def cases(comparisons: dict[str, list[Row]]) -> str:
     """Return all cases as CSV."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["comparison", "case", "closed_db", "simulated_db", "error_db"])
-    for title, rows in comparisons.items():
-        writer.writerows(
-            [title, row.case, f"{row.closed:.2f}", f"{row.simulated:.2f}", f"{row.error:+.2f}"]
-            for row in rows
-        )
-    return text.getvalue()
+    head = ["comparison", "case", "closed_db", "simulated_db", "error_db"]
+    lines = [
+        [title, row.case, f"{row.closed:.2f}", f"{row.simulated:.2f}", f"{row.error:+.2f}"]
+        for title, rows in comparisons.items()
+        for row in rows
+    ]
+    return csv_text([head, *lines])
 
 
 def main() -> int:

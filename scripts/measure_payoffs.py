@@ -12,8 +12,6 @@ are put into the page between their marks; pay-offs, scripts' levers and transfe
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import re
 import sys
 from collections import Counter
@@ -27,6 +25,7 @@ from marks import fill
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import SCRIPTS
+from fpg_bench.common.output import csv_text
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.play import play
@@ -193,13 +192,6 @@ def transfer_table(suites: Mapping[str, Suite], agents: Mapping[str, Sequence[st
     return lines
 
 
-def as_csv(lines: Sequence[Sequence[str]]) -> str:
-    """Return lines of cells as CSV."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(lines)
-    return text.getvalue()
-
-
 def agents_of(side: str, groups: str) -> list[str]:
     """Return the shipped agents of the zoo's groups of a side whose names match ``groups``."""
     return [
@@ -282,9 +274,9 @@ def main() -> int:
         "levers": f"The agents are {names}.\n\n{markdown_table(lever_table(scenario, suites, best))}",
     }
     files = {
-        "payoffs": as_csv([["ally \\ opponent", *payoffs.rivals], *earned]),
-        "script-levers": as_csv(lever_table(scenario, suites, BEST_SCRIPTS)),
-        "transfer": as_csv(transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES})),
+        "payoffs": csv_text([["ally \\ opponent", *payoffs.rivals], *earned]),
+        "script-levers": csv_text(lever_table(scenario, suites, BEST_SCRIPTS)),
+        "transfer": csv_text(transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES})),
     }
     for title, text in (tables | files).items():
         print(f"\n{title}\n\n{text}", flush=True)

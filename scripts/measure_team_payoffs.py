@@ -17,10 +17,11 @@ from pathlib import Path
 
 import numpy as np
 from marks import fill
-from measure_payoffs import answers_note, as_csv, equilibrium_note
+from measure_payoffs import answers_note, equilibrium_note
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import csv_text
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
@@ -79,7 +80,7 @@ class Results:
                 reward = mean_interval(np.array(row["rewards"]), MATCHES)
                 values = (reward.value, reward.half, *(row[name] for name in COUNTS))
                 lines.append([game, labels[ally], labels[opponent], *(f"{value:.3f}" for value in values)])
-        return as_csv(lines)
+        return csv_text(lines)
 
 
 def payoff_table(payoffs: Payoffs) -> str:

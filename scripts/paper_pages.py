@@ -7,8 +7,6 @@ reproduce`` makes the runs and the figures, with a full report on each preset.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined
 
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import csv_text
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.products.paper.claims import compare
 from fpg_bench.products.paper.experiment import BUDGETS
@@ -137,13 +136,11 @@ def figures_page(parts: dict[str, dict[str, Any]]) -> str:
 
 def as_csv(headings: list[str], tables: Iterable[tuple[tuple[str, ...], list[list[str]]]]) -> str:
     """Return tables below each other as CSV, each line behind the cells that come with its table."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    every: list[list[str]] = []
     for cells, (heading, *lines) in tables:
-        if not text.tell():
-            writer.writerow([*headings, *heading])
-        writer.writerows([*cells, *line] for line in lines)
-    return text.getvalue()
+        every = every or [[*headings, *heading]]
+        every += [[*cells, *line] for line in lines]
+    return csv_text(every)
 
 
 if __name__ == "__main__":

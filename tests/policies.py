@@ -52,15 +52,51 @@ def through(*kinds, scale=1.0, **attributes) -> bytes:
 
 
 def dividing_by_zero() -> bytes:
-    """A policy that divides integers by zero, which ends its process."""
+    """A policy that divides integers by zero in a round, which ends its process, and not when it is checked.
+
+    Only in a round an observation holds a 1 or -1 beside smaller numbers.
+    """
     nodes = [
         node("MatMul", ["observation", "w"], ["x"]),
-        node("Cast", ["x"], ["whole"], to=TensorProto.INT64),
-        node("Div", ["one", "whole"], ["part"]),
+        node("Abs", ["observation"], ["abs"]),
+        node("ReduceMax", ["abs", "axis"], ["largest"]),
+        node("ReduceMin", ["abs", "axis"], ["least"]),
+        node("Equal", ["largest", "top"], ["is_top"]),
+        node("Less", ["least", "top"], ["is_less"]),
+        node("And", ["is_top", "is_less"], ["is_round"]),
+        node("Not", ["is_round"], ["is_check"]),
+        node("Cast", ["is_check"], ["whole"], to=TensorProto.INT64),
+        node("Div", ["axis", "whole"], ["part"]),
         node("Cast", ["part"], ["y"], to=TensorProto.FLOAT),
-        node("Tanh", ["y"], ["action"]),
+        node("Mul", ["x", "y"], ["z"]),
+        node("Tanh", ["z"], ["action"]),
     ]
-    return model(nodes, [weights(scale=0.0), whole([1], "one")])
+    top = numpy_helper.from_array(np.array(1, np.float32), "top")
+    return model(nodes, [weights(scale=0.0), whole([1], "axis"), top])
+
+
+def constant(content, name, kind=np.float32):
+    return numpy_helper.from_array(np.array(content, kind), name)
+
+
+def contradictory():
+    """An LSTM whose weights are of another size than it says."""
+    nodes = [
+        node("Unsqueeze", ["observation", "first"], ["x"]),
+        node("LSTM", ["x", "W", "R"], ["y"], hidden_size=9),
+        node("Reshape", ["y", "shape"], ["action"]),
+    ]
+    tensors = [constant(np.zeros((1, 36, 15)), "W"), constant(np.zeros((1, 36, 7)), "R")]
+    return model(nodes, [*tensors, whole([0], "first"), whole([-1, 9], "shape")])
+
+
+def over_rows():
+    """A policy that is normalised over the games of a batch."""
+    nodes = [
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("RMSNormalization", ["x", "scale"], ["action"], axis=0),
+    ]
+    return model(nodes, [weights(), constant([1], "scale")], opsets=[("", 23)])
 
 
 def policy(seed: int) -> bytes:

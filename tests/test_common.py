@@ -1,5 +1,6 @@
 """Checks, errors and row files."""
 
+import csv
 import json
 
 import numpy as np
@@ -9,6 +10,7 @@ from fpg_bench.common.checks import check_keys, flag, integer, mapping
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import install_command, require_extra
 from fpg_bench.common.files import read_yaml
+from fpg_bench.common.output import csv_text
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.strict_json import read_plain
 from tests.programs import python
@@ -19,6 +21,14 @@ def test_whole_numbers_are_taken():
     assert integer(0, "here", least=0) == 0
     with pytest.raises(UserError, match="a whole number, 0 or more, got -1"):
         integer(-1, "here", least=0)
+
+
+def test_csv_holds_no_formulas():
+    cells = ["=cmd|' /C calc'!A0", "+1+2", "-2+3+cmd|x", "@SUM(A1)", " =1", "\t=1", "\uff1d1"]
+    assert list(csv.reader([csv_text([cells]).strip("\n")])) == [[f"'{cell}" for cell in cells]]
+    kept = ["-1.5", "+0.30", "-1.5 ± 0.2", "-1e-05", "-", "", "ppo", "1=1", "[-1, 2]"]
+    assert list(csv.reader([csv_text([kept])])) == [kept]
+    assert csv_text([[-1.5, None, -3]]) == "-1.5,,-3\n"
 
 
 def test_other_kinds_are_refused():

@@ -18,6 +18,7 @@ from fpg_bench.cli.options import (
     AllowOption,
     JsonOption,
     PlayerOption,
+    ReuseOption,
     SuiteOption,
     WideOption,
     WorkersOption,
@@ -27,7 +28,7 @@ from fpg_bench.cli.options import (
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
-from fpg_bench.common.output import is_terminal, wrapped
+from fpg_bench.common.output import is_terminal
 from fpg_bench.common.parallel import Workers
 
 
@@ -71,7 +72,8 @@ def evaluate(
     players: Annotated[
         list[str],
         typer.Argument(
-            help="Scripts, agents, all-scripted, or groups of training seeds: runs/ppo, ally-scripted/sac.",
+            help="Scripts, agents, all-scripted, or groups of training seeds: runs/ppo, ally-scripted/sac. "
+            "NAME=PLAYER names its row.",
             autocompletion=complete_player,
         ),
     ],
@@ -84,6 +86,7 @@ def evaluate(
     wide: WideOption = False,
     workers: WorkersOption = Workers(1),
     allow: AllowOption = None,
+    reuse: ReuseOption = False,
 ) -> None:
     """Evaluate players on a suite; existing records are kept and not played again.
 
@@ -101,6 +104,7 @@ def evaluate(
             progress=lambda entry, rival, rounds, *of: show(f"{entry.name} - {rival.name}", *of),
             workers=workers,
             allow=allow or (),
+            reuse=reuse,
         )
     table(out, wide)
 
@@ -209,14 +213,11 @@ def terminal_width() -> int:
 
 def print_table(names: list[str], lines: list[list[str]], below: str) -> None:
     """Print a table at its full width, even on a narrower terminal, and its caption."""
-    from rich import box
     from rich.console import Console
-    from rich.table import Table
 
-    headings = map(wrapped, names, zip(*lines, strict=True) if lines else [()] * len(names))
-    drawn = Table(*headings, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for line in lines:
-        drawn.add_row(*line)
+    from fpg_bench.evaluation.table import text_table
+
+    drawn = text_table(names, lines)
     width = terminal_width()
     wide = Console(width=max(width, 1000))
     Console(width=max(width, wide.measure(drawn).maximum)).print(drawn)

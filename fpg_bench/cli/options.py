@@ -104,6 +104,12 @@ AllowOption = Annotated[
     list[str] | None,
     typer.Option(help=f"{_WORDS['allow']} May be repeated.", rich_help_panel=TRUST),
 ]
+ReuseOption = Annotated[
+    bool,
+    typer.Option(
+        "--reuse", help="Keep earlier records of players of code, too, and those against rivals of code."
+    ),
+]
 WideOption = Annotated[bool, typer.Option("--wide", help="Print all columns, for a wide terminal.")]
 _WORKERS = Fields(Workers, panel=PARALLEL, details={"n_jobs": {"min": 1}})
 WorkersOption = Annotated[Workers, _WORKERS]

@@ -16,6 +16,7 @@ from fpg_bench.cli.options import (
     GAME,
     LLM,
     AllowOption,
+    ReuseOption,
     SuiteOption,
     WideOption,
     game_options,
@@ -168,6 +169,7 @@ def compare(
     *,
     llm: Annotated[LLMOptions, llm_options("prompt", *_ASKED, "concurrency")] = LLMOptions(),
     allow: AllowOption = None,
+    reuse: ReuseOption = False,
 ) -> None:
     """Compare planners on a suite of allies; existing records are kept and not played again.
 
@@ -186,6 +188,7 @@ def compare(
             llm=llm,
             progress=lambda entry, ally, rounds, *of: show(f"{entry.name} - {ally.name}", *of),
             allow=allow or (),
+            reuse=reuse,
         )
     table(out, wide)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 from numbers import Integral
 from typing import Any
@@ -59,3 +60,14 @@ def check_keys(content: object, known: Collection[str], where: str, needed: Coll
             raise UserError(f"{where}: unknown key {key!r}{nearest(str(key), known)}")
     if missing := [key for key in needed if key not in keys]:
         raise UserError(f"{where}: lacks {', '.join(missing)}")
+
+
+def title(text: str) -> str:
+    """Return a name for people; one that begins otherwise could be a formula or markup where it is shown.
+
+    Raises:
+        UserError: it is not printable text that begins with a letter, a digit or ``_``.
+    """
+    if not re.match(r"\w", text) or not text.isprintable():
+        raise UserError(f"expected printable text that begins with a letter or a digit, got {text!r:.60}")
+    return text

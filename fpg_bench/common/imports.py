@@ -6,7 +6,11 @@ the user allows it: every reader of such files calls :func:`check_allowed`.
 
 from __future__ import annotations
 
+import ast
+import functools
+import hashlib
 import importlib
+import importlib.util
 import inspect
 import re
 import sys
@@ -99,14 +103,71 @@ def imported(name: str, what: str) -> Any:
     if not is_code(name):
         raise UserError(f"{what} {name!r}: expected package.module:object")
     module, _, attribute = name.partition(":")
-    if "" not in sys.path:
-        sys.path.insert(0, "")
+    _search_here()
     try:
         return getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError) as error:
         raise UserError(f"{what} {name!r}: {error}") from error
     except Exception as error:  # a module is anybody's code
         raise UserError(f"{what} {name!r}: importing it failed: {reason(error)}") from error
+
+
+def code_fingerprint(name: str) -> str:
+    """Return the hash of the source of ``package.module:object``; the name if there is none.
+
+    It covers all modules of the package, and of the user's own packages and modules that these import; not
+    what the code reads from other files, nor modules that it imports by computed names. Nothing is run.
+    """
+    if not is_code(name):
+        return name
+    _search_here()
+    first = name.partition(":")[0].partition(".")[0]
+    digest, todo, known = hashlib.sha256(name.encode()), [first], {first}
+    while todo:
+        module = todo.pop()
+        for path in _sources(module, is_named=module == first):
+            source = path.read_bytes()
+            digest.update(f"\0{module}/{path.name}\0".encode() + source)
+            todo += sorted(_imports(source) - known)
+            known |= _imports(source)
+    return digest.hexdigest()
+
+
+@functools.lru_cache(maxsize=1024)
+def _imports(source: bytes) -> frozenset[str]:
+    """Return the first parts of the names of packages and modules that a source imports by statements."""
+    try:
+        nodes = list(ast.walk(ast.parse(source)))
+    except (SyntaxError, ValueError, RecursionError):
+        return frozenset()
+    names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    names += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom) and not node.level]
+    return frozenset(name.partition(".")[0] for name in names)
+
+
+def _sources(module: str, is_named: bool) -> list[Path]:
+    """Return the source files of a module or package, in order; one that is not named must be the user's."""
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, ValueError):  # ``__main__``, for one
+        return []
+    places = [] if spec is None else map(Path, spec.submodule_search_locations or [spec.origin or ""])
+    own = [place for place in places if is_named or not _is_foreign(place)]
+    files = [file for place in own for file in (place.rglob("*.py") if place.is_dir() else [place])]
+    return sorted(file for file in files if file.suffix == ".py" and file.is_file())
+
+
+def _search_here() -> None:
+    """Let modules of the current folder be found."""
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+
+
+def _is_foreign(file: Path) -> bool:
+    """Return True if a file is part of this package, of Python, or of what is installed beside it."""
+    others = (Path(__file__).parents[1], Path(sys.prefix), Path(sys.base_prefix))
+    is_installed = not {"site-packages", "dist-packages"}.isdisjoint(file.parts)
+    return is_installed or any(file.absolute().is_relative_to(folder) for folder in others)
 
 
 def ready(thing: object, what: str, methods: Sequence[str], scenario: object) -> Any:
@@ -139,10 +200,9 @@ def described(error: Exception) -> str:
 
 def _at_line(error: BaseException) -> str:
     """Return ``, in FILE, line N`` where an exception arose in the user's own code; empty if it did not."""
-    others = (Path(__file__).parents[1], Path(sys.prefix), Path(sys.base_prefix))
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
-        file = Path(frame.filename).absolute()
-        if file.is_file() and not any(file.is_relative_to(folder) for folder in others):
+        file = Path(frame.filename)
+        if file.is_file() and not _is_foreign(file):
             return f", in {frame.filename}, line {frame.lineno}"
     return ""
 

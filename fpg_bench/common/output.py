@@ -1,14 +1,37 @@
-"""Lines without control characters on standard output, and the package's log messages."""
+"""Lines without control characters on standard output, the package's log messages, and CSV."""
 
 from __future__ import annotations
 
+import csv
+import io
 import logging
+import re
 import sys
 import textwrap
 from collections.abc import Iterable
 from typing import TextIO
 
 from fpg_bench.common.errors import printable
+
+# What begins a spreadsheet's formula, also as a full-width sign; and cells that begin so, but are harmless.
+_FORMULA = re.compile(r"\s*[-=+@\uff0d\uff1d\uff0b\uff20]")
+_NUMBER = re.compile(r"[-+]?([\d.]+(e[-+]?\d+)?( ± [\d.]+)?( \[[-+\d.e, ]+\])?)?", re.ASCII)
+
+
+def csv_text(lines: Iterable[Iterable[object]]) -> str:
+    """Return lines of cells as CSV; a quote begins text that a spreadsheet would run as a formula.
+
+    >>> csv_text([["=1+2", "-1.5 ± 0.2", -1.5]])
+    "'=1+2,-1.5 ± 0.2,-1.5\\n"
+    """
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([*map(_plain, line)] for line in lines)
+    return text.getvalue()
+
+
+def _plain(cell: object) -> object:
+    is_formula = isinstance(cell, str) and _FORMULA.match(cell) and not _NUMBER.fullmatch(cell)
+    return f"'{cell}" if is_formula else cell
 
 
 def print_line(line: str) -> None:

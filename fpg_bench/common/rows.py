@@ -10,12 +10,16 @@ from pathlib import Path
 from types import MappingProxyType, UnionType
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_bounded
+from fpg_bench.common.files import read_bounded, write_whole
 from fpg_bench.common.locks import locked
 from fpg_bench.common.strict_json import JsonObject, read_object
 
 Row = JsonObject
 _LARGEST = 2**30  # bytes; those of a long run are a few million
+
+
+def _text(rows: Iterable[Row]) -> str:
+    return "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
 
 
 class RowFile:
@@ -70,7 +74,7 @@ class RowFile:
         Raises:
             OSError: the file cannot be written; the error names it, also where the disk is full.
         """
-        text = "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
+        text = _text(rows)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._truncate_partial_line()
         try:
@@ -79,6 +83,10 @@ class RowFile:
         except OSError as error:
             error.filename = error.filename or str(self.path)  # a full disk names no file
             raise
+
+    def replace(self, rows: Iterable[Row]) -> None:
+        """Replace all rows in one step."""
+        write_whole(self.path, _text(rows))
 
     def locked(self) -> contextlib.AbstractContextManager[None]:
         """Hold the file for this process; raises UserError while another one holds it."""

@@ -14,6 +14,7 @@ from gymnasium import spaces
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import SCRIPTS, EnvConfig
+from fpg_bench.common.imports import code_fingerprint, is_code
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch, make_duel
 from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described, read_only
 from fpg_bench.game.choices import Choices
@@ -267,7 +268,7 @@ class SingleAgentGame(Core):
 
 
 def policies_of(game: GameSpec) -> dict[str, str]:
-    """Return the SHA-256 of the policies of the other side's agents in a game, by name.
+    """Return the SHA-256 of the policies of the other side's agents in a game, and of code, by name.
 
     Raises:
         UserError: no such agent.
@@ -276,7 +277,9 @@ def policies_of(game: GameSpec) -> dict[str, str]:
         return {}
     side = game.config.other_side
     cards = {player_name(spec): named_card(spec, side) for spec in expand_suites(game.others, side)}
-    return {name: card.policy_sha256 for name, card in cards.items() if card is not None}
+    code = [name for name in (*cards, game.planner) if isinstance(name, str) and is_code(name)]
+    policies = {name: card.policy_sha256 for name, card in cards.items() if card is not None}
+    return policies | {name: code_fingerprint(name) for name in code}
 
 
 class JointGame(Core):

@@ -13,7 +13,7 @@ from fpg_bench.evaluation.entry import planner_entry
 from fpg_bench.evaluation.evaluate import play_into, with_matches
 from fpg_bench.evaluation.store import Progress
 from fpg_bench.evaluation.suite import PLANNER, load_suite
-from fpg_bench.evaluation.summary import Summary
+from fpg_bench.evaluation.table import Results
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 
 ALL = "all"
@@ -30,7 +30,8 @@ def compare(
     llm: LLMOptions = LLMOptions(),
     progress: Progress = lambda entry, rival, rounds, done, total: None,
     allow: Collection[str] = (),
-) -> list[Summary]:
+    reuse: bool = False,
+) -> Results:
     """Play planners against a suite of allies; records that the folder has already are not played again.
 
     Args:
@@ -46,6 +47,8 @@ def compare(
             :func:`fpg_bench.evaluation.evaluate.evaluate`.
         allow: the code and agents of the Hub that the suite's file may name; see
             :func:`fpg_bench.evaluation.suite.load_suite`.
+        reuse: keep the folder's records of planners of code, and of suites with code; see
+            :func:`fpg_bench.evaluation.evaluate.evaluate`.
 
     Returns:
         The summaries of all planners in the folder, best first.
@@ -75,4 +78,4 @@ def compare(
     if transcripts is not None:
         replayed = load("language model", "of transcripts")
         entries += replayed(Path(transcripts), played, [entry.name for entry in entries])
-    return play_into(out, suite, played, entries, progress)
+    return play_into(out, suite, played, entries, progress, reuse=reuse)

@@ -7,27 +7,28 @@ import hashlib
 import json
 import os
 import re
-import sys
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
+from fpg_bench.common.checks import title
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import NAMED, SCRIPTED
+from fpg_bench.common.imports import code_fingerprint, is_code
 from fpg_bench.common.schema import Word, parse
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.run_description import MADE_BY
 from fpg_bench.evaluation.suite import Rival, Suite, identity
 from fpg_bench.planning import PLANNERS, as_planner
-from fpg_bench.players.agent import agents_named
+from fpg_bench.players.agent import agents_named, is_shipped
 from fpg_bench.players.player import Abilities, Player, PlayerSpec
 from fpg_bench.players.registry import card_of, player_name, policy_hash
 from fpg_bench.players.remote import is_remote, pinned
 
 ALL_SCRIPTED = "all-scripted"
 MADE = "2:"  # begins what is kept of how an agent was made; version 0.2.0 hashed other text
+_NAMED = re.compile(r"([^=/\\:(]+)=(.+)", re.DOTALL)  # a player with a name of one's own
 _NAMELESS = "object "  # a fingerprint that holds as long as the program runs
 
 
@@ -38,11 +39,12 @@ class EvaluatedPlayer:
     Attributes:
         name: its name in records and tables; agents of several training seeds share it.
         training_seed: None for a script or a planner.
-        fingerprint: hash of the policy or source file, or the name of a script.
+        fingerprint: hash of the policy or of the code, or the name of a script.
         make: returns the player (or planner) that meets a rival.
         made: hash of all that made an agent except its training seed; None for all else.
         training: training steps and seconds of an agent, as far as they are known.
         elsewhere: True if an agent's training had other rules than the suite.
+        is_code: True for code, of which the fingerprint need not cover all that decides how it plays.
 
     Raises:
         UserError: a name that no record can hold.
@@ -55,6 +57,7 @@ class EvaluatedPlayer:
     made: str | None = None
     training: dict[str, float] = dataclasses.field(default_factory=dict)
     elsewhere: bool = False
+    is_code: bool = False
 
     def __post_init__(self) -> None:
         parse(Word, self.name, "name")  # no record could hold another
@@ -81,21 +84,27 @@ def entries_of(
     differ in these are called by their folders.
 
     Args:
-        specs: players of the suite's side, groups of training seeds (``ally-scripted/sac``, ``runs/ppo``), or
-            ``all-scripted``. In a mapping, each key names an entry, and its value is a player or a list of
-            agents.
+        specs: players of the suite's side, groups of training seeds (``ally-scripted/sac``, ``runs/ppo``),
+            ``all-scripted``, or any of them with a name of one's own, ``mine=runs/ppo``. In a mapping, each
+            key names an entry, and its value is a player or a list of agents.
         suite: the suite that they will meet.
         name: name of the agents among them; None: their algorithm.
 
     Raises:
         UserError: no such player, one of the other side, an oracle, two agents of one entry with the same
-            training seed, or a name for several entries.
+            training seed, a name for several entries, or one that is a script's or begins with a sign.
     """
+    given: dict[str, list[PlayerSpec]] = {}
+    every: list[PlayerSpec] = []
     if isinstance(specs, Mapping):
-        named = [entry for name, spec in specs.items() for entry in _named_entry(str(name), spec, suite)]
-        check_seeds(named)
-        return named
-    every = [each for spec in specs for each in _each(spec, suite)]
+        given = {str(key): list(of) if isinstance(of, list | tuple) else [of] for key, of in specs.items()}
+        specs = ()
+    for spec in specs:
+        if isinstance(spec, str) and (match := _NAMED.fullmatch(spec)) and not os.path.exists(spec):
+            given.setdefault(match[1], []).append(match[2])
+        else:
+            every += _each(spec, suite)
+    own = [entry for key, named in given.items() for entry in _named_entry(key, named, suite)]
     players = {spec: _player(spec, suite) for spec in dict.fromkeys(every)}
     groups: dict[str, list[PlayerSpec]] = {}
     for spec, player in players.items():
@@ -104,10 +113,10 @@ def entries_of(
     if name is not None and len(agents) > 1:
         called = " and ".join(_label(list(map(player_name, members))) for members in agents)
         raise UserError(f"name {name!r}: {called} were made differently, so they are several entries")
-    if name in NAMED[suite.side]:
-        raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
-    names = _names(groups, players, name)
-    entries = [_entry(spec, players[spec], names[spec], suite) for spec in players]
+    if name is not None:
+        check_name(name, suite.side)
+    names = _names(groups, players, name, given)
+    entries = [*own, *(_entry(spec, players[spec], names[spec], suite) for spec in players)]
     check_seeds(entries)
     return list({(entry.name, entry.training_seed): entry for entry in entries}.values())
 
@@ -124,12 +133,24 @@ def _each(spec: PlayerSpec, suite: Suite) -> Sequence[PlayerSpec]:
     return [spec] if named == [name] else named
 
 
-def _named_entry(name: str, specs: Players, suite: Suite) -> list[EvaluatedPlayer]:
+def _named_entry(name: str, specs: list[PlayerSpec], suite: Suite) -> list[EvaluatedPlayer]:
     """Return the entry of this name, one per training seed."""
-    entries = entries_of(list(specs) if isinstance(specs, list | tuple) else [specs], suite)
+    if specs != [name]:
+        check_name(name, suite.side)
+    entries = entries_of(specs, suite)
     if len({entry.name for entry in entries}) > 1:
         raise UserError(f"{name}: {' and '.join(entry.name for entry in entries)} are several entries")
     return [dataclasses.replace(entry, name=name) for entry in entries]
+
+
+def check_name(name: str, side: str) -> None:
+    """Refuse a name for an entry that is a script's, or that a table or a spreadsheet cannot show."""
+    if name.casefold() in NAMED[side]:
+        raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
+    try:
+        title(name)
+    except UserError as error:
+        raise UserError(f"name: {error}") from error
 
 
 def is_nameless(entry: EvaluatedPlayer) -> bool:
@@ -148,15 +169,35 @@ def check_kept(entries: Sequence[EvaluatedPlayer]) -> None:
 
 
 def check_seeds(entries: Sequence[EvaluatedPlayer]) -> None:
-    """Refuse two players of one entry with the same training seed."""
-    known: dict[tuple[str, int | None], str] = {}
+    """Refuse two players of one entry and training seed, and one policy as several training seeds."""
+    known: dict[str, dict[int | None, str]] = {}
     for entry in entries:
-        who = (entry.name, entry.training_seed)
-        if known.setdefault(who, entry.fingerprint) != entry.fingerprint:
+        policies = known.setdefault(entry.name, {})
+        if policies.setdefault(entry.training_seed, entry.fingerprint) != entry.fingerprint:
             seed = "" if entry.training_seed is None else f" of training seed {entry.training_seed}"
             raise UserError(
                 f"{entry.name}: two different players{seed}; evaluate them one at a time, each with a --name"
             )
+    check_distinct(known)
+
+
+def check_distinct(entries: Mapping[str, Mapping[int | None, str]]) -> None:
+    """Refuse entries, given by policies' hashes, that are alike in name, or of one policy as several."""
+    known: dict[str, str] = {}
+    for name, policies in entries.items():
+        if (other := known.setdefault(name.casefold(), name)) != name:
+            raise UserError(f"{name}: differs from {other} by case alone; give one another name: NAME=PLAYER")
+        for line in same_policies(policies):
+            raise UserError(f"{name}: {line}")
+
+
+def same_policies(policies: Mapping[int | None, str]) -> Iterator[str]:
+    """Yield a line on each training seed whose policy, given by its hash, is that of an earlier one."""
+    first: dict[str, int | None] = {}
+    for seed, policy in policies.items():
+        if (same := first.setdefault(policy, seed)) != seed:
+            rule = "each seed must be a separate training run"
+            yield f"seed_{seed}: holds the same policy as seed_{same}; {rule}"
 
 
 def planner_entry(spec: PlannerSpec, suite: Suite) -> EvaluatedPlayer:
@@ -170,14 +211,7 @@ def planner_entry(spec: PlannerSpec, suite: Suite) -> EvaluatedPlayer:
     code = spec if isinstance(spec, str) else f"{type(spec).__module__}:{name}"
     if not isinstance(spec, str) and name in PLANNERS:
         raise UserError(f"planner {spec!r}: calls itself {name}, as one of the package does; rename it")
-    return EvaluatedPlayer(name, None, code_fingerprint(code), FixedPlayer(spec))
-
-
-def code_fingerprint(name: str) -> str:
-    """Return the hash of the source file of ``package.module:object``, or the name if there is none."""
-    module = sys.modules.get(name.partition(":")[0])
-    file = getattr(module, "__file__", None) if ":" in name else None
-    return name if file is None else hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    return EvaluatedPlayer(name, None, code_fingerprint(code), FixedPlayer(spec), is_code=is_code(code))
 
 
 def _player(spec: PlayerSpec, suite: Suite) -> Player:
@@ -200,28 +234,39 @@ def _made_by(spec: PlayerSpec, player: Player) -> str:
 
 
 def _names(
-    groups: Mapping[str, Sequence[PlayerSpec]], players: Mapping[PlayerSpec, Player], name: str | None
+    groups: Mapping[str, Sequence[PlayerSpec]],
+    players: Mapping[PlayerSpec, Player],
+    name: str | None,
+    given: Collection[str],
 ) -> dict[PlayerSpec, str]:
-    """Return the name of each player."""
+    """Return the name of each player; ``given`` are names of others."""
     first = []
     for members in groups.values():
         card = card_of(players[members[0]])
         first.append(player_name(members[0]) if card is None else name or card.algorithm)
-    named = distinct_names(first, [list(map(player_name, members)) for members in groups.values()])
-    return {spec: name for name, members in zip(named, groups.values(), strict=True) for spec in members}
+    folders = [list(map(player_name, members)) for members in groups.values()]
+    named = {}
+    for old, new, members in zip(first, distinct_names(first, folders, given), groups.values(), strict=True):
+        is_marked = new != old and is_shipped(player_name(members[0]))
+        named |= dict.fromkeys(members, f"{new} (shipped)" if is_marked else new)
+    return named
 
 
-def distinct_names(names: Sequence[str], folders: Sequence[Sequence[str]]) -> list[str]:
+def distinct_names(
+    names: Sequence[str], folders: Sequence[Sequence[str]], taken: Collection[str] = ()
+) -> list[str]:
     """Return the names of groups of training seeds; those that would share one are named by their folders.
 
-    >>> distinct_names(["ppo", "ppo", "sac"], [["runs/slow_0", "runs/slow_1"], ["runs/ppo/seed_0"], ["sac"]])
+    Names that differ by case alone are the same. ``taken`` are names of others.
+
+    >>> distinct_names(["ppo", "PPO", "sac"], [["runs/slow_0", "runs/slow_1"], ["runs/ppo/seed_0"], ["sac"]])
     ['runs/slow', 'runs/ppo', 'sac']
     """
     named = list(names)
     for rename in (_label, lambda members: members[0]):
-        counts = Counter(named)
+        counts = Counter(map(str.casefold, (*named, *taken)))
         named = [
-            rename(members) if counts[name] > 1 else name
+            rename(members) if counts[name.casefold()] > 1 else name
             for name, members in zip(named, folders, strict=True)
         ]
     return named
@@ -239,8 +284,8 @@ def _entry(spec: PlayerSpec, player: Player, name: str, suite: Suite) -> Evaluat
     card = card_of(player)
     if card is None:
         is_named = isinstance(spec, str | os.PathLike)
-        fingerprint = code_fingerprint(player_name(spec)) if is_named else f"{_NAMELESS}{id(spec)}"
-        return EvaluatedPlayer(name, None, fingerprint, FixedPlayer(spec))
+        code = player_name(spec) if is_named else f"{_NAMELESS}{id(spec)}"
+        return EvaluatedPlayer(name, None, code_fingerprint(code), FixedPlayer(spec), is_code=is_code(code))
     # An agent itself is sent to workers, as other machines may lack its files; other players by their names.
     made = MADE + hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]
     cost = {"steps": card.training_steps, "seconds": card.seconds}

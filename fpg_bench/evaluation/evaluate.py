@@ -8,6 +8,7 @@ import logging
 import tempfile
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pydantic
@@ -27,7 +28,7 @@ from fpg_bench.evaluation.entry import (
     is_nameless,
 )
 from fpg_bench.evaluation.rounds import Players
-from fpg_bench.evaluation.store import RECORDS, Progress, Store, pairings
+from fpg_bench.evaluation.store import RECORDS, Pairing, Progress, Store, pairings
 from fpg_bench.evaluation.suite import Suite, load_suite, read_suite
 from fpg_bench.evaluation.summary import Summary, TrainingCost, summarise
 from fpg_bench.evaluation.table import Results
@@ -49,8 +50,11 @@ def evaluate(
     progress: Progress = lambda entry, rival, rounds, done, total: None,
     workers: Workers | int = 1,
     allow: Collection[str] = (),
+    reuse: bool = False,
 ) -> Results:
     """Evaluate players on a suite; records that the folder has already are not played again.
+
+    Players of code (``package.module:object``) are, as what they read from elsewhere may have changed.
 
     The matches are held out: a training loop scores itself by :class:`fpg_bench.PolicyEvaluator`.
 
@@ -72,13 +76,16 @@ def evaluate(
             the records are the same, in another order.
         allow: the code and agents of the Hub that the suite's file may name; see
             :func:`fpg_bench.evaluation.suite.load_suite`.
+        reuse: keep the folder's records of players of code, and those against rivals of code, if the sources
+            are the same. The table says from when they are.
 
     Returns:
         The summaries of all entries in the folder, best first, with ``table()`` and ``dataframe()``.
 
     Raises:
         UserError: an unknown player or suite, a player of the wrong side, a folder that holds other files or
-            another suite's records, or a folder for players without a name to recognize them by.
+            another suite's records, one with records against rivals of code that may not be reused, or a
+            folder for players without a name to recognize them by.
     """
     played = with_matches(load_suite(suite, allow=allow), matches)
     if played.side not in ("ally", "opponent"):
@@ -89,8 +96,7 @@ def evaluate(
         check_kept(entries)
     _warn_of_loop(entries, played)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        summaries = play_into(Path(folder), suite, played, entries, progress, workers)
-        return Results(summaries)
+        return play_into(Path(folder), suite, played, entries, progress, workers, reuse)
 
 
 def _warn_of_loop(entries: Sequence[EvaluatedPlayer], suite: Suite) -> None:
@@ -111,7 +117,8 @@ def play_into(
     entries: Sequence[EvaluatedPlayer],
     progress: Progress = lambda entry, rival, rounds, done, total: None,
     workers: Workers | int = 1,
-) -> list[Summary]:
+    reuse: bool = False,
+) -> Results:
     """Play entries against a suite into a results folder; raises as :func:`evaluate` does.
 
     Args:
@@ -121,23 +128,24 @@ def play_into(
         entries: the entries to measure.
         progress: see :func:`evaluate`.
         workers: see :func:`evaluate`.
+        reuse: see :func:`evaluate`.
     """
     check_seeds(entries)
     store, wanted = Store(out / RECORDS), pairings(entries, suite)
     with own_folder(out, ABOUT, "results"):
-        about = _claim(out, name, suite, entries)
-        store.claim(wanted)
-        empty = {key for key in ("training", "elsewhere") if not getattr(about, key)}
-        write_json(out / ABOUT, about.model_dump(exclude=empty))
+        _claim(out, name, suite, wanted, store, reuse)
         store.fill(wanted, progress=progress, workers=workers)
     return _summaries(out, suite)
 
 
-def _summaries(folder: Path, suite: Suite) -> list[Summary]:
+def _summaries(folder: Path, suite: Suite) -> Results:
     """Return the summaries of a folder's records, with the cost of agents' training where it is known."""
     summaries = summarise(Store(folder / RECORDS).records(), suite)
     about = _about(folder)
-    return [dataclasses.replace(each, training=_training(about, each)) for each in summaries]
+    return Results(
+        dataclasses.replace(each, training=_training(about, each), played=about.played.get(each.entry))
+        for each in summaries
+    )
 
 
 def _training(about: _ResultsFile, summary: Summary) -> TrainingCost:
@@ -151,7 +159,7 @@ def _training(about: _ResultsFile, summary: Summary) -> TrainingCost:
     return TrainingCost(int(steps[0]), mean, elsewhere)
 
 
-def read_results(folder: str | Path) -> tuple[list[Summary], Suite]:
+def read_results(folder: str | Path) -> tuple[Results, Suite]:
     """Return the summaries of a results folder, and its suite, whose players are not loaded.
 
     Raises:
@@ -171,7 +179,7 @@ def with_matches(suite: Suite, matches: int | None) -> Suite:
 
 
 class _ResultsFile(Strict):
-    """Content of ``evaluation.json``: the suite, and how, at what cost and where the agents were made."""
+    """Content of ``evaluation.json``: the suite, the making and the cost of agents, and when code played."""
 
     suite: str
     suite_hash: str
@@ -179,13 +187,17 @@ class _ResultsFile(Strict):
     made: dict[str, str] = pydantic.Field(default_factory=dict)
     training: dict[str, dict[str, dict[str, int | float]]] = pydantic.Field(default_factory=dict)
     elsewhere: list[str] = pydantic.Field(default_factory=list)
+    played: dict[str, str] = pydantic.Field(default_factory=dict)
 
 
-def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer]) -> _ResultsFile:
-    """Return a folder's description with these entries: how its agents were made, and at what cost.
+def _claim(out: Path, name: str, suite: Suite, wanted: Sequence[Pairing], store: Store, reuse: bool) -> None:
+    """Write into a folder the suite of its records, and how its agents were made and at what cost.
+
+    Records of players of code are dropped unless they may be reused.
 
     Raises:
-        UserError: it holds records of another suite, or differently made agents of one of these names.
+        UserError: it holds records of another suite, or differently made agents of one of these names, or
+            records against rivals of code that may not be reused.
     """
     about = _ResultsFile(suite=name, suite_hash=suite.hash, matches=suite.matches)
     if (out / ABOUT).exists():
@@ -198,7 +210,19 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer
             f"records of {about.suite} with {about.matches} matches, or of another version of it, not of "
             f"{name} with {suite.matches}",
         )
+    if suite.code and not reuse and store.records():
+        raise other_content(
+            f"results {out}",
+            f"records against code ({', '.join(suite.code)}), which may have changed since",
+            "add --reuse to keep them",
+        )
+    entries = [pairing.entry for pairing in wanted]
+    replayed = set() if reuse else {entry.name for entry in entries if entry.is_code} & about.played.keys()
+    for player in replayed:
+        del about.played[player]
     for entry in entries:
+        if entry.is_code or suite.code:
+            about.played.setdefault(entry.name, f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")
         if entry.made is not None:
             before = about.made.get(entry.name, "")
             if before.startswith(MADE) and before != entry.made:
@@ -211,7 +235,9 @@ def _claim(out: Path, name: str, suite: Suite, entries: Sequence[EvaluatedPlayer
             about.training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training
         if entry.elsewhere and entry.name not in about.elsewhere:
             about.elsewhere.append(entry.name)
-    return about
+    store.claim(wanted, replayed)
+    empty = {key for key in ("training", "elsewhere", "played") if not getattr(about, key)}
+    write_json(out / ABOUT, about.model_dump(exclude=empty))
 
 
 def _about(folder: Path) -> _ResultsFile:

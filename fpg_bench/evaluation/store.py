@@ -7,7 +7,7 @@ verifies is never taken from the zoo.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from typing import NamedTuple
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.entry import EvaluatedPlayer
+from fpg_bench.evaluation.entry import EvaluatedPlayer, check_distinct
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import MatchupKey, Record, read_records
 from fpg_bench.evaluation.suite import Rival, Suite
@@ -96,17 +96,23 @@ class Store:
         else:
             self._file.append([record.row()])
 
-    def claim(self, wanted: Iterable[Pairing]) -> None:
+    def claim(self, wanted: Iterable[Pairing], replayed: Collection[str] = ()) -> None:
         """Refuse to mix: raise UserError unless all records are of these suites, and of these players.
 
         A player of the same name and training seed must be the same player, and a name has training seeds or
         none; other names may be there.
+
+        Args:
+            wanted: the pairings.
+            replayed: names of players whose records are dropped.
         """
         wanted = list(wanted)
         suites = {pairing.suite.hash[:16] for pairing in wanted}
         players = {(each.name, each.training_seed): each.fingerprint[:16] for each, *_ in wanted}
         seeded = {each.name: each.training_seed is not None for each, *_ in wanted}
-        for record in self.records():
+        records = self.records()
+        kept = [record for record in records if record.entry not in replayed]
+        for record in kept:
             if record.suite_hash not in suites:
                 raise other_content(f"records {self.path}", f"some of another suite ({record.suite})")
             known = players.get((record.entry, record.training_seed), record.fingerprint)
@@ -117,6 +123,13 @@ class Store:
                     f"records of another {record.entry!r} (another policy, or its file has changed)",
                     "give this one another name",
                 )
+        there = {(record.entry, record.training_seed): record.fingerprint for record in kept}
+        policies: dict[str, dict[int | None, str]] = {}
+        for (name, seed), policy in (there | players).items():
+            policies.setdefault(name, {})[seed] = policy
+        check_distinct(policies)
+        if len(kept) < len(records) and self._file is not None:
+            self._file.replace([record.row() for record in kept])
 
     def missing(self, wanted: Iterable[Pairing]) -> list[Pairing]:
         """Return the pairings that have no record, each once."""

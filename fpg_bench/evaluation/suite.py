@@ -19,7 +19,7 @@ from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
-from fpg_bench.common.imports import SUITE, check_allowed, names_object
+from fpg_bench.common.imports import SUITE, check_allowed, code_fingerprint, is_code, names_object
 from fpg_bench.common.products import files_of_products
 from fpg_bench.common.schema import Items, PositiveInt, Strict, Word, parse
 from fpg_bench.common.strict_json import JsonObject
@@ -161,7 +161,15 @@ class Suite:
         content = [self.side, self.matches, self.season, self.opponent, self.last_rounds, rivals]
         if self.game is not None:
             content += [self.game.hash, [len(c.mates) for c in self.rivals]]
+        if self.code:
+            content.append([code_fingerprint(name) for name in self.code])
         return hashlib.sha256(json.dumps([*content, self.scale.zero, self.scale.top]).encode()).hexdigest()
+
+    @property
+    def code(self) -> list[str]:
+        """The names of the rivals, planners and mates that are code, ``package.module:object``."""
+        named = [(*c.players, *c.mates, c.planner or "") for c in self.rivals]
+        return sorted(filter(is_code, {self.opponent, *(name for names in named for name in names)}))
 
     @property
     def groups(self) -> dict[str, list[str]]:
@@ -205,7 +213,7 @@ def seated_player(spec: PlayerSpec, side: str, scenario: Scenario, game: OtherGa
 
 
 def identity(name: str) -> str:
-    """Return what decides how a named player plays: the hash of an agent's policy, or its name."""
+    """Return the hash of a named agent's policy, or the name of any other player."""
     if name.startswith(SUITE):
         raise UserError(f"rival {name!r}: name a suite's members by their folders, NAME/SIDE/MEMBER")
     if not is_remote(name) and (names_object(name) or not {"/", "\\"} & set(name)):

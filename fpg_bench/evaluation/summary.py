@@ -40,6 +40,7 @@ class Summary:
         trained: true if the first axis is training seeds.
         records: the records that it summarises, in the order of training seed and rival.
         training: cost of the training of agents.
+        played: time from which records of a player of code, or against rivals of code, are; None for others.
     """
 
     entry: str
@@ -48,6 +49,10 @@ class Summary:
     trained: bool
     records: tuple[Record, ...]
     training: TrainingCost = TrainingCost()
+    played: str | None = None
+
+    def __repr__(self) -> str:
+        return f"Summary({self.entry!r}, {self.suite.name!r}, score={self.score.value:.1f})"
 
     @property
     def training_seeds(self) -> int:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
+import html
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,13 +15,14 @@ import numpy as np
 from fpg_bench.common.canvas import Style, blank_figure, literal, write_figure
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.output import wrapped
+from fpg_bench.common.output import csv_text, wrapped
 from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, difference, mean_interval, rank_ranges
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from rich.table import Table
 
 MOST_DRAWN, MOST_RANKED = 100, 1000  # entries of the picture, and of a table whose pairs are compared
 _INTERVAL = "95 % interval"
@@ -78,6 +78,8 @@ def caption(summaries: Sequence[Summary], suite: Suite) -> str:
     whose = "ally's" if suite.side == "ally" else "opponent's"
     elsewhere = [summary.entry for summary in summaries if summary.training.elsewhere]
     note = f" Trained in another scenario than the suite's: {', '.join(elsewhere)}." if elsewhere else ""
+    code = ", ".join(f"{summary.entry} ({summary.played})" for summary in summaries if summary.played)
+    note += f" Code, as it was when it was played: {code}." if code else ""
     return (
         f"Suite {suite.name} ({suite.hash[:12]}): {met}. Return: the {whose}, per step, mean over "
         f"rivals; {suite.scale.description}; worst: the lowest return per step, against one of them. "
@@ -130,12 +132,9 @@ def _dashed(number: str) -> str:
 
 def as_csv(summaries: Sequence[Summary]) -> str:
     """Return CSV, unrounded: the score with its interval, the reward per step by rival, all measures."""
-    text = io.StringIO()
     lines = flat_lines(summaries)
-    writer = csv.DictWriter(text, list(lines[0]) if lines else [], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(lines)
-    return text.getvalue()
+    names = list(lines[0]) if lines else []
+    return csv_text([names, *([line[name] for name in names] for line in lines)])
 
 
 def flat_lines(summaries: Sequence[Summary]) -> list[Line]:
@@ -256,12 +255,49 @@ def write_table(summaries: Sequence[Summary], suite: Suite, folder: Path) -> Non
     picture(summaries, suite, folder / "table.png")
 
 
+def text_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> Table:
+    """Return a table for a terminal, whose headings are wrapped."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    headings = map(wrapped, head, zip(*lines, strict=True) if lines else [()] * len(head))
+    drawn = Table(*headings, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for line in lines:
+        drawn.add_row(*map(Text, line))
+    return drawn
+
+
 class Results(list[Summary]):
     """The summaries of all entries that met a suite, best first."""
 
     def table(self) -> str:
         """Return a Markdown table with all columns and a caption."""
         return markdown(self, self[0].suite) if self else ""
+
+    def __repr__(self) -> str:
+        from rich.console import Console
+
+        if not self:
+            return "Results([])"
+        suite, console = self[0].suite, Console(no_color=True, force_terminal=False)
+        head, *lines = lines_of_table(self, suite, console.width)
+        with console.capture() as drawn:
+            console.print(text_table(head, lines))
+        below = textwrap.wrap(caption(self, suite), console.width)
+        return "\n".join([*map(str.rstrip, drawn.get().splitlines()), *below])
+
+    def _repr_html_(self) -> str:
+        """Return the table with all columns for a notebook."""
+        if not self:
+            return "Results([])"
+        kinds, lines = ["th", *("td" for _ in self)], lines_of_table(self, self[0].suite)
+        rows = [
+            "".join(f"<{kind}>{html.escape(cell)}</{kind}>" for cell in line)
+            for kind, line in zip(kinds, lines, strict=True)
+        ]
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        return f"<table>{body}</table><p>{html.escape(caption(self, self[0].suite))}</p>"
 
     def dataframe(self) -> Any:
         """Return a ``pandas.DataFrame`` with one row per entry, unrounded, the columns of ``table.csv``.

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fpg_bench.common.errors import UserError, first_line
+from fpg_bench.common.errors import UserError, first_line, one_line
 from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_bounded, read_json
 from fpg_bench.common.products import load
@@ -27,6 +27,7 @@ from fpg_bench.players.seeded import SeededPolicy
 from fpg_bench.players.trust import is_exported_here, remember_exported
 
 _MOST_POLICY = 2**28  # bytes
+_ROWS, _STEPS, _NEAR = 8, 4, 1e-4  # of observations that check an answer, and how far it may be off
 _SEED = re.compile(r"seed_(\d+)")
 
 
@@ -102,20 +103,46 @@ class OnnxPlayer(SeededPolicy):
         if self.noise_size:
             steps = steps.copy() if starts is None else np.where(starts, 0, steps)
             feeds["noise"] = self._noise(steps)
-        actions, *memory = self._run(feeds) if self.row_wise else self._one_by_one(feeds)
+        actions, *memory = self.run(feeds) if self.row_wise else self._one_by_one(feeds)
         if not self.state_size and not self.noise_size:
             return actions, None
         return actions, (memory[0] if self.state_size else None, steps + 1)
 
-    def _run(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
+    def run(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
+        """Return the outputs of one call of the policy by the names of its inputs."""
         return list(self._session.run(self._outputs, feeds))
 
     def _one_by_one(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
         """Run each row in a batch of its own; outputs with more rows keep their wrong shape."""
         count = len(feeds["observation"])
-        rows = [self._run({name: of[k : k + 1] for name, of in feeds.items()}) for k in range(count)]
+        rows = [self.run({name: of[k : k + 1] for name, of in feeds.items()}) for k in range(count)]
         stacked = [np.stack(output) for output in zip(*rows, strict=True)]
         return [of[:, 0] if of.shape[1:2] == (1,) else of for of in stacked]
+
+    def check_answers(self) -> None:
+        """Answer drawn observations in one batch and one by one, over a few steps.
+
+        Raises:
+            UserError: the policy fails, or its answer to a game depends on the other games of a batch.
+        """
+        rng = np.random.default_rng(0)
+        feeds = {"state": np.zeros((_ROWS, self.state_size), np.float32)} if self.state_size else {}
+        for _ in range(_STEPS):
+            feeds["observation"] = rng.uniform(-1, 1, (_ROWS, self.size)).astype(np.float32)
+            feeds["observation"][:3] = np.array([[-1], [0], [1]])
+            if self.noise_size:
+                feeds["noise"] = rng.standard_normal((_ROWS, self.noise_size), np.float32)
+            try:
+                together, alone = self.run(feeds), self._one_by_one(feeds)
+            except Exception as error:  # onnxruntime's, of any kind
+                raise UserError(f"policy.onnx: fails in play: {one_line(error)}") from error
+            for one, other in zip(together, alone, strict=True):
+                if one.shape != other.shape or not np.allclose(one, other, _NEAR, _NEAR, equal_nan=True):
+                    raise UserError(
+                        "policy.onnx: its answer to one game depends on the other games of a batch; let each "
+                        "row of the outputs follow from the same row of the inputs"
+                    )
+            feeds |= {"state": together[1]} if self.state_size else {}
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
         from fpg_bench.players.scripted import fill_noise  # its compiler is slow to load, and few draw
@@ -159,8 +186,7 @@ def load_agent(
     if not card.describes(model):
         raise UserError(f"{where}: policy.onnx is not the file that agent.json describes (sha256)")
     if trusted is None:
-        is_shipped = baselines_folder().resolve() in folder.resolve().parents
-        trusted = is_shipped or is_exported_here(card.policy_sha256)
+        trusted = is_shipped(folder) or is_exported_here(card.policy_sha256)
     if not trusted and isinstance(card.game, OtherGame):
         raise UserError(
             f"{where}: plays {card.game.id}, and agents of others play the duel alone, in a sandbox; if "
@@ -217,6 +243,12 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
         if folder.is_dir():
             return folder
     raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder")
+
+
+def is_shipped(name: str | os.PathLike[str]) -> bool:
+    """Return True if a player is an agent of the package."""
+    place = next(filter(Path.is_dir, _places(name)), None)
+    return place is not None and baselines_folder().resolve() in place.resolve().parents
 
 
 def agents_named(name: str, side: str) -> list[str]:
@@ -307,7 +339,8 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
             (its hash) where it was not ``standard``; of ``FPG/duel_v0`` also ``side``.
 
     Raises:
-        UserError: a field missing, a policy with other inputs or outputs, or a file that is not ONNX.
+        UserError: a field missing, a policy with other inputs or outputs, one that fails or whose rows depend
+            on each other, or a file that is not ONNX.
     """
     where = f"agent {os.fspath(folder)}"
     data = (
@@ -323,7 +356,7 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
         raise UserError(f"{where}: lacks id")
     card = AgentCard.parse(content, where)
     try:
-        OnnxPlayer(data, card)
+        OnnxPlayer(data, card).check_answers()
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
     remember_exported(card.policy_sha256)

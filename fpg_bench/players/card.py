@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import pydantic
 
+from fpg_bench.common.checks import title
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS
@@ -22,6 +23,7 @@ from fpg_bench.game.spec import GameSpec, OtherGame
 AGENT_FORMAT: Literal[2] = 2
 FILE = "agent.json"
 MOST_STEPS = 10**13  # of a training
+MOST_SECONDS = 36 * 10**8  # of a training: a million hours
 _LONGEST_NAME = 60
 
 if TYPE_CHECKING:
@@ -36,18 +38,17 @@ else:  # in a model of a file; of ``Any``, since pydantic cannot look into the d
 _Name = Annotated[
     str,
     pydantic.Field(min_length=1, max_length=_LONGEST_NAME),
-    pydantic.AfterValidator(lambda text: _printable(text)),
+    pydantic.AfterValidator(title),
 ]
 _Steps = Annotated[
     int, pydantic.Field(ge=0, le=MOST_STEPS), Expected(f"a whole number from 0 to {MOST_STEPS:,}")
 ]
+_Seconds = Annotated[
+    float,
+    pydantic.Field(strict=False, ge=0, le=MOST_SECONDS),
+    Expected(f"a number from 0 to {MOST_SECONDS:,}"),
+]
 _Sha256 = Annotated[str, pydantic.Field(pattern=r"^[0-9a-f]{64}$"), Expected("a SHA-256 hash")]
-
-
-def _printable(text: str) -> str:
-    if not text.isprintable():
-        raise UserError(f"expected printable text, got {text!r:.40}")
-    return text
 
 
 class OfflineData(Strict):
@@ -105,8 +106,8 @@ class AgentCard(Strict):
     hyperparameters: JsonObject = pydantic.Field(default_factory=dict)
     policies: dict[str, str] = pydantic.Field(default_factory=dict)
     offline: OfflineData | None = None
-    steps_done: int | None = None
-    seconds: Annotated[float, pydantic.Field(strict=False)] | None = None
+    steps_done: _Steps | None = None
+    seconds: _Seconds | None = None
     recipe: JsonObject | None = None
     policy_sha256: _Sha256
     largest_difference: Annotated[float, pydantic.Field(strict=False)] | None = None

@@ -104,6 +104,46 @@ def test_two_policies_of_one_training_seed_are_refused_and_one_by_two_names_is_o
     assert names([one, same], suite) == [("ppo", 0)]
 
 
+def test_a_player_may_have_a_name_of_ones_own(suite, agent):
+    agents = [agent(f"runs/ppo/seed_{k}", k) for k in range(2)]
+    expected = [("mine", 0), ("mine", 1), ("expert", None)]
+    assert names(["mine=runs/ppo", "expert"], suite) == expected
+    assert names([f"mine={agents[0]}", "expert", f"mine={agents[1]}"], suite) == expected
+    variant = "sulk(patience_hops=1, rest_s=2)"
+    assert names([f"hops={variant}", variant], suite) == [("hops", None), (variant, None)]
+    lr = agent("lr=3", 2)
+    assert names([lr], suite) == [("ppo", 2)]
+    for name, message in (
+        ("expert", "is a script's"),
+        ("Expert", "is a script's"),
+        ("=cmd|' /C calc'!A0", "begins with a letter or a digit"),
+        ("a\nb", "printable"),
+    ):
+        for use in (
+            lambda name=name: names({name: "idle"}, suite),
+            lambda name=name: names(agents, suite, name=name),
+        ):
+            with pytest.raises(UserError, match=message):
+                use()
+
+
+def test_names_differ_by_more_than_case(suite, agent):
+    own = agent("runs/mine", 0, algorithm="PPO")
+    group = "ally-scripted/ppo"
+    assert {name for name, _ in names([own, group], suite)} == {own, f"{group} (shipped)"}
+    assert {name for name, _ in names([f"PPO={own}", group], suite)} == {"PPO", f"{group} (shipped)"}
+    with pytest.raises(UserError, match="PPO: differs from ppo by case alone"):
+        entries_of({"ppo": own, "PPO": "idle"}, suite)
+
+
+def test_one_policy_is_not_several_training_seeds(suite, agent):
+    copies = [agent(f"runs/ppo/seed_{k}", k, policy=0) for k in range(2)]
+    for specs in (["runs/ppo"], copies, {"mine": copies}):
+        with pytest.raises(UserError, match="seed_1: holds the same policy as seed_0; each seed must be"):
+            entries_of(specs, suite)
+    assert len(entries_of({"one": copies[0], "two": copies[1]}, suite)) == 2
+
+
 def test_a_name_for_several_entries_or_of_a_script_is_refused(suite, agent):
     agents = [agent("a/one", 0), agent("b/two", 0, training_steps=5000)]
     with pytest.raises(UserError, match=r"name 'mine': .* made differently, so they are several entries"):

@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import json
+import re
 import shutil
 import sys
 from types import SimpleNamespace
@@ -18,7 +19,7 @@ from fpg_bench.evaluation.evaluate import evaluate, play_into, read_results
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import TrainingCost
-from fpg_bench.evaluation.table import write_table
+from fpg_bench.evaluation.table import caption, write_table
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.scripted import Scripted
 from tests.training.making import SUITE, make_agent, make_zoo
@@ -168,18 +169,60 @@ def test_lines_that_are_broken_or_of_another_suite_are_one_clear_error(suite, tm
         evaluate(["idle"], suite, tmp_path / "out")
 
 
-def test_code_that_has_changed_is_not_taken_for_what_was_played(suite, tmp_path, monkeypatch):
-    source = tmp_path / "wobbly.py"
-    source.write_text(
-        "from fpg_bench.players.scripted import Scripted\n\ndef mine(s): return Scripted('ally', 'idle', s)\n"
+SCRIPT = "from fpg_bench.players.scripted import Scripted\n\ndef mine(s): return Scripted('ally', {}, s)\n"
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A package whose ``__init__`` re-exports a player that a module beside it and a text file decide."""
+    (tmp_path / "wobbly").mkdir()
+    (tmp_path / "wobbly/__init__.py").write_text("from wobbly.inner import mine\n")
+    (tmp_path / "wobbly/inner.py").write_text("import wobbly_help\n" + SCRIPT.format("wobbly_help.name()"))
+    (tmp_path / "wobbly_help.py").write_text("def name(): return open('weights.txt').read()\n")
+    (tmp_path / "weights.txt").write_text("idle")
+    yield tmp_path
+    for name in ("wobbly", "wobbly.inner", "wobbly_help"):
+        sys.modules.pop(name, None)
+
+
+def test_a_player_of_code_is_played_again_unless_it_may_be_reused(suite, package):
+    (first,) = evaluate(["wobbly:mine"], suite, "out")
+    evaluate(["random"], suite, "out")
+    (package / "weights.txt").write_text("expert")
+    kept = evaluate(["wobbly:mine"], suite, "out", reuse=True)
+    assert {each.entry: each.score for each in kept}["wobbly:mine"] == first.score
+    found = {each.entry: each for each in evaluate(["wobbly:mine"], suite, "out")}
+    assert found["wobbly:mine"].score == evaluate(["expert"], suite)[0].score != first.score
+    assert found.keys() == {"wobbly:mine", "random"}
+    assert re.search(
+        r"Code, .*: wobbly:mine \(20\d\d-.* UTC\)\.", caption([*found.values()], load_suite(suite))
     )
-    monkeypatch.syspath_prepend(str(tmp_path))
-    (found,) = evaluate(["wobbly:mine"], suite, tmp_path / "out")
-    assert found.entry == "wobbly:mine"
-    evaluate(["wobbly:mine"], suite, tmp_path / "out")
-    source.write_text(source.read_text() + "\n# changed\n")
+    assert "Code" not in caption([found["random"]], load_suite(suite))
+
+
+@pytest.mark.parametrize("file", ["wobbly/__init__.py", "wobbly/inner.py", "wobbly_help.py"])
+def test_reused_code_is_the_same_in_all_modules_of_its_own(suite, package, file):
+    evaluate(["wobbly:mine"], suite, "out")
+    evaluate(["wobbly:mine"], suite, "out", reuse=True)
+    (package / file).write_text((package / file).read_text() + "\n# changed\n")
     with pytest.raises(UserError, match="its file has changed"):
-        evaluate(["wobbly:mine"], suite, tmp_path / "out")
+        evaluate(["wobbly:mine"], suite, "out", reuse=True)
+
+
+def test_rivals_of_code_count_by_their_content(suite, package):
+    (package / "wobbly/inner.py").write_text(SCRIPT.format("'tone'").replace("ally", "opponent"))
+    (package / suite).write_text(SUITE.replace("opponent: adaptive", "opponent: wobbly:mine"))
+    options = {"allow": ["wobbly:mine"]}
+    evaluate(["idle"], suite, "out", **options)
+    with pytest.raises(UserError, match=r"records against code \(wobbly:mine\).*; add --reuse"):
+        evaluate(["random"], suite, "out", **options)
+    found = evaluate(["random"], suite, "out", reuse=True, **options)
+    assert all(each.played for each in found)
+    (package / "wobbly/inner.py").write_text(SCRIPT.format("'sweep'").replace("ally", "opponent"))
+    with pytest.raises(UserError, match="another version"):
+        evaluate(["expert"], suite, "out", reuse=True, **options)
+    with pytest.raises(UserError, match="another version"):
+        read_results("out")
 
 
 def test_agents_of_another_policy_or_budget_are_not_merged_by_a_second_command(suite, agents, tmp_path):
@@ -196,6 +239,14 @@ def test_agents_of_another_policy_or_budget_are_not_merged_by_a_second_command(s
     make_agent(zoo.members()[0], tmp_path / "agents" / zoo.members()[0].name, seed=77)
     with pytest.raises(UserError, match=r"holds records of another 'ppo' \(another policy, or its"):
         evaluate(agents, suite, tmp_path / "out")
+
+
+def test_a_second_command_adds_no_policy_as_another_training_seed(suite, agents, tmp_path):
+    evaluate(agents[:1], suite, tmp_path / "out")
+    copy = make_agent(make_zoo(tmp_path).members()[0], tmp_path / "copy", training_seed=7)
+    with pytest.raises(UserError, match="ppo: seed_7: holds the same policy as seed_0"):
+        evaluate([str(copy)], suite, tmp_path / "out")
+    assert len(rows(tmp_path / "out")) == 2
 
 
 def test_a_suite_of_planners_names_the_other_command(tmp_path):
@@ -217,6 +268,22 @@ def test_one_call_from_python_gives_a_table_and_keeps_nothing(suite, tmp_path):
     assert by_name[0].score == found[0].score
     with pytest.raises(UserError, match="mine: a folder keeps records of players by their names"):
         fpg_bench.evaluate({"mine": mine}, suite, tmp_path / "out")
+
+
+def test_results_show_themselves_as_tables(suite, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    found = fpg_bench.evaluate({"a<b>[red]": "random", "still": "idle"}, suite)
+    text = repr(found)
+    assert all(len(line) <= 80 for line in text.splitlines())
+    assert len(text) < 2000
+    assert re.search(r"(?m)^ *player .* score", text)
+    assert "a<b>[red]" in text
+    assert len(repr(found[0])) < 100
+    page = found._repr_html_()
+    assert page.count("<tr>") == 3
+    assert "<td>a&lt;b&gt;[red]</td>" in page
+    assert "<b>" not in page
+    assert found[0].suite.hash[:12] in page
 
 
 def test_a_dataframe_has_a_row_per_entry_and_needs_pandas_alone(suite, monkeypatch):

@@ -12,6 +12,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import OnnxPlayer, load_agent, write_agent
 from fpg_bench.players.registry import as_player
+from tests.policies import contradictory, over_rows
 
 
 def model_bytes(state=0, noise=0, action=9, observation=15, names=("observation", "action")):
@@ -142,6 +143,17 @@ def test_same_bits_whatever_the_batch():
 def test_policies_off_the_contract_are_refused(data, message):
     with pytest.raises(UserError, match=message):
         OnnxPlayer(data)
+
+
+def test_a_policy_that_fails_or_mixes_games_is_not_written(tmp_path):
+    about = {"algorithm": "x", "id": "FPG/AllyVsScripted-v0", "training_seed": 0, "training_steps": 1}
+    for data, message in (
+        (contradictory(), "fails in play: .*LSTM"),
+        (over_rows(), "depends on the other games"),
+    ):
+        with pytest.raises(UserError, match=message):
+            write_agent(tmp_path / "agent", data, **about)
+    assert not (tmp_path / "agent").exists()
 
 
 @pytest.fixture

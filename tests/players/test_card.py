@@ -121,6 +121,10 @@ def test_a_scenario_that_cannot_be_told_is_named_by_the_caller(own):
         ({"hyperparameters": 3}, "hyperparameters: expected a mapping"),
         ({"seconds": float("inf")}, "a number that is not finite"),
         ({"format": [2]}, r"format \[2\], this version reads 2"),
+        ({"algorithm": "-1+cmd"}, "algorithm: expected printable text that begins with a letter or a digit"),
+        ({"seconds": -1}, "seconds: expected a number from 0 to 3,600,000,000, got -1"),
+        ({"seconds": 1e308}, "seconds: expected a number from 0 to"),
+        ({"steps_done": -5}, "steps_done: expected a whole number from 0"),
         ({"algorithm": ""}, "algorithm: expected at least 1 characters"),
     ],
 )

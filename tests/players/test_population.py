@@ -10,6 +10,7 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.imports import code_fingerprint
 from fpg_bench.envs.core import SingleAgentGame, policies_of
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import STANDARD
@@ -106,6 +107,31 @@ def test_a_suites_name_stands_for_its_members_of_the_side_wherever_it_is_in_a_li
     loaded = map(policy_hash, core._runner.players)
     assert [policies_of(game).get(spec) for spec in core.other_specs] == list(loaded)
     assert SingleAgentGame(GameSpec("FPG/OpponentVsPolicy-v0", ally=suite)).other_specs == [f"{suite}/ppo"]
+
+
+def test_code_that_a_training_meets_counts_by_its_content(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for options in ({"opponent": ["tone", "friend:mine"]}, {"planner": "friend:mine"}):
+        game = GameSpec(ENV_ID, **options)
+        (tmp_path / "friend.py").write_text("mine = 1\n")
+        before = policies_of(game)
+        assert before.keys() == {"friend:mine"}
+        assert policies_of(game) == before
+        (tmp_path / "friend.py").write_text("mine = 2\n")
+        assert policies_of(game)["friend:mine"] != before["friend:mine"]
+
+
+def test_what_is_installed_does_not_count_as_the_users_own_code(tmp_path, monkeypatch):
+    installed = tmp_path / "site-packages"
+    installed.mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(installed))
+    (tmp_path / "mate.py").write_text("import lib_of_others\n")
+    (installed / "lib_of_others.py").write_text("x = 1\n")
+    before = code_fingerprint("mate:mine")
+    (installed / "lib_of_others.py").write_text("x = 2\n")
+    assert code_fingerprint("mate:mine") == before
+    assert code_fingerprint("lib_of_others:x") != code_fingerprint("mate:mine")
 
 
 def test_a_member_is_a_player_by_its_own_name(suite):

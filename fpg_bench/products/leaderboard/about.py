@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 from annotated_types import Ge, Le, Len
 from pydantic import AfterValidator, PlainValidator
 
+from fpg_bench.common.checks import title
 from fpg_bench.common.errors import UserError, meant, nearest
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.players.card import MOST_STEPS
@@ -87,7 +88,7 @@ def _entry_name(value: object) -> str:
     text = _named(value, 60)
     if odd := [letter for letter in text if not letter.isascii()]:
         raise UserError(f"{quoted(text)} holds {odd[0]!r}; a name is written in ASCII")
-    return text
+    return title(text)
 
 
 def _choice(value: object, choices: tuple[str, ...]) -> str:
@@ -159,7 +160,7 @@ class SubmissionFile(Strict):
 
     name: Annotated[str, PlainValidator(_entry_name)] = ""
     authors: Annotated[tuple[str, ...], PlainValidator(_authors)] = ()
-    algorithm: _Word = ""
+    algorithm: Annotated[_Word, AfterValidator(title)] = ""
     reference: Annotated[str, PlainValidator(_link)] | None = None
     licence: _Word = ""
     track: Annotated[str, PlainValidator(partial(_choice, choices=TRACK_FOLDERS))] = ""

@@ -15,6 +15,7 @@ from fpg_bench.common.errors import UserError, meant, nearest
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import NAMED
+from fpg_bench.evaluation.entry import same_policies
 from fpg_bench.evaluation.statistics import FEW_SEEDS
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder
@@ -396,10 +397,8 @@ def read_policies(
         lines += [f"{path.name}{line}" for line in wrong]
         if policy is None:
             continue
-        if same := [other.seed for other in policies if other.sha256 == policy.sha256]:
-            rule = "each seed must be a separate training run"
-            lines.append(f"{path.name}: holds the same policy as seed_{same[0]}; {rule}")
         policies.append(policy)
+    lines += same_policies({policy.seed: policy.sha256 for policy in policies})
     intact = [policy for policy in policies if _has_stated_hash(policy)] if inspect_onnx else []
     for policy, wrong in zip(intact, check_policies([policy.model for policy in intact]), strict=True):
         lines += [f"seed_{policy.seed}/policy.onnx: {line}" for line in wrong]

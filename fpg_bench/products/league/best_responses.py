@@ -12,10 +12,9 @@ from typing import Any, TypedDict, cast
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTED, SCRIPTS, other_side, policy_env
-from fpg_bench.common.imports import check_allowed
+from fpg_bench.common.imports import check_allowed, code_fingerprint
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row
-from fpg_bench.evaluation.entry import code_fingerprint
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.game.spec import GameSpec, Options

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import html
 import inspect
-import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -14,6 +12,7 @@ from jinja2 import Environment, StrictUndefined
 from markdown_it import MarkdownIt
 
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import csv_text
 from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.names import JAMMING_TYPES
@@ -337,11 +336,8 @@ def levels_csv(results: Runs, preset: str) -> str:
     late, final = (_levels(results, names, windows) for windows in (STAGES["late"], (FINAL,)))
     stages = {"late in training": late[1:], "after training": final[1:]}
     stages[f"late in training, minus {BASE}"] = _otherwise(results, preset)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["stage", *late[0]])
-    writer.writerows([stage, *line] for stage, lines in stages.items() for line in lines)
-    return text.getvalue()
+    head = ["stage", *late[0]]
+    return csv_text([head, *([stage, *line] for stage, lines in stages.items() for line in lines)])
 
 
 def _around(values: np.ndarray, factor: float, digits: int) -> str:

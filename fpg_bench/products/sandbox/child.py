@@ -53,6 +53,27 @@ def main() -> None:
     importlib.import_module(module).main(SandboxChild(socket.socket(fileno=number), standing, outside))
 
 
+def rehearse(noise: bool = False) -> None:
+    """Play a policy of our own once, so that everything that opens files is loaded and compiled."""
+    import numpy as np
+    from onnx import TensorProto, helper
+
+    from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+    from fpg_bench.players.agent import OnnxPlayer
+
+    weights = helper.make_tensor("w", TensorProto.FLOAT, [15, 9], [0.0] * 135)
+    sizes = {"observation": OBSERVATION_SIZE, "noise": ACTION_SIZE, "action": ACTION_SIZE}
+    sizes = sizes if noise else {name: size for name, size in sizes.items() if name != "noise"}
+    *inputs, action = (
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size]) for name, size in sizes.items()
+    )
+    nodes = [helper.make_node("MatMul", ["observation", "w"], ["x"])]
+    nodes.append(helper.make_node("Add", ["x", "noise" if noise else "x"], ["action"]))
+    graph = helper.make_graph(nodes, "rehearsal", inputs, [action], [weights])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    OnnxPlayer(model.SerializeToString()).predict(np.zeros((2, OBSERVATION_SIZE), np.float32))
+
+
 def _limit(kind: int, value: int) -> None:
     with contextlib.suppress(ValueError, OSError):  # macOS knows no limit of the address space
         resource.setrlimit(kind, (value, value))

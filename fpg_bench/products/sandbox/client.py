@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.errors import printable
+from fpg_bench.common.errors import one_line, printable
 from fpg_bench.common.strict_json import read_plain
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.card import AgentCard
@@ -23,7 +23,7 @@ MOST_BYTES = 5_000_000  # of policy.onnx
 AGENT_FILES = {"agent.json": 64_000, "policy.onnx": MOST_BYTES}  # of an untrusted agent, and their most bytes
 SIZE = struct.Struct("<I")  # of a file that is checked, and of the answer
 _READING = ProcessLimits(memory_bytes=2**30, call_s=60, total_s=600)
-_UNREADABLE = "cannot be read within 1 GB of memory and 60 s"
+_UNREADABLE = "cannot be read and played within 1 GB of memory and 60 s"
 _PROBLEMS: dict[str, list[str]] = {}  # of files that were checked, by hash; starting a process takes 0.5 s
 
 # A message: its kind and two numbers, then what they say. To the process: LOAD (bytes of the model), RESET
@@ -81,24 +81,26 @@ def _check(models: list[bytes]) -> None:
         try:
             while models:
                 model = models.pop(0)
-                _PROBLEMS[hashlib.sha256(model).hexdigest()] = problems = _ask(sandbox, model)
-                if problems == [_UNREADABLE]:
+                key = hashlib.sha256(model).hexdigest()
+                try:
+                    _PROBLEMS[key] = _ask(sandbox, model)
+                except Unprotected:
+                    raise
+                except (PolicyFailed, ValueError) as error:
+                    _PROBLEMS[key] = [f"{_UNREADABLE}: {one_line(error)}"]
                     break
         finally:
             sandbox.close()
 
 
 def _ask(sandbox: Sandbox, model: bytes) -> list[str]:
-    try:
-        with sandbox.within(_READING.call_s):
-            sandbox.send(SIZE.pack(len(model)), model)
-            (size,) = SIZE.unpack(sandbox.receive(SIZE.size))
-            lines = read_plain(sandbox.receive(size))
-    except Unprotected:
-        raise
-    except (PolicyFailed, ValueError):
-        return [_UNREADABLE]
-    lines = lines if isinstance(lines, list) else [_UNREADABLE]
+    """Return the problems of a policy; raises PolicyFailed or ValueError without a sound answer."""
+    with sandbox.within(_READING.call_s):
+        sandbox.send(SIZE.pack(len(model)), model)
+        (size,) = SIZE.unpack(sandbox.receive(SIZE.size))
+        lines = read_plain(sandbox.receive(size))
+    if not isinstance(lines, list):
+        raise ValueError("answers with no list")
     return [printable(str(line)) for line in lines]
 
 

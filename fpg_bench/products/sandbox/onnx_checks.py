@@ -1,4 +1,4 @@
-"""Checks of submitted ``policy.onnx`` files: what a file may hold, and what it may cost.
+"""Checks of submitted ``policy.onnx`` files: what a file may hold, what it may cost, and that it plays.
 
 A file may be made to exploit its parser, so this module runs in a process of its own under limits, which
 :func:`fpg_bench.products.sandbox.client.check_policies` starts.
@@ -29,8 +29,9 @@ from onnx import (
 from onnx.helper import get_attribute_value, make_tensor_type_proto
 
 from fpg_bench.common.errors import UserError, first_line, one_line
+from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.onnx_file import check_signature, plain_model, quoted, unplayable
-from fpg_bench.products.sandbox.child import SandboxChild
+from fpg_bench.products.sandbox.child import SandboxChild, rehearse
 from fpg_bench.products.sandbox.client import SIZE
 from fpg_bench.products.sandbox.process import MessageReader
 
@@ -77,6 +78,7 @@ Shape = tuple[int, ...]
 
 def main(inside: SandboxChild) -> None:
     """Receive files and answer with their problems as JSON, until the parent process is gone."""
+    rehearse()
     inside.lock_down()
     connection, reader = inside.connection, MessageReader(inside.connection)
     with contextlib.suppress(EOFError, ConnectionError):
@@ -96,7 +98,7 @@ def violations(data: bytes) -> list[str]:
         model = plain_model(data)
     except UserError as error:
         return [str(error)]
-    return list(dict.fromkeys(_structure(model))) or _meaning(model)
+    return list(dict.fromkeys(_structure(model))) or _meaning(model) or _play(data)
 
 
 def _structure(model: ModelProto) -> Iterator[str]:
@@ -214,6 +216,14 @@ def _meaning(model: ModelProto) -> list[str]:
         return ["what it costs cannot be counted"]
     if cost > MOST_MULTIPLY_ADDS:
         return [f"needs {cost:,} multiply-adds a row, at most {MOST_MULTIPLY_ADDS:,} are allowed"]
+    return []
+
+
+def _play(data: bytes) -> list[str]:
+    try:
+        OnnxPlayer(data).check_answers()
+    except UserError as error:
+        return [str(error).removeprefix("policy.onnx: ")]
     return []
 
 

@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import Memory
-from fpg_bench.products.sandbox.child import SandboxChild
+from fpg_bench.products.sandbox.child import SandboxChild, rehearse
 from fpg_bench.products.sandbox.client import ACTIONS, FAILED, FRESH, HEAD, LOAD, READY, RESET, STARTS
 from fpg_bench.products.sandbox.process import MessageReader
 
@@ -36,7 +36,7 @@ def serve(inside: SandboxChild) -> None:
     kind, size, _ = HEAD.unpack(reader.read(HEAD.size))
     assert kind == LOAD
     data = reader.read(size)
-    _rehearse(noise=b"noise" in data)
+    rehearse(noise=b"noise" in data)
     inside.lock_down()
     player = OnnxPlayer(data)
     player.predict(np.zeros((1, OBSERVATION_SIZE), np.float32))
@@ -55,23 +55,6 @@ def serve(inside: SandboxChild) -> None:
         if _misshapen(memory, count, player.state_size):
             actions, memory = np.empty(0), None
         _send(connection, actions, count)
-
-
-def _rehearse(noise: bool) -> None:
-    """Play a policy of our own once, so that everything that opens files is loaded and compiled."""
-    from onnx import TensorProto, helper
-
-    weights = helper.make_tensor("w", TensorProto.FLOAT, [15, 9], [0.0] * 135)
-    sizes = {"observation": OBSERVATION_SIZE, "noise": ACTION_SIZE, "action": ACTION_SIZE}
-    sizes = sizes if noise else {name: size for name, size in sizes.items() if name != "noise"}
-    *inputs, action = (
-        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size]) for name, size in sizes.items()
-    )
-    nodes = [helper.make_node("MatMul", ["observation", "w"], ["x"])]
-    nodes.append(helper.make_node("Add", ["x", "noise" if noise else "x"], ["action"]))
-    graph = helper.make_graph(nodes, "rehearsal", inputs, [action], [weights])
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
-    OnnxPlayer(model.SerializeToString()).predict(np.zeros((2, OBSERVATION_SIZE), np.float32))
 
 
 def _array(reader: MessageReader, dtype: DTypeLike, rows: int, columns: int) -> np.ndarray:

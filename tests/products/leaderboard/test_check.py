@@ -210,6 +210,8 @@ def test_unknown_names_are_strays(tmp_path):
         ),
         ({"track": "planner"}, "lacks 'runs': number of recordings made, including the submitted one"),
         ({"track": "planner", "runs": 0}, "runs: expected a whole number from 1"),
+        ({"name": "@SUM(A1)"}, "name: expected printable text that begins with a letter or a digit"),
+        ({"algorithm": "=1+2"}, "algorithm: expected printable text that begins with a letter or a digit"),
     ],
 )
 def test_scripts_and_recordings_that_are_not_there_are_named(tmp_path, change, line):
@@ -229,6 +231,7 @@ def test_scripts_and_recordings_that_are_not_there_are_named(tmp_path, change, l
         ({"offline": {"dataset": 3}}, "offline.dataset: expected text, got 3"),
         ({"offline": "much"}, "offline: expected a mapping, got 'much'"),
         ({"seconds": float("nan")}, "contains a number that is not finite"),
+        ({"algorithm": "=1+2"}, "algorithm: expected printable text that begins with a letter or a digit"),
         ({"algorithm": "x" * 61}, "algorithm: expected at most 60 characters"),
     ],
 )

@@ -6,7 +6,18 @@ from onnx import ModelProto, TensorProto, helper, numpy_helper
 
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.sandbox.client import check_policies, check_policy
-from tests.policies import model, node, policy, through, value, weights, whole
+from tests.policies import (
+    constant,
+    contradictory,
+    model,
+    node,
+    over_rows,
+    policy,
+    through,
+    value,
+    weights,
+    whole,
+)
 
 DEEP = model(
     [node("MatMul", ["observation", "w"], ["x0"])]
@@ -108,6 +119,33 @@ def without_width(name):
     return model([PRODUCT, *after], [weights()], [value("observation"), value(name, 0)], outputs)
 
 
+def least_by_minus_one(kind):
+    """Whole numbers, of which the least is divided by -1 where an answer is above 0: its process ends."""
+    least = np.iinfo(kind).min
+    nodes = [
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("Greater", ["x", "zero"], ["is_above"]),
+        node("Where", ["is_above", "least", "one"], ["n"]),
+        node("Where", ["is_above", "minus", "one"], ["d"]),
+        node("Div", ["n", "d"], ["q"]),
+        node("Cast", ["q"], ["y"], to=TensorProto.FLOAT),
+        node("Tanh", ["y"], ["action"]),
+    ]
+    numbers = [constant(n, name, kind) for n, name in ((least, "least"), (1, "one"), (-1, "minus"))]
+    return model(nodes, [weights(), constant(0, "zero"), *numbers])
+
+
+def out_of_range():
+    """A row of a table at a place that the observation says."""
+    nodes = [
+        node("MatMul", ["observation", "w"], ["x"]),
+        node("Cast", ["x"], ["places"], to=TensorProto.INT64),
+        node("ReduceMax", ["places", "axis"], ["place"], keepdims=0),
+        node("Gather", ["table", "place"], ["action"]),
+    ]
+    return model(nodes, [weights(), whole([1], "axis"), constant(np.zeros((4, 9)), "table")])
+
+
 HOSTILE = {
     "nonsense": (b"nonsense", "not an ONNX file"),
     "empty": (b"", "not an ONNX file"),
@@ -161,6 +199,11 @@ HOSTILE = {
     "huge": (huge(), r"needs 2,000,000,\d+ multiply-adds"),
     "many axes": (many_axes(), "cannot be read|not valid ONNX|more than 8 axes|memory|worked out"),
     "by content": (by_content(), "does not follow from the file"),
+    "least by -1": (least_by_minus_one(np.int32), r"its process died \(SIGFPE\)"),
+    "least of 64 bits by -1": (least_by_minus_one(np.int64), r"its process died \(SIGFPE\)"),
+    "out of range": (out_of_range(), "fails in play: .*out of data bounds"),
+    "LSTM": (contradictory(), "fails in play: .*Input R must have shape"),
+    "normalised over rows": (over_rows(), "depends on the other games of a batch"),
 }
 
 

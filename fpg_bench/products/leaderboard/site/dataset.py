@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 
 from fpg_bench.common.croissant import file_object, metadata, record_set
+from fpg_bench.common.output import csv_text
 from fpg_bench.products.leaderboard.board import Board
 
 _COLUMNS = {
@@ -66,14 +65,12 @@ def dataset_files(board: Board, board_json: str) -> dict[str, str]:
 
 def scores_csv(board: Board) -> str:
     """Return the scores of all verified entries as CSV, a line for each suite."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_COLUMNS)
+    lines: list[list[object]] = [[*_COLUMNS]]
     for track in board.tracks:
         for entry, figures in track.verified():
             about = [track.key, entry.slug, entry.name, entry.algorithm, figures.training_seeds]
             for role, score in figures.scores.items():
                 ends = (score.low, score.high) if math.isfinite(score.half) else (None, None)
                 numbers = [score.value, *ends, score.over]
-                writer.writerow([*about, *(figures.rank or (None, None)), role, *numbers])
-    return text.getvalue()
+                lines.append([*about, *(figures.rank or (None, None)), role, *numbers])
+    return csv_text(lines)
