@@ -233,6 +233,11 @@ def train_together(
     return run.folder.agent
 
 
+def check_run(config: RunConfig) -> None:
+    """Raise UserError if a run cannot be trained; nothing is written."""
+    _Run(config, RunFolder(Path())).setup()
+
+
 def is_finished(config: RunConfig, out: str | Path) -> bool:
     """Return True if a folder holds this run, finished.
 
@@ -275,7 +280,7 @@ def train_seeds(
     """
     if config.spec.planner in LLM_CONTROLS:
         raise UserError("seeds: a language model plans for one run at a time; train the seeds one by one")
-    make_sb3(config.spec)  # refuses a game that cannot be made before any seed begins
+    check_run(config)  # before any seed begins
     jobs = []
     for seed in seeds:
         run, folder = dataclasses.replace(config, seed=seed), Path(out) / f"seed_{seed}"
@@ -365,6 +370,7 @@ class _Run:
         self._seconds_before = 0.0
         self._part = 0  # number of times the run was resumed
         self._starts_fresh = True  # from newly initialized weights
+        self._start: RunDescription | None = None  # whose weights it starts from
 
     def _describe(self, budget: int) -> RunDescription:
         """Return the description of the run; ``policies`` hashes the agents met."""
@@ -437,7 +443,7 @@ class _Run:
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about.training_seed)
         if config.start is not None:
             start = Path(config.start)
-            _check_start(start, self.about)
+            self._start = _read_start(start, self.about)
             load_weights(self.model, start)
             self._starts_fresh = False
         if config.dataset is not None:
@@ -572,6 +578,9 @@ class _Run:
         """Export the agent, save the model, and remove the checkpoints."""
         steps = self.model.num_timesteps
         made: Row = {"steps_done": steps, "seconds": round(self.seconds, 1)}
+        if self._start is not None:
+            made["steps_done"] += self._start.steps_done or 0
+            made["seconds"] = round(self.seconds + self._start.seconds, 1)
         if isinstance(planner := self.games.core.planner, CountsPlans):
             made["plans"] = dict(planner.flown)  # of this part of the run
         about = self.about.model_copy(update=made)
@@ -604,8 +613,8 @@ def _offline(data: Any) -> OfflineData:
     return OfflineData(dataset=data.spec.dataset_id, content_sha256=data.sha256, transitions=steps)
 
 
-def _check_start(run: Path, about: RunDescription) -> None:
-    """Raise UserError if a run cannot start from the weights of another."""
+def _read_start(run: Path, about: RunDescription) -> RunDescription:
+    """Return the description of the run to start from; raise UserError if its weights do not fit."""
     other = RunDescription.read(run, "start")
     is_clone = other.algorithm == about.algorithm.replace("ppo", "bc")  # which has PPO's networks
     normalize = (each.hyperparameters.get("normalize") for each in (other, about))
@@ -617,3 +626,4 @@ def _check_start(run: Path, about: RunDescription) -> None:
     ):
         if found != expected:
             raise UserError(f"start {run}: {key} is {found!r} there, expected {expected!r}")
+    return other

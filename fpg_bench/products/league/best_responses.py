@@ -28,7 +28,7 @@ from fpg_bench.products.league.evaluation import MATCHES, check_same, evaluate_a
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import Hyperparams, load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.train import train
+from fpg_bench.training.train import check_run, train
 
 T = TypeVar("T", str, int)
 
@@ -172,6 +172,13 @@ def best_responses(
     }
     check_own_folder(file.parent, RESULT, "best responses")
     other = other_side(target.side)
+    game = GameSpec.of(target.game, reward=reward, actions=actions)
+    entries = {
+        name: load_hyperparameters(name, game, hyperparams, allow=allow).entry() for name in algorithms
+    }
+    for kind, name in product(starts, algorithms):
+        values = entries[name] | ({"imitate": {"teacher": SCRIPTED[other][0]}} if kind == "strongest" else {})
+        check_run(RunConfig(name, game, 0, budgets[0], values))
     names = [*SCRIPTED[other], *draw_variants(other, search, target.scenario)]
     begun: Row = {"agent": agent, **about, "scripts": {}, "responses": []}
     result = cast("BestResponses", check_same(file, "best responses", about) if file.exists() else begun)
@@ -190,10 +197,11 @@ def best_responses(
             **({} if actions in (None, "continuous") else {"actions": actions}),
         }
         run_folder = RunFolder(Path(out) / response_folder(config))
-        game = GameSpec.of(target.game, reward=reward, actions=actions)
-        values = load_hyperparameters(name, game, hyperparams, allow=allow).entry()
+        values = entries[name]
         if kind == "strongest":
-            values |= {"imitate": {"teacher": _teacher(run_folder) or _strongest_player(result, Path(out))}}
+            values = values | {
+                "imitate": {"teacher": _teacher(run_folder) or _strongest_player(result, Path(out))}
+            }
         config["hyperparameters"] = json.loads(json.dumps(values, default=str))  # as they are read from JSON
         same = [r for r in result["responses"] if r.get("actions") == config.get("actions")]
         if not any(config.items() <= response.items() for response in same):

@@ -46,7 +46,7 @@ from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import Hyperparams, as_option, load_hyperparameters
 from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.run_folder import RunFolder, command_line
-from fpg_bench.training.train import RIVAL, train, train_together
+from fpg_bench.training.train import RIVAL, check_run, train, train_together
 
 ROWS, ABOUT = "double_oracle.jsonl", "double_oracle.json"
 # Stage k with seed s has training seed 1000 s + k, its rival in self-play 1000 s + 250 + k, responses to it
@@ -179,6 +179,8 @@ def double_oracle(
         progress=progress,
         allow=allow,
     )
+    check_run(RunConfig(algorithm, own, seed, steps, hyperparams, allow=allow))
+    check_run(RunConfig(response_algorithm, league.response, seed, steps, response_hyperparams, allow=allow))
     about, file = league.describe(), RowFile(league.folder / ROWS, {"stage": int})
     check_own_folder(league.folder, ABOUT, "double oracle", ROWS)
     with file.locked():
@@ -439,13 +441,11 @@ class _DoubleOracle:
         command = command_line("double-oracle", out=self.folder, allow=self.allow, **game, **settings)
         exported = {"agent": self.run} | ({RIVAL: self.rival_run} if self.mode == "selfplay" else {})
         for name, run_of in exported.items():
-            runs, last = [run_of(number).read() for number in range(stage + 1)], run_of(stage).agent
+            last = run_of(stage).agent
             update = {
                 "command": command,
                 "training_seed": self.seed,
-                "training_steps": len(runs) * self.steps[0],
-                "steps_done": sum(run.steps_done or 0 for run in runs),
-                "seconds": round(sum(run.seconds for run in runs), 1),
+                "training_steps": (stage + 1) * self.steps[0],
             }
             named = _OWN_AGENT.sub(r'"\1"', json.dumps(read_card(last).to_dict()))
             card = AgentCard.parse(read_object(named), str(last))

@@ -30,7 +30,7 @@ from fpg_bench.products.league.evaluation import MATCHES, check_same, evaluate_a
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import Hyperparams, as_option, load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder, command_line
-from fpg_bench.training.train import train
+from fpg_bench.training.train import check_run, train
 
 ROWS, ABOUT = "selfplay.jsonl", "selfplay.json"
 SEED_STRIDE = 1000  # generation g of self-play with seed k has training seed 1000 k + g
@@ -87,6 +87,8 @@ def selfplay(
         integer(value, name)
     games = {side: GameSpec.of(policy_env(side).id, **game) for side in SIDES}
     league = _SelfPlay(algorithm, Path(out), steps, pool, seed, hyperparams, games, allow, evaluations)
+    for side in SIDES:
+        check_run(league.run_config(side, 0))
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
     check_own_folder(league.folder, ABOUT, "self-play", ROWS)
     with file.locked():
@@ -180,7 +182,6 @@ class _SelfPlay:
     def export_agent(self, side: str, generations: int) -> Path:
         """Copy the agent of the last generation; its ``agent.json`` describes the whole self-play."""
         last = self.run(side, generations - 1).agent
-        runs = [self.run(side, generation).read() for generation in range(generations)]
         game = self.games[side]
         shared = game.to_dict()
         del shared["id"]
@@ -199,8 +200,6 @@ class _SelfPlay:
             "options": {},
             "training_seed": self.seed,
             "training_steps": generations * self.steps,
-            "steps_done": sum(run.steps_done or 0 for run in runs),
-            "seconds": round(sum(run.seconds for run in runs), 1),
         }
         card = read_card(last).model_copy(update=update)
         card.write(self.folder / side, (last / "policy.onnx").read_bytes())
