@@ -129,8 +129,8 @@ def export_zip(
 def _read_beside(path: Path) -> _Training:
     """Return what ``run.json``, or ``args.yml`` and ``config.yml`` of rl-zoo3, tell of a zip's training."""
     if (path.parent / FILE).is_file():
-        normalize = path.parent / NORMALIZE
-        statistics = normalize if normalize.is_file() else None
+        own = path.parent / NORMALIZE
+        statistics = own if own.is_file() else None
         return _Training(game=RunDescription.read(path.parent).game, statistics=statistics)
     pickles = [*path.parent.glob(_STATISTICS), *path.parent.glob(f"*/{_STATISTICS}")]
     statistics = next(iter(pickles), None)

@@ -13,11 +13,11 @@ import logging
 import platform
 import re
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -27,7 +27,7 @@ from torch.distributions import Distribution
 
 from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.checks import integer
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, one_line
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
@@ -67,6 +67,9 @@ from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.models import by_side, is_finite, make_model, tells_divergence
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 EVALUATIONS = 20
 RIVAL = "rival"  # folder and option of the rival that learns at the same time
@@ -160,9 +163,18 @@ def train(
                 run.folder.clear()
             run.learn(evaluators, progress, log_rounds)
             run.finish()
-            if curve and (figure := draw_run(run.folder.path)) is not None:
-                write_figure(figure, run.folder.curve)
+        if curve and not run.folder.curve.exists():  # also where a finished run was killed before
+            _draw(run.folder.curve, lambda: draw_run(run.folder.path))
     return run.folder.agent
+
+
+def _draw(file: Path, draw: Callable[[], Figure | None]) -> None:
+    """Draw what decorates finished runs; an error is a warning, since everything is trained and kept."""
+    try:
+        if (figure := draw()) is not None:
+            write_figure(figure, file)
+    except Exception as error:
+        _logger.warning(f"no {file.name}: {one_line(error)}")
 
 
 def train_together(
@@ -297,10 +309,7 @@ def train_seeds(
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
     if evaluations:
-        try:
-            write_figure(draw_curves(read_runs([out]), levels=levels_of([out])), Path(out) / CURVE)
-        except UserError as error:  # of an earlier seed that was not evaluated; all are trained
-            _logger.warning(f"no {CURVE}: {error}")
+        _draw(Path(out) / CURVE, lambda: draw_curves(read_runs([out]), levels=levels_of([out])))
 
 
 MOST_SEEDS = 1000  # of one list
@@ -615,6 +624,9 @@ def _offline(data: Any) -> OfflineData:
 
 def _read_start(run: Path, about: RunDescription) -> RunDescription:
     """Return the description of the run to start from; raise UserError if its weights do not fit."""
+    if not run.is_dir():
+        kind = "is a file" if run.exists() else "does not exist"
+        raise UserError(f"start {run}: {kind}; name the folder of a finished run")
     other = RunDescription.read(run, "start")
     is_clone = other.algorithm == about.algorithm.replace("ppo", "bc")  # which has PPO's networks
     normalize = (each.hyperparameters.get("normalize") for each in (other, about))

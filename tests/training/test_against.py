@@ -140,3 +140,11 @@ def test_an_unsuitable_start_is_refused(ally, tmp_path):
     with pytest.raises(UserError, match="algorithm is 'ppo' there, expected 'ppo-stack2'"):
         train_tiny("ppo-stack2", tmp_path / "run", start=ally)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_file_is_no_run_to_start_from(tmp_path):
+    (tmp_path / "model.zip").touch()
+    for name, problem in (("model.zip", "is a file"), ("nowhere", "does not exist")):
+        with pytest.raises(UserError, match=f"start .*{name}: {problem}; name the folder of a finished run"):
+            train_tiny("ppo", tmp_path / "run", start=tmp_path / name)
+    assert not (tmp_path / "run").exists()

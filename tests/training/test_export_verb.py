@@ -100,7 +100,7 @@ def test_export_reads_runs_and_zips(tmp_path, capsys):
     with pytest.raises(UserError, match="--not-normalized"):
         export_verb(tmp_path / "model.zip", mine / "seed_7", algo="ppo")
     plain = {"algo": "ppo", "not_normalized": True}
-    with pytest.raises(UserError, match="--algo ppo.*; add --seed.*; add --id and.*; add --not-normalized"):
+    with pytest.raises(UserError, match=r"--algo ppo.*; add --seed.*; add --id and.*; add --not-normalized"):
         export_verb(tmp_path / "model.zip", mine)
     with pytest.raises(UserError, match=r"statistics are in .*/normalize\.npz; export the run, .*/run"):
         export_verb(tmp_path / "run" / "model.zip", mine / "seed_7", **plain)

@@ -199,5 +199,5 @@ def test_a_default_entry_is_that_of_ids_without_one(tmp_path):
 
 def test_hindsight_is_refused_with_its_reason():
     entry = {"policy": "MlpPolicy", "replay_buffer_class": "HerReplayBuffer"}
-    with pytest.raises(UserError, match="replay_buffer_class: expected .*needs goals, which the game lacks"):
+    with pytest.raises(UserError, match=r"replay_buffer_class: expected .*needs goals, which the game lacks"):
         load_hyperparameters("sac", ALLY, entry)
