@@ -215,17 +215,27 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_ctrl_c_saves_all_runs(folder):
-    # A terminal's Ctrl-C reaches the whole group
+def at_work(folder):
+    """The processes that work in a folder."""
+    links = Path("/proc").glob("[0-9]*/cwd")
+    return [link for link in links if os.path.realpath(link) == str(folder.resolve())]
+
+
+# A terminal's Ctrl-C reaches the whole group, a SIGTERM the driver alone
+@pytest.mark.parametrize(
+    ("send", "number", "status"), [(os.killpg, signal.SIGINT, 130), (os.kill, signal.SIGTERM, 143)]
+)
+def test_a_stop_saves_all_runs_and_leaves_no_worker(send, number, status, folder):
     process = started(*TRAIN, *LONG, folder=folder, start_new_session=True)
     try:
         wait_for(lambda: len(list(folder.glob("runs/*/events*"))) == 2)
-        os.killpg(process.pid, signal.SIGINT)
+        send(process.pid, number)
         error = process.communicate(timeout=120)[1]
     finally:  # its runs would take days
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
-    assert process.returncode == 130, error
+    assert process.returncode == status, error
+    assert at_work(folder) == []
     assert "fpg-bench: stopped; what was finished is kept" in error.splitlines()
     assert len(list(folder.glob("runs/*/checkpoints/*/model.zip"))) == 2
     assert not (folder / "runs" / "seed_2").exists()

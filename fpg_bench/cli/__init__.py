@@ -159,8 +159,8 @@ def _run() -> None:
         where = f"{error.filename}: " if error.filename else ""
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:
-        if _INTERRUPTED:  # an interrupted import of a C module raises an ImportError
-            _fail(_KEPT, _STOPPED)
+        if _INTERRUPTED or _ENDED:  # an interrupted import of a C module raises an ImportError
+            _fail(_KEPT, _ENDED or _STOPPED)
         _fail(f"{described(error)} (the traceback: fpg-bench --debug ...)", 1)
 
 

@@ -157,13 +157,12 @@ def zoo(
 
 def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[Row]:
     """Yield one row for all training seeds of an algorithm, or one per seed if ``every``."""
-    steps = agents[0].card().training_steps
     if not every:
         score = None if summary is None else summary.score
         yield {
             "agent": f"{agents[0].group.name}/{agents[0].algorithm}",
             "seeds": len(agents),
-            "steps": steps,
+            "steps": agents[0].card().played_steps,
             "score": None if score is None else score.value,
             "low": None if score is None else score.low,
             "high": None if score is None else score.high,
@@ -173,7 +172,7 @@ def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> I
     for agent in agents:
         yield {
             "agent": agent.name,
-            "steps": steps,
+            "steps": agent.card().played_steps,
             "score": scores.get(agent.seed),
             "low": None,
             "high": None,

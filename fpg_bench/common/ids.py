@@ -46,7 +46,7 @@ class EnvConfig:
         """Return the action mode of the caller, otherwise the id's; raises UserError if they differ."""
         if actions not in (None, self.actions) and self.actions != "continuous":
             raise UserError(f"actions: the id says {self.actions}, got {actions!r}; use {self.id} to choose")
-        return actions or self.actions
+        return self.actions if actions is None else actions
 
 
 ENVS = MappingProxyType(

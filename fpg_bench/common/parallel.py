@@ -19,6 +19,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from fpg_bench.common.checks import integer
@@ -253,14 +254,14 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
         parallel = Parallel(
             return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1, max_nbytes=None
         )
-    with _interrupts_passed_on() as stopped:
+    with _interrupts_passed_on() as is_stopped:
         results = None
         try:
             with _interrupts_held():
                 results = parallel(delayed(_in_worker)(*call, os.getpid()) for call in calls)
             yield from ((index, outcome) for index, outcome in results if outcome is not None)
         except concurrent.futures.BrokenExecutor:
-            if not stopped.is_set():
+            if not is_stopped():
                 raise
         finally:
             # Not get_reusable_executor(): it would hold a lock that a thread needs which it waits for
@@ -269,8 +270,6 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
             if results is not None:
                 with warnings.catch_warnings(action="ignore"):  # of tasks that it gives up
                     results.close()
-    if stopped.is_set():
-        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager
@@ -284,27 +283,38 @@ def _interrupts_held() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _interrupts_passed_on() -> Iterator[threading.Event]:
-    """Pass the first Ctrl-C on to the worker processes, which save their state; the second one is raised."""
-    stopped = threading.Event()
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or before == signal.SIG_IGN:
-        yield stopped
-        return
+def _interrupts_passed_on() -> Iterator[Callable[[], bool]]:
+    """Pass the first Ctrl-C or SIGTERM on to the worker processes, which save their state.
 
+    The second one is raised. Handlers of this program alone are replaced: what the system does stays.
+
+    Yields:
+        Function that returns True once a signal has been passed on.
+    """
+    received: list[int] = []
+    handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
     ended = threading.Event()
 
-    def pass_on(number: int, frame: object) -> None:
-        signal.signal(signal.SIGINT, before)
-        stopped.set()
+    def pass_on(number: int, frame: FrameType | None) -> None:
+        if received:
+            handlers[number](number, frame)
+        received.append(number)
         threading.Thread(target=_interrupt_workers, args=(ended,), daemon=True).start()
 
-    signal.signal(signal.SIGINT, pass_on)
+    if threading.current_thread() is threading.main_thread():
+        for number in map(int, (signal.SIGINT, signal.SIGTERM)):
+            if callable(handler := signal.getsignal(number)):
+                handlers[number] = handler
+                signal.signal(number, pass_on)
     try:
-        yield stopped
+        yield lambda: bool(received)
     finally:
         ended.set()
-        signal.signal(signal.SIGINT, before)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    if received:
+        handlers[received[0]](received[0], None)
+        raise KeyboardInterrupt
 
 
 def _interrupt_workers(ended: threading.Event) -> None:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import SCRIPTS, EnvConfig
 from fpg_bench.common.imports import code_fingerprint, is_code
@@ -19,7 +18,7 @@ from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch, make_duel
 from fpg_bench.game.batch import ActionError, Seeds, check_seeds, described, read_only
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.game.spec import OBSERVATIONS, REWARDS, GameSpec
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.game.waterfall import HISTORY, Waterfall
 from fpg_bench.planning import LLM_CONTROLS, Planner, as_planner
@@ -167,7 +166,7 @@ class SingleAgentGame(Core):
         if getattr(game, self.side) is not None:
             raise UserError(f"{self.side}: in {config.id} you play the {self.side}; name the {other_side}")
         self.other_specs = expand_suites(game.others, other_side)
-        self._reward = "own" if game.reward is None else one_of(game.reward, "reward", REWARDS)
+        self._reward = game.reward or "own"
         if game.planner is not None and config.planner is None:
             raise UserError(f"planner: {config.id} plans no paths; FPG/AllyVsPlanner-v0 does")
         played = game.resolve()
@@ -185,7 +184,7 @@ class SingleAgentGame(Core):
 
     def _waterfall(self, observation: str | None, history: int | None) -> Waterfall | None:
         """Return the waterfall that the caller asks for; None for the 15 numbers."""
-        if observation is None or one_of(observation, "observation", OBSERVATIONS) == "numbers":
+        if observation in (None, "numbers"):
             if history is not None:
                 raise UserError("history: counts the rows of a waterfall; add observation='waterfall'")
             return None

@@ -288,7 +288,7 @@ def _entry(spec: PlayerSpec, player: Player, name: str, suite: Suite) -> Evaluat
         return EvaluatedPlayer(name, None, code_fingerprint(code), FixedPlayer(spec), is_code=is_code(code))
     # An agent itself is sent to workers, as other machines may lack its files; other players by their names.
     made = MADE + hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]
-    cost = {"steps": card.training_steps, "seconds": card.seconds}
+    cost = {"steps": card.played_steps, "seconds": card.seconds}
     training = {key: value for key, value in cost.items() if value is not None}
     return EvaluatedPlayer(
         name,

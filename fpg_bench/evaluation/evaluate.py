@@ -156,7 +156,7 @@ def _training(about: _ResultsFile, summary: Summary) -> TrainingCost:
     if not steps:
         return TrainingCost(elsewhere=elsewhere)
     mean = sum(seconds) / len(seconds) if len(seconds) == len(known) else None
-    return TrainingCost(int(steps[0]), mean, elsewhere)
+    return TrainingCost(round(sum(steps) / len(steps)), mean, elsewhere)
 
 
 def read_results(folder: str | Path) -> tuple[Results, Suite]:

@@ -51,7 +51,9 @@ class RunDescription(Strict):
         policies: hashes of the policies that it is trained against, by name.
         versions, revision: of the packages, and of this code.
         imitation_error: difference from the teacher at the end of an imitation.
-        steps_done, seconds, steps_per_s: steps and seconds of the training.
+        steps_done, seconds: steps that were played in whole rollouts and seconds of the training, with those
+            of the runs that it started from.
+        steps_per_s: rate of the training.
         plans: how often plans of each kind were flown, where a language model plans.
         finished: the agent is exported.
         part: how often it was resumed.

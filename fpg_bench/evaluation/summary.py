@@ -19,7 +19,7 @@ class TrainingCost:
     """Cost of the training of an entry's agents; None for all else, and where it is unknown.
 
     Attributes:
-        steps: training budget of each seed.
+        steps: mean number of steps that were played, over the training seeds.
         seconds: mean wall time over the training seeds, without evaluations.
         elsewhere: True if the training had other rules than the suite.
     """

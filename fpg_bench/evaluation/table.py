@@ -35,7 +35,7 @@ _LATEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
     "\N{MINUS SIGN}": "$-$",
     "\N{EN DASH}": "--",
 }
-_COSTS = "Steps and minutes: of training, per seed. "
+_COSTS = "Steps and minutes: played in training, per seed. "
 _TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
 # Okabe and Ito's colours, distinguishable for the colour-blind; each cycle through them has its own marker.
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c8c8c")

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NoReturn, Protocol
 
 from fpg_bench.common.checks import mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
-from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, find_env, plain_id
+from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, action_modes, find_env, plain_id
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.strict_json import JsonObject
@@ -70,7 +70,8 @@ class GameSpec:
             allowed. A game that has such a player or planner is not opened.
 
     Raises:
-        UserError: no such id, an action mode that contradicts the id, or an option that the duel lacks.
+        UserError: no such id, action mode, reward or observation, an action mode that contradicts the id,
+            or an option that the duel lacks.
     """
 
     id: str
@@ -103,9 +104,14 @@ class GameSpec:
             self._check_lacks(_ONE_SIDED, f"in {DUEL} you play both sides")
             return {}
         config = find_env(self.id)
-        if isinstance(self.actions, str):
-            one_of(self.actions, f"actions of the {config.side}", ACTION_MODES)
         mode = config.action_mode(self.actions)  # type: ignore[arg-type]  # refuses a mapping
+        for name, value, known in (
+            (f"actions of the {config.side}", mode, action_modes(config.side)),
+            ("reward", self.reward, REWARDS),
+            ("observation", self.observation, OBSERVATIONS),
+        ):
+            if value is not None:
+                one_of(value, name, known)
         return {"id": config.id, "actions": None if mode == "continuous" else mode}
 
     def _check_lacks(self, names: Collection[str], reason: str) -> None:

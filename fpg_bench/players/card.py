@@ -83,7 +83,8 @@ class AgentCard(Strict):
         hyperparameters: hyper-parameters of the run.
         policies: hashes of the policies that it was trained against, by name.
         offline: the data set that it learned from.
-        steps_done, seconds: steps and seconds of the training.
+        steps_done, seconds: steps that were played in whole rollouts and seconds of the training, with those
+            of the runs that it started from.
         recipe: configuration of a champion's training.
         largest_difference: between the actions of the trained model and the exported policy.
     """
@@ -225,6 +226,11 @@ class AgentCard(Strict):
         """``learned`` if the opponent chose its own flight path in the training, otherwise ``pursuit``."""
         path = self.scenario_fields.get("opponent_path")
         return "learned" if path == "learned" or (isinstance(path, list) and "learned" in path) else "pursuit"
+
+    @property
+    def played_steps(self) -> int:
+        """Steps of the training as it was played; the budget where the card does not tell more."""
+        return max(self.training_steps, self.steps_done or 0)
 
     def describes(self, model: bytes) -> bool:
         """Return True if the policy is the one that the card names."""

@@ -103,12 +103,19 @@ class RunConfig:
         return self.spec.planner or (None if self.spec.is_duel else self.spec.config.planner)
 
     def suites(self) -> list[str]:
-        """Return the suite that scores each side; raises UserError where one suite is set for both sides."""
-        from fpg_bench.evaluation.suite import suite_of  # with all that reads suites
+        """Return the suite that scores each side.
+
+        Raises:
+            UserError: one suite is set for both sides, or there is no such suite.
+        """
+        from fpg_bench.evaluation.suite import read_suite, suite_of  # with all that reads suites
 
         if self.suite and self.spec.is_duel:
             raise UserError(f"suite: each side of {DUEL} is scored on its own suite; omit it")
-        return [self.suite] if self.suite else [suite_of(self.spec, side) for side in self.spec.sides]
+        if self.suite:
+            read_suite(self.suite)
+            return [self.suite]
+        return [suite_of(self.spec, side) for side in self.spec.sides]
 
     def options(self) -> dict[str, object]:
         """Return the options beside those of the game: ``start``, ``transcript``, and those of ``llm``."""

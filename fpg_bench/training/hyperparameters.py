@@ -129,12 +129,13 @@ def load_hyperparameters(
     content = read_yaml(file, "hyper-parameters")
     if isinstance(content.get("policy"), str):  # of a run of rl-zoo3: one entry, without an id
         return _parse(algorithm, content, f"hyper-parameters {file}")
-    if not isinstance(content.get(env_id), dict):
+    entry = content.get(env_id, content.get("default"))
+    if not isinstance(entry, dict):
         raise UserError(
             f"hyper-parameters {file}: no entry for {env_id!r}{nearest(env_id, map(str, content))}"
         )
-    check_allowed(content[env_id], allow, f"hyper-parameters {file}")
-    return _parse(algorithm, content[env_id], f"hyper-parameters {file}: {env_id}")
+    check_allowed(entry, allow, f"hyper-parameters {file}")
+    return _parse(algorithm, entry, f"hyper-parameters {file}: {env_id}")
 
 
 def as_option(file: Hyperparams) -> object:

@@ -151,6 +151,9 @@ def _problem(value: Any, argument: inspect.Parameter) -> str | None:
     expected = None
     if is_bool:
         expected = None if isinstance(value, bool) else "true or false"
+    elif name == "replay_buffer_class":
+        if value is not None and (not isinstance(value, type) or value.__name__ == "HerReplayBuffer"):
+            expected = "null, or a class from Python; hindsight (HER) needs goals, which the game lacks"
     elif name in _AUTOMATIC and isinstance(default, str):
         if not (is_number or (isinstance(value, str) and _AUTO.fullmatch(value))):
             expected = "a number, auto, or auto_<number>"

@@ -27,7 +27,7 @@ from torch.distributions import Distribution
 
 from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.checks import integer
-from fpg_bench.common.errors import UserError, first_line
+from fpg_bench.common.errors import UserError, one_line
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
@@ -163,9 +163,18 @@ def train(
                 run.folder.clear()
             run.learn(evaluators, progress, log_rounds)
             run.finish()
-            if curve:
-                _write_curve(run.folder.curve, partial(draw_run, run.folder.path))
+        if curve and not run.folder.curve.exists():  # also where a finished run was killed before
+            _draw(run.folder.curve, lambda: draw_run(run.folder.path))
     return run.folder.agent
+
+
+def _draw(file: Path, draw: Callable[[], Figure | None]) -> None:
+    """Draw what decorates finished runs; an error is a warning, since everything is trained and kept."""
+    try:
+        if (figure := draw()) is not None:
+            write_figure(figure, file)
+    except Exception as error:
+        _logger.warning(f"no {file.name}: {one_line(error)}")
 
 
 def train_together(
@@ -236,6 +245,11 @@ def train_together(
     return run.folder.agent
 
 
+def check_run(config: RunConfig) -> None:
+    """Raise UserError if a run cannot be trained; nothing is written."""
+    _Run(config, RunFolder(Path())).setup()
+
+
 def is_finished(config: RunConfig, out: str | Path) -> bool:
     """Return True if a folder holds this run, finished.
 
@@ -278,7 +292,7 @@ def train_seeds(
     """
     if config.spec.planner in LLM_CONTROLS:
         raise UserError("seeds: a language model plans for one run at a time; train the seeds one by one")
-    make_sb3(config.spec)  # refuses a game that cannot be made before any seed begins
+    check_run(config)  # before any seed begins
     jobs = []
     for seed in seeds:
         run, folder = dataclasses.replace(config, seed=seed), Path(out) / f"seed_{seed}"
@@ -295,16 +309,7 @@ def train_seeds(
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
     if evaluations:
-        _write_curve(Path(out) / CURVE, lambda: draw_curves(read_runs([out]), levels=levels_of([out])))
-
-
-def _write_curve(file: Path, draw: Callable[[], Figure | None]) -> None:
-    """Write a figure of what was trained, if there is one; a failure is a warning."""
-    try:
-        if (figure := draw()) is not None:
-            write_figure(figure, file)
-    except Exception as error:  # the agents are exported; nothing but the figure is lost
-        _logger.warning(f"no {file.name}: {first_line(error)}")
+        _draw(Path(out) / CURVE, lambda: draw_curves(read_runs([out]), levels=levels_of([out])))
 
 
 MOST_SEEDS = 1000  # of one list
@@ -374,6 +379,7 @@ class _Run:
         self._seconds_before = 0.0
         self._part = 0  # number of times the run was resumed
         self._starts_fresh = True  # from newly initialized weights
+        self._start: RunDescription | None = None  # whose weights it starts from
 
     def _describe(self, budget: int) -> RunDescription:
         """Return the description of the run; ``policies`` hashes the agents met."""
@@ -446,7 +452,7 @@ class _Run:
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about.training_seed)
         if config.start is not None:
             start = Path(config.start)
-            _check_start(start, self.about)
+            self._start = _read_start(start, self.about)
             load_weights(self.model, start)
             self._starts_fresh = False
         if config.dataset is not None:
@@ -579,6 +585,9 @@ class _Run:
         """Export the agent, save the model, and remove the checkpoints."""
         steps = self.model.num_timesteps
         made: Row = {"steps_done": steps, "seconds": round(self.seconds, 1)}
+        if self._start is not None:
+            made["steps_done"] += self._start.steps_done or 0
+            made["seconds"] = round(self.seconds + self._start.seconds, 1)
         if isinstance(planner := self.games.core.planner, CountsPlans):
             made["plans"] = dict(planner.flown)  # of this part of the run
         about = self.about.model_copy(update=made)
@@ -611,8 +620,11 @@ def _offline(data: Any) -> OfflineData:
     return OfflineData(dataset=data.spec.dataset_id, content_sha256=data.sha256, transitions=steps)
 
 
-def _check_start(run: Path, about: RunDescription) -> None:
-    """Raise UserError if a run cannot start from the weights of another."""
+def _read_start(run: Path, about: RunDescription) -> RunDescription:
+    """Return the description of the run to start from; raise UserError if its weights do not fit."""
+    if not run.is_dir():
+        kind = "is a file" if run.exists() else "does not exist"
+        raise UserError(f"start {run}: {kind}; name the folder of a finished run")
     other = RunDescription.read(run, "start")
     is_clone = other.algorithm == about.algorithm.replace("ppo", "bc")  # which has PPO's networks
     normalize = (each.hyperparameters.get("normalize") for each in (other, about))
@@ -624,3 +636,4 @@ def _check_start(run: Path, about: RunDescription) -> None:
     ):
         if found != expected:
             raise UserError(f"start {run}: {key} is {found!r} there, expected {expected!r}")
+    return other

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import typer
@@ -73,3 +73,86 @@ def test_a_wrong_command_line_is_one_line(lines, monkeypatch, capsys, tmp_path):
         assert "a bug" not in error, line
         assert error[:-1].isprintable(), line
         assert not list(tmp_path.iterdir()), line
+
+
+# A line of each verb that would do its work, small where it is not refused.
+WORKING = (
+    "play --steps 1",
+    "train ppo FPG/AllyVsScripted-v0 --out out --steps 1 --n-evals 0",
+    "train ppo FPG/team_v0 --side ally --out out --steps 1 --n-evals 0",
+    "offline bc ally-random-v0 --out out --steps 1 --n-evals 0",
+    "evaluate idle --suite ally-v1 --out out --matches 1",
+    "best-response expert --steps 1 --n-seeds 1 --out out",
+    "double-oracle --iterations 1 --steps 1 --out out",
+    "self-play --iterations 1 --steps 1 --out out",
+    "fictitious-self-play --generations 1 --steps 1 --n-evals 0 --out out",
+    "export nowhere.zip --out out --algo ppo --id FPG/AllyVsScripted-v0 --scenario standard --seed 0",
+    "reproduce fig3 --out out",
+    "envs FPG/AllyVsScripted-v0",
+    "suites ally-v1",
+    "scenario show standard",
+    "tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --rounds 1 --steps 1 --out out",
+    "tune report nowhere",
+    "tune export nowhere best.yml",
+    "plan run --planner hill-climb",
+    "plan compare circle --suite planner-v1",
+    "dataset make ally-random-v0",
+    "dataset check nowhere",
+    "hub push nowhere me/mine",
+    "hub pull me/mine --out out",
+    "leaderboard build --folder nowhere",
+    "submit run nowhere",
+    "leaderboard verify --folder nowhere",
+    "leaderboard crossplay --folder nowhere",
+    "leaderboard exploit --folder nowhere",
+    "leaderboard close-season 9 --work work --folder nowhere",
+    "leaderboard season season-9 --folder nowhere",
+    "leaderboard audit-season 9 --work work --folder nowhere",
+)
+WRONG = "discreet"
+# Options of any text, and those of others: names that are given, addresses, and what a server is asked
+FREE = {"--name", "--study-name", "--storage", "--address", "--server", "--allow", "--prompt"}
+FREE |= {"--since", "--revision"}
+
+
+def is_text(parameter: Any) -> bool:
+    """Return True for a parameter that takes a word, not a number, a flag or a path."""
+    kind = parameter.type_descriptor.annotation
+    return str in (kind, *get_args(kind)) and not getattr(parameter, "is_flag", False)
+
+
+def misspelt() -> Iterator[str]:
+    """Working command lines, each with a wrong word for one of its arguments or options."""
+    for line in WORKING:
+        given = line.split()
+        (words, command), *_ = (each for each in verbs() if tuple(given[: len(each[0])]) == each[0])
+        arguments = [each for each in command.params if each.param_type_name == "argument"]
+        for index, each in enumerate(arguments, len(words)):
+            if is_text(each) and index < len(given):
+                yield " ".join([*given[:index], WRONG, *given[index + 1 :]])
+        for option in command.params:
+            if option.param_type_name == "option" and is_text(option) and option.opts[0] not in FREE:
+                yield f"{line} {option.opts[0]} {WRONG}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", list(misspelt()))
+def test_a_wrong_word_is_refused_in_one_line_before_anything_is_written(line, monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "app", COMMAND)
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    monkeypatch.setattr(sys, "argv", ["fpg-bench", *line.split()])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    error = capfd.readouterr().err
+    *_, last = error.splitlines()
+    assert (end.value.code, last[:11]) == (2, "fpg-bench: "), error
+    assert error.count("fpg-bench: ") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_each_verb_that_takes_words_has_a_line_that_works():
+    for words, command in verbs():
+        known = any(tuple(line.split()[: len(words)]) == words for line in WORKING)
+        free = all(each.opts[0] in FREE for each in command.params if is_text(each))
+        assert known or free, " ".join(words)

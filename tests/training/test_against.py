@@ -10,6 +10,8 @@ import torch
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.envs.sb3_vec_env import make_sb3
+from fpg_bench.evaluation.evaluate import evaluate
+from fpg_bench.evaluation.summary import TrainingCost
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.checkpoint import load_weights, save_model
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -84,7 +86,22 @@ def test_a_run_starts_with_the_score_of_the_run_it_starts_from(ally, tmp_path):
     assert (rows[0]["steps"], rows[0]["rivals"]) == (0, before["rivals"])
     assert rows[-1]["rivals"] != before["rivals"]
     about = json.loads((tmp_path / "next" / "run.json").read_text())
-    assert (about["steps_done"], about["options"]) == (400, {"start": str(ally)})
+    assert about["options"] == {"start": str(ally)}
+
+
+@pytest.mark.slow
+def test_tables_show_the_steps_and_seconds_that_were_played_with_those_of_the_run_started_from(
+    ally, tmp_path
+):
+    train_tiny("ppo", tmp_path / "next", REWARDS, steps=1, start=ally)  # of a rollout of 400
+    before, card = (load_agent(run / "agent").card for run in (ally, tmp_path / "next"))
+    assert (before.training_steps, before.steps_done) == (400, 400)
+    assert (card.training_steps, card.steps_done) == (1, 800)
+    assert card.seconds > before.seconds
+    about = json.loads((tmp_path / "next" / "run.json").read_text())
+    assert (about["steps_done"], about["seconds"]) == (800, card.seconds)
+    summary = evaluate([str(tmp_path / "next")], "ally-v1", matches=1)
+    assert summary[0].training == TrainingCost(800, card.seconds)
 
 
 @pytest.mark.slow
@@ -122,4 +139,12 @@ def test_an_unsuitable_start_is_refused(ally, tmp_path):
         respond(tmp_path / "run", "expert", start=ally)
     with pytest.raises(UserError, match="algorithm is 'ppo' there, expected 'ppo-stack2'"):
         train_tiny("ppo-stack2", tmp_path / "run", start=ally)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_file_is_no_run_to_start_from(tmp_path):
+    (tmp_path / "model.zip").touch()
+    for name, problem in (("model.zip", "is a file"), ("nowhere", "does not exist")):
+        with pytest.raises(UserError, match=f"start .*{name}: {problem}; name the folder of a finished run"):
+            train_tiny("ppo", tmp_path / "run", start=tmp_path / name)
     assert not (tmp_path / "run").exists()

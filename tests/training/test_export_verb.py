@@ -2,11 +2,13 @@ import json
 import pickle
 import shutil
 import zipfile
+from collections import OrderedDict
 from functools import partial
 
 import numpy as np
 import pytest
 import torch
+import yaml
 from stable_baselines3 import PPO, TD3
 from stable_baselines3.common.vec_env import VecFrameStack
 
@@ -98,6 +100,10 @@ def test_export_reads_runs_and_zips(tmp_path, capsys):
     with pytest.raises(UserError, match="--not-normalized"):
         export_verb(tmp_path / "model.zip", mine / "seed_7", algo="ppo")
     plain = {"algo": "ppo", "not_normalized": True}
+    with pytest.raises(UserError, match=r"--algo ppo.*; add --seed.*; add --id and.*; add --not-normalized"):
+        export_verb(tmp_path / "model.zip", mine)
+    with pytest.raises(UserError, match=r"statistics are in .*/normalize\.npz; export the run, .*/run"):
+        export_verb(tmp_path / "run" / "model.zip", mine / "seed_7", **plain)
     for told in ({}, {"env_id": ALLY}):
         with pytest.raises(UserError, match="does not name its game; add --id and --scenario"):
             export_verb(tmp_path / "model.zip", mine / "seed_7", **plain, **told)
@@ -106,6 +112,47 @@ def test_export_reads_runs_and_zips(tmp_path, capsys):
     export_verb(tmp_path / "model.zip", mine / "seed_7", **plain, env_id=ALLY, game={"scenario": "standard"})
     assert load_agent(mine / "seed_7").card.training_seed == 7
     assert load_agent(mine / "seed_7").card.game == GameSpec(ALLY, scenario="standard")
+
+
+def write_as_rl_zoo3(folder, options=None, **config):
+    """The files that rl-zoo3 writes beside a zip."""
+    args = {"algo": "ppo", "env": ID, "env_kwargs": options, "seed": 5}
+    (folder / "files").mkdir(parents=True)
+    for name, content in (("args", args), ("config", config)):
+        (folder / f"files/{name}.yml").write_text(yaml.dump(OrderedDict(content)))
+    (folder / "files/vecnormalize.pkl").write_bytes(b"never opened")
+
+
+def test_a_zip_of_rl_zoo3_needs_no_options_but_that_of_normalized_observations_is_refused(tmp_path):
+    kinds = {"plain": {"norm_obs": False}, "normalized": {}, "as_text": "dict(norm_obs=True)"}
+    for name, config in kinds.items():
+        write_as_rl_zoo3(tmp_path / name, {"path": "circle"}, policy="MlpPolicy", normalize=config)
+        saved(PPO, tmp_path / name, policy_kwargs=SMALL)
+    export_verb(tmp_path / "plain/model.zip", tmp_path / "mine")
+    card = load_agent(tmp_path / "mine").card
+    assert (card.game, card.training_seed) == (GameSpec(ID, scenario="standard", path="circle"), 5)
+    assert card.algorithm == "ppo"
+    for name in ("normalized", "as_text"):
+        with pytest.raises(UserError, match=r"statistics are in .*files/vecnormalize\.pkl, a pickle, never"):
+            export_verb(tmp_path / name / "model.zip", tmp_path / "other", not_normalized=True)
+    (tmp_path / "plain/files/args.yml").write_text("!!python/object/apply:os.system [exit]")
+    with pytest.raises(UserError, match=r"args\.yml: not valid YAML"):
+        export_verb(tmp_path / "plain/model.zip", tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
+def test_not_normalized_is_refused_beside_the_statistics_of_vecnormalize(tmp_path):
+    saved(PPO, tmp_path, policy_kwargs=SMALL)
+    (tmp_path / "vecnormalize.pkl").write_bytes(b"never opened")
+    given = {"algo": "ppo", "env_id": ID, "seed": 0, "game": {"scenario": "standard"}}
+    with pytest.raises(UserError, match=r"in .*/vecnormalize\.pkl, a pickle, never opened; load it yourself"):
+        export_verb(tmp_path / "model.zip", tmp_path / "mine", not_normalized=True, **given)
+
+
+def test_a_model_of_another_game_is_not_asked_for_options(tmp_path):
+    PPO("MlpPolicy", "CartPole-v1", device="cpu").save(tmp_path / "model.zip")
+    with pytest.raises(UserError, match=r"reads 4 numbers, and no game .*; train a model in a game first"):
+        export_verb(tmp_path / "model.zip", tmp_path / "mine")
 
 
 def test_a_zip_in_the_folder_of_its_run_has_the_run_s_game(tmp_path):

@@ -187,3 +187,17 @@ def test_all_of_rl_zoo3_s_own_entries_are_read_but_for_those_with_wrappers(algor
                 load_hyperparameters(algorithm, env_id, file)
         else:
             assert load_hyperparameters(algorithm, env_id, file).n_timesteps > 0
+
+
+def test_a_default_entry_is_that_of_ids_without_one(tmp_path):
+    file = tmp_path / "ppo.yml"
+    other = "FPG/OpponentVsScripted-v0"
+    file.write_text(f"default: {{policy: MlpPolicy, n_steps: 32}}\n{other}: {{policy: MlpPolicy}}")
+    assert load_hyperparameters("ppo", ALLY, file).algorithm["n_steps"] == 32
+    assert "n_steps" not in load_hyperparameters("ppo", other, file).algorithm
+
+
+def test_hindsight_is_refused_with_its_reason():
+    entry = {"policy": "MlpPolicy", "replay_buffer_class": "HerReplayBuffer"}
+    with pytest.raises(UserError, match=r"replay_buffer_class: expected .*needs goals, which the game lacks"):
+        load_hyperparameters("sac", ALLY, entry)

@@ -76,6 +76,22 @@ def run(hyperparams):
 
 
 @pytest.mark.slow
+def test_a_finished_run_gets_its_picture_when_asked_again_and_never_fails_by_it(
+    run, hyperparams, caplog, monkeypatch
+):
+    given = {"seed": 3, "hyperparams": hyperparams, "evaluations": 2, "resume": True}
+    before = (run / "curve.png").read_bytes()
+    (run / "curve.png").unlink()  # as after a kill between the agent and the picture
+    with monkeypatch.context() as patched:
+        patched.setattr("fpg_bench.evaluation.curves.score_levels", lambda *given: 1 // 0)
+        assert train("ppo", ALLY, run, **given) == run / "agent"
+    assert caplog.messages == ["no curve.png: integer division or modulo by zero"]
+    assert not (run / "curve.png").exists()
+    train("ppo", ALLY, run, **given)
+    assert (run / "curve.png").read_bytes() == before
+
+
+@pytest.mark.slow
 def test_a_run_describes_how_it_was_made(run, hyperparams):
     about = json.loads((run / "run.json").read_text())
     assert about["finished"]

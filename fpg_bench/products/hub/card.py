@@ -86,7 +86,7 @@ def model_card(
         rival=_RIVAL[other_side(card.side)],
         results=results or "No records of an evaluation were uploaded.",
         seed="unknown" if card.training_seed is None else card.training_seed,
-        steps=f"{card.training_steps:,}",
+        steps=f"{card.played_steps:,}",
         data=f" of gradient descent on the data set `{offline.dataset}`" if offline else "",
         time=f", {seconds:,.0f} seconds" if seconds is not None else "",
         scenario=card.scenario[:12],

@@ -161,7 +161,7 @@ def _records(
 
 
 def _with_training(summary: Summary, card: AgentCard) -> Summary:
-    return dataclasses.replace(summary, training=TrainingCost(card.training_steps, card.seconds))
+    return dataclasses.replace(summary, training=TrainingCost(card.played_steps, card.seconds))
 
 
 def _replay(player: Player, side: str, suite: Suite, repository: str) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, cast
@@ -29,7 +29,7 @@ from fpg_bench.products.league.folder import check_same
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.train import train
+from fpg_bench.training.train import check_run, train
 
 RESULT = "best_responses.json"
 # Reward of best responses by the side of the player: an ally's lowest return is what anybody can do to it, an
@@ -114,6 +114,7 @@ def best_responses(config: BestResponseConfig, out: str | Path, *, progress: boo
         "protocol": PROTOCOL,
     }
     other = other_side(target.side)
+    check_run(_response_run(config, target, 0, lambda: SCRIPTED[other][0]))
     names = [*SCRIPTED[other], *draw_variants(other, config.n_scripts, target.scenario)]
     with own_folder(out, RESULT, "best responses"):
         begun: Row = {"agent": config.agent, **about, "scripts": {}, "responses": []}
@@ -149,29 +150,40 @@ def _respond(
     config: BestResponseConfig, target: _Target, seed: int, out: Path, result: BestResponses, progress: bool
 ) -> Row | None:
     """Train one response, and evaluate the player against it; None if the result has it already."""
-    reward = RESPONSE_REWARDS[target.side] if config.reward is None else config.reward
     made: Row = {
         "algorithm": config.algorithm,
         "steps": config.steps,
         "start": config.start,
         "training_seed": seed,
-        "reward": reward,
+        "reward": _reward(config, target),
         **({} if config.actions in (None, "continuous") else {"actions": config.actions}),
     }
     folder = RunFolder(out / response_folder(made))
-    game = GameSpec.of(target.game, reward=reward, actions=config.actions)
-    values = load_hyperparameters(config.algorithm, game, config.hyperparams, allow=config.allow).entry()
-    if config.start == "strongest":
-        values |= {"imitate": {"teacher": _teacher(folder) or _strongest_player(result, out)}}
-    made["hyperparameters"] = json.loads(json.dumps(values, default=str))  # as they are read from JSON
+    run = _response_run(config, target, seed, lambda: _teacher(folder) or _strongest_player(result, out))
+    values = json.dumps(run.hyperparams, default=str)
+    made["hyperparameters"] = json.loads(values)  # as they are read from JSON
     same = [row for row in result["responses"] if row.get("actions") == made.get("actions")]
     if any(made.items() <= row.items() for row in same):
         return None
-    run = RunConfig(config.algorithm, game, seed, config.steps, values)
     agent = train(run, folder.path, evaluations=0, progress=progress, resume=True)
     ran = folder.read()
     cost = {"seconds": ran.seconds} | ({"n_resumes": ran.part} if ran.part else {})
     return made | cost | target.evaluate(str(agent))
+
+
+def _reward(config: BestResponseConfig, target: _Target) -> str:
+    return RESPONSE_REWARDS[target.side] if config.reward is None else config.reward
+
+
+def _response_run(
+    config: BestResponseConfig, target: _Target, seed: int, teacher: Callable[[], str]
+) -> RunConfig:
+    """Return the run of a response; the teacher is asked for where it is to imitate one."""
+    game = GameSpec.of(target.game, reward=_reward(config, target), actions=config.actions)
+    values = load_hyperparameters(config.algorithm, game, config.hyperparams, allow=config.allow).entry()
+    if config.start == "strongest":
+        values |= {"imitate": {"teacher": teacher()}}
+    return RunConfig(config.algorithm, game, seed, config.steps, values)
 
 
 def response_folder(response: Row) -> str:

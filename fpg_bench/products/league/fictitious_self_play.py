@@ -33,7 +33,7 @@ from fpg_bench.products.league.folder import (
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.train import train
+from fpg_bench.training.train import check_run, train
 
 ROWS, ABOUT = "generations.jsonl", "fictitious_self_play.json"
 SEED_STRIDE = 1000  # generation g of self-play with seed k has training seed 1000 k + g
@@ -65,6 +65,8 @@ def fictitious_self_play(
         KeyboardInterrupt: stopped by the user.
     """
     league = _FictitiousSelfPlay(config, Path(out))
+    for side in SIDES:
+        check_run(league.run_config(side, 0))
     about, file = league.describe(), RowFile(league.folder / ROWS, {"generation": int, "side": str})
     with search_folder(league.folder, ABOUT, ROWS, "fictitious self-play"):
         done = {(row["generation"], row["side"]) for row in file.read()}

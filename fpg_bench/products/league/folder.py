@@ -86,14 +86,10 @@ def export_agent(runs: Sequence[RunFolder], folder: Path, name: str, update: Jso
         name: folder of the agent in it.
         update: further attributes of the agent's card.
     """
-    last, about = runs[-1].agent, [run.read() for run in runs]
-    steps = {
-        "training_steps": sum(each.training_steps for each in about),
-        "steps_done": sum(each.steps_done or 0 for each in about),
-        "seconds": round(sum(each.seconds for each in about), 1),
-    }
+    last, budget = runs[-1].agent, sum(run.read().training_steps for run in runs)
     card = _named_within(read_card(last), folder)
-    card.model_copy(update=steps | update).write(folder / name, (last / "policy.onnx").read_bytes())
+    card = card.model_copy(update={"training_steps": budget} | update)
+    card.write(folder / name, (last / "policy.onnx").read_bytes())
     return folder / name
 
 

@@ -42,7 +42,7 @@ from fpg_bench.products.league.folder import (
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.train import train
+from fpg_bench.training.train import check_run, train
 
 ROWS, ABOUT = "search.jsonl", "search.json"
 # Iteration k with seed s has training seed 1000 s + k, its rival in self-play 1000 s + 250 + k, responses to
@@ -137,8 +137,22 @@ class Search(ABC):
             allow=config.allow,
         )
 
+    def response_config(self, game: GameSpec, number: int) -> RunConfig:
+        """Return the run of a response; its number decides the training seed."""
+        config = self.config
+        return RunConfig(
+            config.response_algorithm,
+            game,
+            SEED_STRIDE * config.seed + SEED_STRIDE // 2 + number,
+            self.response_steps,
+            config.response_hyperparams,
+            allow=config.allow,
+        )
+
     def run(self) -> SearchResult:
         """Play the iterations that are missing, confirm the best ones, and export the one that keeps most."""
+        check_run(self.side_config(0, self.game.others))
+        check_run(self.response_config(self.response_game, 0))
         about, file = self._describe(), RowFile(self.folder / ROWS, {"iteration": int})
         with search_folder(self.folder, ABOUT, ROWS, "search"):
             rows = file.read()
@@ -209,18 +223,10 @@ class Search(ABC):
 
     def answer(self, iteration: int, policies: Sequence[str], number: int = 0) -> float:
         """Train a response to policies of the side, and return what their mixture keeps against it."""
-        config, run, mixture = self.config, self.response(iteration, number), shares(policies)
+        run, mixture = self.response(iteration, number), shares(policies)
         game = GameSpec.of(self.response_game, against=list(policies))
-        seed = SEED_STRIDE * config.seed + SEED_STRIDE // 2 + 2 * iteration + number
-        response = RunConfig(
-            config.response_algorithm,
-            game,
-            seed,
-            self.response_steps,
-            config.response_hyperparams,
-            allow=config.allow,
-        )
-        train(response, run.path, evaluations=0, progress=self.progress, resume=True)
+        config = self.response_config(game, 2 * iteration + number)
+        train(config, run.path, evaluations=0, progress=self.progress, resume=True)
         payoffs = self.payoffs(list(mixture), [str(run.agent)])
         kept = sum(share * payoffs.interval(name, str(run.agent)).value for name, share in mixture.items())
         return round(float(kept), 4)

@@ -18,7 +18,7 @@ from fpg_bench.common.canvas import Style, blank_figure, image_of, literal
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.products.tuning.space import format_values, from_params
-from fpg_bench.products.tuning.study import Task, load_study, open_storage
+from fpg_bench.products.tuning.study import Task, load_study, open_storage, state_of
 
 PAGE = "report.html"
 _STYLE = (
@@ -97,14 +97,16 @@ def _history(study: optuna.Study) -> Figure:
 
 
 def _intermediate(study: optuna.Study) -> Figure:
-    """Draw the scores of each trial during its training."""
+    """Draw the scores of each trial during its training; a cross marks where one was pruned."""
     figure = blank_figure(9, 3)
     axes = figure.subplots()
     for trial in study.get_trials(deepcopy=False):
         if trial.intermediate_values:
             steps, scores = zip(*sorted(trial.intermediate_values.items()), strict=True)
             axes.plot(steps, scores, lw=1, marker=".", color="#0072b2", alpha=0.4)
-    axes.set(xlabel="evaluation", ylabel="score")
+            if trial.state == TrialState.PRUNED:
+                axes.plot(steps[-1], scores[-1], "x", color="#d55e00")
+    axes.set(xlabel="evaluation", ylabel="score of the seeds so far")
     return figure
 
 
@@ -153,13 +155,9 @@ _PLOTS: tuple[tuple[str, Callable[[optuna.Study], Figure]], ...] = (
 def _table(study: optuna.Study, task: Task) -> str:
     trials = study.get_trials(deepcopy=False)
     rows: list[tuple[str, ...]] = [("trial", "state", "score", "95 % interval", "values")]
-    rows += [
-        _row(trial, task)
-        for trial in sorted(
-            trials, key=lambda trial: -1e9 if trial.value is None else trial.value, reverse=True
-        )
-        if trial.state != TrialState.WAITING
-    ]
+    ranked = sorted(_complete(study), key=lambda trial: -(trial.value or 0.0))
+    rest = [t for t in trials if t.state not in (TrialState.COMPLETE, TrialState.WAITING)]
+    rows += [_row(trial, task) for trial in (*ranked, *rest)]
     lines = ["<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in row) for row in rows]
     lines[0] = lines[0].replace("<td>", "<th>")
     return f'<div class="table"><table>{"".join(lines)}</table></div>'
@@ -170,6 +168,5 @@ def _row(trial: FrozenTrial, task: Task) -> tuple[str, ...]:
     values = format_values(from_params(task.space, trial.params)) if has_values else ""
     low, high, _ = trial.user_attrs.get("interval", (None, None, ""))
     interval = "" if low is None else f"[{low:.1f}, {high:.1f}]"
-    score = "" if trial.value is None else f"{trial.value:.1f}"
-    state = trial.user_attrs.get("error") or trial.state.name.lower()
-    return str(trial.number), state, score, interval, values
+    score = f"{trial.value:.1f}" if trial.state == TrialState.COMPLETE else ""
+    return str(trial.number), state_of(trial), score, interval, values

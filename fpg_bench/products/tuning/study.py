@@ -18,8 +18,9 @@ from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback
 from optuna.trial import FrozenTrial, TrialState
 
 from fpg_bench.common.checks import integer
-from fpg_bench.common.errors import UserError, first_line, nearest, other_content
+from fpg_bench.common.errors import UserError, first_line, nearest
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.files import check_own_folder
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.evaluation.suite import load_suite, suite_of
@@ -214,16 +215,15 @@ def open_storage(out: Path, url: str | None = None, *, must_exist: bool = False)
         must_exist: refuse a folder without ``study.db`` instead of creating it.
 
     Raises:
-        UserError: the database cannot be opened, the folder holds a training run, or the extra ``postgres``
+        UserError: the database cannot be opened, the folder holds something else, or the extra ``postgres``
             is not installed.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    if (out / "run.json").exists():
-        raise other_content(out, "a training run")
     file = out.absolute() / DATABASE
     if url is None:
         if must_exist and not file.is_file():
             raise UserError(f"{out}: holds no study")
+        check_own_folder(out, DATABASE, "study")
         where = f"storage {file}"
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -392,6 +392,25 @@ def load_study(storage: Storage, name: str | None) -> tuple[optuna.Study, Task]:
 def count_finished(study: optuna.Study) -> int:
     """Count the trials that are complete or pruned."""
     return len(study.get_trials(deepcopy=False, states=FINISHED))
+
+
+def state_of(trial: FrozenTrial) -> str:
+    """Return how a trial ended: the error that it failed with, or its state.
+
+    A pruned trial has the score of its first seeds only, which is not compared with a score over all.
+    """
+    if error := trial.user_attrs.get("error"):
+        return f"failed ({error})"
+    is_pruned = trial.state == TrialState.PRUNED
+    return f"pruned at evaluation {trial.last_step}" if is_pruned else trial.state.name.lower()
+
+
+def finished_text(study: optuna.Study) -> str:
+    """Return how many trials are finished, and how many of them were pruned or failed."""
+    trials = study.get_trials(deepcopy=False, states=FINISHED)
+    kinds = {word: sum(state_of(trial).startswith(word) for trial in trials) for word in ("pruned", "failed")}
+    parts = ", ".join(f"{count} {word}" for word, count in kinds.items() if count)
+    return f"{len(trials)} finished" + (f" ({parts})" if parts else "")
 
 
 def best_trials(study: optuna.Study, n_trials: int) -> list[FrozenTrial]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import optuna
 
 from fpg_bench.common.checks import integer
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.game.spec import GameSpec
@@ -22,6 +22,7 @@ from fpg_bench.products.tuning.study import (
     Task,
     best_trials,
     count_finished,
+    finished_text,
     make_task,
     open_storage,
     open_study,
@@ -63,7 +64,7 @@ def tune(
         game: the game, or an environment id such as ``FPG/AllyVsScripted-v0`` or ``FPG/duel_v0``. A study
             stores it, so its players and planner are names.
         out: the study's folder.
-        n_trials: number of finished trials (complete or pruned) of the study, over all workers.
+        n_trials: number of finished trials (complete, pruned or failed) of the study, over all workers.
         workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`. Each finishes its current
             trial, so that a study may have as many more trials than requested, less one.
         timeout: seconds after which no worker begins a new trial.
@@ -103,6 +104,11 @@ def tune(
     Objective(task, allow=allow)  # refuses an unsuitable search space
     opened = open_storage(Path(out), storage)
     name = study_name or f"{algorithm} {task.game.id}"
+    with opened.errors():
+        others = sorted(optuna.get_all_study_names(opened))
+    if others and name not in others and study_name is None and storage is None:
+        remedy = "name this one with --study-name"
+        raise other_content(out, f"another study ({', '.join(others)})", remedy)
     study = open_study(opened, name, task)
     with opened.errors():
         is_finished = count_finished(study) >= n_trials
@@ -122,7 +128,7 @@ def tune(
 
 def _log_result(study: optuna.Study, task: Task) -> None:
     """Log the score and the values of the best trial."""
-    trials = f"{count_finished(study)} finished trials"
+    trials = finished_text(study)
     if best := best_trials(study, 1):
         values = format_values(from_params(task.space, best[0].params))
         _logger.info("%s, best: %.1f (trial %d): %s", trials, best[0].value, best[0].number, values)

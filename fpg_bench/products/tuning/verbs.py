@@ -69,7 +69,7 @@ def run(
 ) -> None:
     """Search hyper-parameters; run it again to resume, or on further machines to share the work.
 
-    Example: fpg-bench tune run ppo FPG/AllyVsScripted-v0 --out runs/tune
+    Example: fpg-bench tune run ppo FPG/AllyVsScripted-v0 --out runs/tune/ppo
     """
     require_extra("tune", "optuna")
     from fpg_bench.game.spec import GameSpec
@@ -98,7 +98,7 @@ def run(
 def report(out: Folder, storage: StorageOption = None, study_name: StudyNameOption = None) -> None:
     """Write a page with the history, importances and slices of a study.
 
-    Example: fpg-bench tune report runs/tune
+    Example: fpg-bench tune report runs/tune/ppo
     """
     require_extra("tune", "optuna")
     from fpg_bench.products.tuning.report import write_report
@@ -126,7 +126,7 @@ def export(
 ) -> None:
     """Retrain a study's best trials on fresh seeds, and write the best values into a file.
 
-    Example: fpg-bench tune export runs/tune my_ppo.yml
+    Example: fpg-bench tune export runs/tune/ppo my_ppo.yml
     """
     require_extra("tune", "optuna")
     from fpg_bench.products.tuning.export import export_values

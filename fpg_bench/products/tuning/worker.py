@@ -12,7 +12,7 @@ from optuna.study import MaxTrialsCallback
 from optuna.trial import FrozenTrial, TrialState
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.products.tuning.study import FINISHED, Storage, count_finished, retry
+from fpg_bench.products.tuning.study import FINISHED, Storage, count_finished, finished_text, retry, state_of
 from fpg_bench.training.interrupts import StopRequest
 
 MAX_FAILURES = 5  # in a row, after which the search space is considered wrong
@@ -84,11 +84,8 @@ def run_worker(
 
 
 def _log_trial(study: optuna.Study, trial: FrozenTrial, n_trials: int) -> None:
-    score = "no score" if trial.value is None else f"{trial.value:.1f}"
-    if error := trial.user_attrs.get("error"):
-        result = f"failed ({error})"
-    else:
-        result = f"pruned at {score}" if trial.state == TrialState.PRUNED else f"score {score}"
+    is_complete = trial.state == TrialState.COMPLETE
+    result = f"score {trial.value:.1f}" if is_complete else state_of(trial)
     seconds = 0.0 if trial.duration is None else trial.duration.total_seconds()
     _logger.info("trial %d: %s, %.0f s; %s", trial.number, result, seconds, _progress(study, n_trials))
 
@@ -97,7 +94,7 @@ def _progress(study: optuna.Study, n_trials: int) -> str:
     complete = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
     best = max(complete, key=lambda trial: (trial.value or 0.0, -trial.number), default=None)
     suffix = "" if best is None else f", best {best.value:.1f} (trial {best.number})"
-    return f"{count_finished(study)} finished, {n_trials} asked for{suffix}"
+    return f"{finished_text(study)}, {n_trials} asked for{suffix}"
 
 
 def _check_failures(study: optuna.Study, trial: FrozenTrial) -> None:

@@ -381,7 +381,7 @@ def test_each_generation_has_a_row(played):
     scripts = [list(SCRIPTED[side]) for side in ("opponent", "ally")]
     assert [row["against"] for row in rows] == [*scripts, ["opponent_0"], ["ally_0"]]
     for row in rows:
-        assert row["steps"] == 400
+        assert row["steps"] == 400 * (row["generation"] + 1)
         assert list(row["returns"]) == row["against"]
         assert row["return"] == pytest.approx(sum(row["returns"].values()) / len(row["returns"]), abs=2e-4)
         scores = RowFile(played / f"generations/{row['side']}_{row['generation']}/evaluations.jsonl").read()

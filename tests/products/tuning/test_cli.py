@@ -33,7 +33,7 @@ def fpg(folder, monkeypatch, capfd):
 def test_search_look_and_write(folder, fpg):
     done = program(*f"{TUNE} --n-trials 2 --steps 240".split(), folder=folder)
     assert done.returncode == 0, done.stderr
-    assert "2 finished, 2 asked for" in done.stdout
+    assert "2 finished (1 pruned), 2 asked for" in done.stdout
     assert fpg("tune report study") == (0, "written: study/report.html\n", "")
     assert (folder / "study" / "report.html").exists()
     status, out, error = fpg("tune export study mine.yml --n-best 1 --n-seeds 2")

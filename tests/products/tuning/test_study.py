@@ -44,7 +44,7 @@ def test_a_database_that_fails_later_is_one_line(tmp_path):
 
 def test_a_folder_of_a_training_run_is_refused(tmp_path):
     (tmp_path / "run.json").write_text("{}")
-    with pytest.raises(UserError, match="holds a training run; choose another folder"):
+    with pytest.raises(UserError, match="holds other files, but no study; choose another folder"):
         open_storage(tmp_path)
     assert not (tmp_path / DATABASE).exists()
 

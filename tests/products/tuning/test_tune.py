@@ -84,7 +84,7 @@ def test_the_same_command_goes_on_and_another_space_is_refused(study, files, wor
     assert len(study.trials) == 3
     assert caplog.messages[0] == "this study was already finished; nothing was trained"
     best = study.best_trial
-    expected = f"3 finished trials, best: {best.value:.1f} (trial {best.number}): learning_rate "
+    expected = f"3 finished (2 pruned), best: {best.value:.1f} (trial {best.number}): learning_rate "
     assert caplog.messages[1].startswith(expected)
     (files / "other.yml").write_text(SPACE.replace("[16]", "[32]"))
     other = words | {"space": files / "other.yml"}
@@ -93,6 +93,13 @@ def test_the_same_command_goes_on_and_another_space_is_refused(study, files, wor
     with pytest.raises(UserError, match="made with steps 480, not 600"):
         tune("ppo", ENV_ID, files / "study", steps=600, **words)
     assert len(study.trials) == 3
+
+
+def test_a_study_of_another_algorithm_goes_into_another_folder_or_by_name(study, files, words):
+    own = {"steps": 480, "n_seeds": 1, **words}
+    with pytest.raises(UserError, match=r"another study \(ppo FPG/.*\); name this one with --study-name"):
+        tune("ppo-stack2", ENV_ID, files / "study", n_trials=1, **own)
+    assert optuna.get_all_study_names(study._storage) == [study.study_name]
 
 
 def test_a_score_can_be_made_again_and_is_the_mean_over_its_seeds(words):
