@@ -58,7 +58,9 @@ class SeededParallelEnv(ParallelEnv):  # type: ignore[misc, unused-ignore]
         """Return the space of an agent's actions, always the same object."""
         return self.action_spaces[agent]
 
-    def _after_the_end(self, actions: object) -> Any:
+    def _after_the_end(
+        self, actions: object
+    ) -> tuple[_Observations, dict[str, float], dict[str, bool], dict[str, bool], _Infos]:
         """Return a step of nobody, which PettingZoo allows once no agent is left, as ``black_death_v3`` asks.
 
         Raises:

@@ -245,7 +245,7 @@ def _names(
         card = card_of(players[members[0]])
         first.append(player_name(members[0]) if card is None else name or card.algorithm)
     folders = [list(map(player_name, members)) for members in groups.values()]
-    named = {}
+    named: dict[PlayerSpec, str] = {}
     for old, new, members in zip(first, distinct_names(first, folders, given), groups.values(), strict=True):
         is_marked = new != old and is_shipped(player_name(members[0]))
         named |= dict.fromkeys(members, f"{new} (shipped)" if is_marked else new)
