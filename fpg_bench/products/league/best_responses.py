@@ -159,7 +159,7 @@ def best_responses(
     if hyperparams is not None and len(algorithms) > 1:
         raise UserError("hyperparams: belong to one algorithm, but several are named; name one")
     integer(search, "search", least=0)
-    target = _find_target(agent, side, scenario, path)
+    target = find_target(agent, side, scenario, path)
     reward = RESPONSE_REWARDS[target.side] if reward is None else reward
     file = Path(out) / RESULT
     about: _Measured = {
@@ -267,7 +267,7 @@ def _lowest_return(result: BestResponses) -> Lowest:
 
 
 @dataclass(frozen=True)
-class _Target:
+class ResponseTarget:
     """A fixed player that responses are trained against, and the game of their training."""
 
     agent: str
@@ -293,9 +293,9 @@ class _Target:
         return row | {"earned": round(tally[f"{other_side(self.side)}_return"] / tally["steps"], 4)}
 
 
-def _find_target(
+def find_target(
     agent: str, side: str | None, scenario: str | Path | None, path: str | Sequence[str] | None
-) -> _Target:
+) -> ResponseTarget:
     """Load a player; the game is that of its training, except for what the caller sets."""
     side = _side_of(agent) if side is None else side
     if side not in SIDES:
@@ -310,7 +310,7 @@ def _find_target(
             kept = ("knowledge", "jamming_types")
             options |= {name: getattr(card.game, name) for name in kept}
     game = GameSpec.of(policy_env(other_side(side)).id, against=agent, **options)
-    return _Target(agent, policy_hash(player) or code_fingerprint(agent), game)
+    return ResponseTarget(agent, policy_hash(player) or code_fingerprint(agent), game)
 
 
 def _scenario_of(agent: str, card: AgentCard) -> Scenario | str | None:

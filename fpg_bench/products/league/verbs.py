@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,6 +19,8 @@ from fpg_bench.cli.options import (
     steps_option,
     whole_number,
 )
+from fpg_bench.common.checks import one_of
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
 from fpg_bench.common.rows import Row
@@ -133,7 +135,7 @@ def best_response(
     ] = None,
     *,
     game: Annotated[Given, game_options("scenario", "path", "actions")],
-    search: Annotated[
+    n_scripts: Annotated[
         int,
         typer.Option(
             min=0,
@@ -141,6 +143,15 @@ def best_response(
             rich_help_panel=TRAINING,
         ),
     ] = 0,
+    search: Annotated[
+        str | None,
+        typer.Option(
+            help="tabular: search a table of few features instead. portfolio: scripts, tables, "
+            "PPO and its pupils in turn. Both play what they find against all training seeds of the agent.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None,
+    budget: Annotated[float, typer.Option(help="CPU seconds of --search.", rich_help_panel=TRAINING)] = 200.0,
     full: Annotated[
         bool,
         typer.Option(
@@ -159,6 +170,9 @@ def best_response(
     check_writable(out)
     from fpg_bench.products.league.best_responses import best_responses, full_search, response_label
 
+    if search is not None:
+        _search_response(search, agent, out, budget, side=side, reward=reward, allow=allow or (), **game)
+        return
     asked = {"side": side, "reward": reward, "allow": allow or (), **game}
     if full:
         row = full_search(agent, out, **asked)
@@ -171,7 +185,7 @@ def best_response(
             algorithm=algorithm.split(","),
             start=start.split(","),
             hyperparams=hyperparams,
-            search=search,
+            search=n_scripts,
             **asked,
         )
     for response in row["responses"]:
@@ -189,6 +203,30 @@ def best_response(
         print_line(
             f"{strongest} is stronger than these responses: they are not best responses yet; raise --steps"
         )
+
+
+def _search_response(search: str, agent: str, out: Path, budget: float, **options: Any) -> None:
+    """Run a search of ``best-response --search``, and print what each training seed keeps."""
+    one_of(search, "search", ("tabular", "portfolio"))
+    if options.pop("actions", None) is not None:
+        raise UserError("actions: --search decides the actions of its responses; omit it")
+    allowed = options.pop("allow")
+    result: Any
+    if search == "tabular":
+        from fpg_bench.products.league.tabular import tabular_response
+
+        result = tabular_response(agent, out, budget=budget, **options)
+    else:
+        from fpg_bench.products.league.portfolio import portfolio
+
+        result = portfolio(agent, out, budget=budget, allow=allowed, **options)
+    for name, of in result["returns"].items():
+        by = f", against {of['response']} ({of['spent']:.0f} CPU s)" if "response" in of else ""
+        print_line(f"{name}: {of['return']:.2f} [{of['low']:.2f}, {of['high']:.2f}] per step{by}")
+    lowest = result["lowest"]
+    print_line(
+        f"lowest: {result['returns'][lowest]['return']:.2f} per step, {lowest}; {result['seconds']:.0f} CPU s"
+    )
 
 
 def _jamming(met: Row) -> str:
