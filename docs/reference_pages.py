@@ -171,7 +171,7 @@ def view_page(view: EnvConfig) -> str:
 
 def command_line_page() -> str:
     """Return what Typer says of every verb."""
-    words = [sys.executable, "-m", "typer", "fpg_bench.cli", "utils", "docs", "--name", "fpg-bench"]
+    words = [sys.executable, "-m", "typer", "fpg_bench.cli.main", "utils", "docs", "--name", "fpg-bench"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     return done.stdout.replace("# `fpg-bench`\n", "# The command line\n", 1)
 

@@ -1,6 +1,6 @@
 """``python -m fpg_bench``: the command line."""
 
-from fpg_bench.cli import main
+from fpg_bench.cli.main import main
 
 if __name__ == "__main__":
     main()

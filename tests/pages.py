@@ -36,7 +36,7 @@ _FPG_BENCH = """\
 from pathlib import Path
 from fpg_bench.players import agent
 agent.baselines_folder = lambda: Path({baselines!r})
-from fpg_bench.cli import main
+from fpg_bench.cli.main import main
 main()
 """
 

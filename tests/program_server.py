@@ -24,7 +24,7 @@ import weakref
 from typing import Any
 
 HEAVY = (
-    "fpg_bench.cli",
+    "fpg_bench.cli.main",
     "fpg_bench.evaluation.compare",
     "fpg_bench.products.leaderboard.verification",
     "fpg_bench.products.paper.experiment",
@@ -59,7 +59,7 @@ def warm() -> None:
     games = fpg_bench.make_sb3("FPG/AllyVsScripted-v0", n_envs=2, seed=0)
     games.reset()
     PPO("MlpPolicy", games, device="cpu")
-    from fpg_bench.cli import app
+    from fpg_bench.cli.main import app
 
     typer.main.get_command = functools.cache(typer.main.get_command)  # builds all verbs anew for each command
     with contextlib.redirect_stdout(io.StringIO()):

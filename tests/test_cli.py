@@ -11,9 +11,10 @@ from types import SimpleNamespace
 import pytest
 import typer
 
-import fpg_bench.cli
+import fpg_bench.cli.main
 from fpg_bench import __version__
-from fpg_bench.cli import app, completion, evaluation, training
+from fpg_bench.cli import completion, evaluation, training
+from fpg_bench.cli.main import app
 from fpg_bench.cli.options import whole_number
 from fpg_bench.common.ids import ENVS, SCRIPTED
 from fpg_bench.common.rows import RowFile
@@ -34,7 +35,7 @@ TRAIN = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x")
 @pytest.mark.process
 def test_help_names_every_verb_and_loads_nothing_heavy():
     code = (
-        "import sys; from fpg_bench.cli import main; sys.argv = ['fpg-bench', '--help']\n"
+        "import sys; from fpg_bench.cli.main import main; sys.argv = ['fpg-bench', '--help']\n"
         "try: main()\n"
         "except SystemExit as end: assert not end.code\n"
         "heavy = {'numba', 'torch', 'stable_baselines3', 'matplotlib', 'onnxruntime'} & set(sys.modules)\n"
@@ -49,7 +50,7 @@ def test_help_names_every_verb_and_loads_nothing_heavy():
 LISTS = ("listed", "zoo"), ("listed", "suites"), ("completed", "ally-scripted/"), ("completed", "")
 LIST = """
 import sys
-from fpg_bench.cli import main
+from fpg_bench.cli.main import main
 from fpg_bench.cli.completion import complete_algorithm, complete_id, complete_player, complete_suite
 if sys.argv[1] == "completed":
     for complete in (complete_algorithm, complete_id, complete_player, complete_suite):
@@ -111,7 +112,7 @@ def test_without_compilation_one_line_says_what_to_do():
 @pytest.mark.process
 def test_a_shell_can_complete_verbs():
     asked = {"_FPG_BENCH_COMPLETE": "complete_bash", "COMP_WORDS": "fpg-bench pl", "COMP_CWORD": "1"}
-    code = "import sys; sys.argv = ['fpg-bench']; from fpg_bench.cli import main; main()"
+    code = "import sys; sys.argv = ['fpg-bench']; from fpg_bench.cli.main import main; main()"
     names = subprocess.check_output([sys.executable, "-c", code], env=os.environ | asked, text=True)
     assert {"play", "players", "plan"} == set(names.split())
 
@@ -244,9 +245,9 @@ def test_an_end_of_file_is_no_stop(monkeypatch, capsys):
     def ended(*words, **options):
         raise typer.Abort from EOFError("Ran out of input")
 
-    monkeypatch.setattr("fpg_bench.cli.app", ended)
+    monkeypatch.setattr("fpg_bench.cli.main.app", ended)
     with pytest.raises(SystemExit) as ending:
-        fpg_bench.cli._run()
+        fpg_bench.cli.main._run()
     assert ending.value.code == 1
     assert "EOFError: Ran out of input" in capsys.readouterr().err
 
@@ -284,7 +285,7 @@ def test_a_file_that_cannot_grow_is_one_line_and_keeps_what_it_holds(tmp_path):
     words = ("evaluate", "idle", "--matches", "20", "--out", "results")
     limit = "(5_000, 5_000)"  # bytes a file may have: as a disk that is full in the middle of a line
     code = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, {limit})\n"
-    code += "from fpg_bench.cli import main; main()"
+    code += "from fpg_bench.cli.main import main; main()"
     before = fpg("evaluate", "idle", "--matches", "1", "--out", "before", folder=tmp_path)
     assert before.returncode == 0, before.stderr  # all that it needs is compiled now
     result = python("-c", code, *words, folder=tmp_path)
@@ -304,7 +305,7 @@ def test_ctrl_c_in_a_librarys_call_back_is_heard_all_the_same():
     """Loading of compiled code calls back through ctypes, which raises nothing."""
     code = (
         "import ctypes, sys, time\n"
-        "from fpg_bench.cli import app, main\n"
+        "from fpg_bench.cli.main import app, main\n"
         "@app.command()\n"
         "def loads():\n"
         "    @ctypes.CFUNCTYPE(None)\n"

@@ -188,7 +188,9 @@ def test_probe_tells_what_a_server_honours(folder):
 
 
 def test_ctrl_c_keeps_what_was_finished_and_the_next_run_goes_on(folder):
-    code = "import os; open('process', 'w').write(str(os.getpid())); from fpg_bench.cli import main; main()"
+    code = (
+        "import os; open('process', 'w').write(str(os.getpid())); from fpg_bench.cli.main import main; main()"
+    )
     with FaultServer([ok(path_text()), late(60, path_text())]) as server:
 
         def interrupt():

@@ -11,7 +11,7 @@ import pytest
 import reference_pages
 import typer
 
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS, SCRIPTED, action_modes
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise

@@ -16,7 +16,7 @@ from unittest.mock import patch
 
 import pytest
 
-from fpg_bench import cli
+from fpg_bench.cli import main as cli
 from tests.attacks.test_command_lines import COMMAND, verbs
 
 GOLDEN = Path(__file__).parent / "golden" / "messages.json"

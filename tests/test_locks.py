@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import fpg_bench.cli
+import fpg_bench.cli.main
 from fpg_bench.common.locks import locked
 from fpg_bench.products.leaderboard.folders import work_folder
 from tests.programs import held_elsewhere
@@ -82,7 +82,7 @@ def test_a_second_process_is_refused_with_one_sentence(verb, laid_out, monkeypat
 def run(words, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["fpg-bench", *words.split()])
     with pytest.raises(SystemExit) as end:
-        fpg_bench.cli.main()
+        fpg_bench.cli.main.main()
     return end.value.code
 
 

@@ -32,6 +32,8 @@ for name in ("fork", "getpgrp", "setpgrp", "getuid", "sched_getaffinity", "getlo
     delattr(os, name)
 """
 
+MAIN = "from fpg_bench.cli.main import main; main()"
+
 
 def on_windows(code, folder, *words, before=""):
     command = [sys.executable, "-c", f"{before}\n{WINDOWS}{code}", *words]
@@ -41,7 +43,7 @@ def on_windows(code, folder, *words, before=""):
 
 def test_the_command_line_evaluates_without_what_windows_lacks(tmp_path):
     words = ("evaluate", "idle", "--suite", "ally-v1", "--matches", "1", "--n-jobs", "2")
-    ran = on_windows("from fpg_bench.cli import main; main()", tmp_path, *words)
+    ran = on_windows(MAIN, tmp_path, *words)
     assert ran.returncode == 0, ran.stderr
     assert "several processes need Linux or macOS" in ran.stderr
     assert (tmp_path / "results").is_dir()
@@ -61,7 +63,9 @@ def test_the_command_line_trains_without_what_windows_lacks(tmp_path):
 
     def run(words):
         before = "import torch._dynamo"  # as it is loaded on Linux
-        ran = on_windows("from fpg_bench.cli import main; main()", tmp_path, *words.split(), before=before)
+        ran = on_windows(
+            "from fpg_bench.cli.main import main; main()", tmp_path, *words.split(), before=before
+        )
         assert ran.returncode == 0, ran.stderr
         return ran.stdout
 

@@ -177,7 +177,7 @@ def run(folder, *words):
 
 
 def verbs_in(folder):
-    code = "from fpg_bench.cli import _VERBS as verbs; print(*(name for name in verbs if verbs[name]))"
+    code = "from fpg_bench.cli.main import _VERBS as verbs; print(*(name for name in verbs if verbs[name]))"
     return set(run(folder, "-c", code).split())
 
 

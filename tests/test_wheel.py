@@ -45,7 +45,7 @@ check_player(fpg_bench.load_agent("ally-scripted/ppo/seed_0"), "ally")
 RUN = """
 import contextlib, io, json, os, shlex, sys
 import gymnasium
-import fpg_bench.cli
+import fpg_bench.cli.main
 os.environ |= {"FPG_LLM_BASE_URL": "http://127.0.0.1:9/v1", "FPG_LLM_MODEL": "none"}
 results = []
 for line in json.loads(sys.argv[1]):
@@ -56,7 +56,7 @@ for line in json.loads(sys.argv[1]):
                 eval(line)
             else:
                 sys.argv[1:] = shlex.split(line)
-                fpg_bench.cli.main()
+                fpg_bench.cli.main.main()
         except SystemExit as end:
             status = end.code or 0
         except fpg_bench.UserError as error:

@@ -5,6 +5,7 @@ Most of them remember earlier steps of the round.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -135,12 +136,14 @@ def constants(name: str, scenario: Scenario) -> dict[str, Constant]:
     return known[name]
 
 
-def draw_variants(side: str, count: int, scenario: Scenario, seed: int = 0) -> list[str]:
+def draw_variants(
+    side: str, count: int, scenario: Scenario, seed: int = 0, names: Sequence[str] | None = None
+) -> list[str]:
     """Return the names of ``count`` scripts of a side with random constants, each script in turn.
 
-    They are those of ``all-scripted``, so that a seed draws the same as ever.
+    By default they are those of ``all-scripted``, so that a seed draws the same as ever.
     """
-    rng, names = np.random.default_rng(seed), TACTICS[side]
+    rng, names = np.random.default_rng(seed), TACTICS[side] if names is None else names
     variants = []
     for name in (names[i % len(names)] for i in range(count)):
         values = {

@@ -294,9 +294,9 @@ def plain_onnx(actor: Actor) -> bytes | None:
     """
     if actor.waterfall is not None or not all(_is_plain(module) for module in actor.modules()):
         return None
-    graph = _Graph()
-    inputs = [_rows("observation", actor.size)]
-    outputs = [_rows("action", ACTION_SIZE)]
+    graph = Graph()
+    inputs = [rows_of("observation", actor.size)]
+    outputs = [rows_of("action", ACTION_SIZE)]
     obs, next_state = _layer(graph, actor.before, "observation"), []
     if actor.frames_size:
         obs = graph.add("Concat", graph.columns("state", 0, actor.frames_size), obs, axis=1)
@@ -316,15 +316,15 @@ def plain_onnx(actor: Actor) -> bytes | None:
     else:
         graph.clip(latent, -1.0, 1.0, to="action")
     if actor.noise_size:
-        inputs.append(_rows("noise", actor.noise_size))
+        inputs.append(rows_of("noise", actor.noise_size))
     if next_state:
-        inputs.append(_rows("state", actor.state_size))
-        outputs.append(_rows("next_state", actor.state_size))
+        inputs.append(rows_of("state", actor.state_size))
+        outputs.append(rows_of("next_state", actor.state_size))
         graph.add("Concat", *next_state, axis=1, to="next_state")
     return graph.to_bytes(inputs, outputs)
 
 
-class _Graph:
+class Graph:
     """Graph of ONNX operators, in their order, and their constants."""
 
     def __init__(self) -> None:
@@ -366,16 +366,17 @@ class _Graph:
         return data
 
 
-def _rows(name: str, size: int) -> Any:
+def rows_of(name: str, size: int) -> Any:
+    """Return an input or output of a policy with so many numbers in each row."""
     return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
 
 
-def _normalized(graph: _Graph, layer: Normalization, x: str) -> str:
+def _normalized(graph: Graph, layer: Normalization, x: str) -> str:
     centred = graph.add("Sub", x, graph.constant(layer.mean))
     return graph.clip(graph.add("Div", centred, graph.constant(layer.scale)), -layer.clip, layer.clip)
 
 
-def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
+def _chosen(graph: Graph, actor: Actor, choices: Choices, values: str) -> None:
     """Add the action of the choices with the highest values, or drawn, looked up in their tables."""
     if not choices.mask.all():
         values = graph.add("Add", values, graph.constant(actor.penalty))
@@ -404,7 +405,7 @@ def _chosen(graph: _Graph, actor: Actor, choices: Choices, values: str) -> None:
     graph.add("Sum", *rows, to="action")
 
 
-def _drawn(graph: _Graph, values: str, size: int, column: int) -> str:
+def _drawn(graph: Graph, values: str, size: int, column: int) -> str:
     """Add the choices that :func:`fpg_bench.training.actor.draw_choices` draws by a column of the noise."""
     sums = graph.constant(np.triu(np.ones((size, size), np.float32)))
     reached = graph.add("MatMul", graph.add("Softmax", values, axis=1), sums)
@@ -414,16 +415,16 @@ def _drawn(graph: _Graph, values: str, size: int, column: int) -> str:
     share = graph.add("Mul", graph.add("Add", error, graph.constant(np.float32(1))), half)
     share = graph.add("Max", share, graph.constant(np.float32(LEAST_SHARE)))
     share = graph.add("Mul", share, graph.columns(reached, size - 1, size))
-    return _counted(graph, graph.add("Less", reached, share))
+    return counted(graph, graph.add("Less", reached, share))
 
 
-def _counted(graph: _Graph, is_true: str, of: tuple[int, int] = (1, 0)) -> str:
+def counted(graph: Graph, is_true: str, of: tuple[int, int] = (1, 0)) -> str:
     """Add the number of columns that are true, or with ``(0, 1)`` false."""
     counted = graph.add("Where", is_true, *(graph.constant([each]) for each in of))
     return graph.add("ReduceSum", counted, graph.constant([1]), keepdims=0)
 
 
-def _velocity(graph: _Graph, choices: Choices, chosen: str) -> str:
+def _velocity(graph: Graph, choices: Choices, chosen: str) -> str:
     """Add the velocity that a homing choice adds to its action; see :mod:`fpg_bench.game.choices`."""
     root = graph.columns("observation", RELATIVE_POSITION, RELATIVE_POSITION + 3)
     away = graph.add("Mul", graph.add("Mul", root, graph.add("Abs", root)), graph.constant(choices.box_m))
@@ -434,29 +435,29 @@ def _velocity(graph: _Graph, choices: Choices, chosen: str) -> str:
     return graph.add("MatMul", velocity, graph.constant(np.eye(3, ACTION_SIZE, ACTION_SIZE - 3, np.float32)))
 
 
-def _preference(graph: _Graph, choices: Choices, chosen: str, normal: str) -> str:
+def _preference(graph: Graph, choices: Choices, chosen: str, normal: str) -> str:
     """Add the preferred frequency that a choice with a point drawn by ``normal`` adds to its action."""
     below = graph.add("Less", normal, graph.constant(choices.quantiles))  # ONNX 1.17 infers no shape of >=
-    point = _counted(graph, below, (0, 1))
+    point = counted(graph, below, (0, 1))
     actions = np.zeros((len(choices.preferences), ACTION_SIZE), np.float32)
     actions[:, PREFERENCE] = choices.preferences
     drawn = graph.add("Gather", graph.constant(choices.lists[0].drawn[:, None]), chosen, axis=0)
     return graph.add("Mul", graph.add("Gather", graph.constant(actions), point, axis=0), drawn)
 
 
-def _linear(graph: _Graph, layer: nn.Linear, x: str) -> str:
+def _linear(graph: Graph, layer: nn.Linear, x: str) -> str:
     parameters = (layer.weight,) if layer.bias is None else (layer.weight, layer.bias)
     return graph.add("Gemm", x, *map(graph.constant, parameters), transB=1)
 
 
-def _sequential(graph: _Graph, layers: nn.Sequential, x: str) -> str:
+def _sequential(graph: Graph, layers: nn.Sequential, x: str) -> str:
     for layer in layers:
         x = _layer(graph, layer, x)
     return x
 
 
 # Layers whose attributes describe them completely, and the operators of each. Inputs are flat already.
-_LAYERS: dict[type[nn.Module], Callable[[_Graph, Any, str], str]] = {
+_LAYERS: dict[type[nn.Module], Callable[[Graph, Any, str], str]] = {
     nn.Sequential: _sequential,
     Normalization: _normalized,
     nn.Linear: _linear,
@@ -474,7 +475,7 @@ _LAYERS: dict[type[nn.Module], Callable[[_Graph, Any, str], str]] = {
 }
 
 
-def _layer(graph: _Graph, layer: nn.Module, x: str) -> str:
+def _layer(graph: Graph, layer: nn.Module, x: str) -> str:
     """Add the operators of a layer; returns the name of the output."""
     return _LAYERS[type(layer)](graph, layer, x)
 
@@ -487,7 +488,7 @@ def _is_plain(module: nn.Module) -> bool:
     return type(module) in (Actor, nn.LSTM, *_LAYERS)
 
 
-def _lstm(graph: _Graph, lstm: nn.LSTM, x: str, start: int) -> tuple[str, list[str]]:
+def _lstm(graph: Graph, lstm: nn.LSTM, x: str, start: int) -> tuple[str, list[str]]:
     """Add an LSTM with its memory at column ``start`` of the state; returns its output and next memory."""
     size, layers = lstm.hidden_size, lstm.num_layers
     first = graph.constant([0])

@@ -14,7 +14,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.products.leaderboard import crossplay, verification
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.crossplay import play_missing

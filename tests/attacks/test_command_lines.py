@@ -9,7 +9,7 @@ from typing import Any, get_args
 import pytest
 import typer
 
-from fpg_bench import cli
+from fpg_bench.cli import main as cli
 
 HOSTILE = (
     "no/such\x1b[31mthing",

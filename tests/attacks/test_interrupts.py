@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from optuna.trial import TrialState
 
-from fpg_bench import cli
+from fpg_bench.cli import main as cli
 from fpg_bench.products.tuning import tune
 from fpg_bench.products.tuning.study import DATABASE, open_storage
 from tests.attacks import SCALE, SEED

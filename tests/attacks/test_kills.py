@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fpg_bench import cli
+from fpg_bench.cli import main as cli
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
@@ -25,7 +25,7 @@ from tests.products.leaderboard.entering import enter
 
 STOPS = """
 import os, signal, sys
-from fpg_bench import cli
+from fpg_bench.cli import main as cli
 def app(words, prog_name, standalone_mode):
     try:
         os.kill(os.getpid(), signal.{name})

@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from fpg_bench import cli
+from fpg_bench.cli import main as cli
 from fpg_bench.common.ids import policy_env
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.season import candidates, recipes

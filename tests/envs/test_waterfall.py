@@ -13,7 +13,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 from typer.testing import CliRunner
 
 from fpg_bench import make_sb3
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.game.scenario import STANDARD, as_scenario, preset

@@ -12,7 +12,7 @@ from torch import nn
 from typer.testing import CliRunner
 
 from fpg_bench import GameSpec, Run, UserError
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.training import train as training
 from tests.training.tiny import ALLY, run_config, settings, train_tiny

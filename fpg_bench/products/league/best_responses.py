@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, cast
 
+from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTED, SCRIPTS, other_side, policy_env
@@ -103,7 +104,7 @@ def best_responses(config: BestResponseConfig, out: str | Path, *, progress: boo
             files or with best responses to another player.
         KeyboardInterrupt: stopped by the user.
     """
-    target, out = _find_target(config), Path(out)
+    target, out = find_target(config.agent, config.side, config.game), Path(out)
     file = out / RESULT
     about: _Measured = {
         "side": target.side,
@@ -147,7 +148,12 @@ def full_search(config: BestResponseConfig, out: str | Path, *, progress: bool =
 
 
 def _respond(
-    config: BestResponseConfig, target: _Target, seed: int, out: Path, result: BestResponses, progress: bool
+    config: BestResponseConfig,
+    target: ResponseTarget,
+    seed: int,
+    out: Path,
+    result: BestResponses,
+    progress: bool,
 ) -> Row | None:
     """Train one response, and evaluate the player against it; None if the result has it already."""
     made: Row = {
@@ -171,12 +177,12 @@ def _respond(
     return made | cost | target.evaluate(str(agent))
 
 
-def _reward(config: BestResponseConfig, target: _Target) -> str:
+def _reward(config: BestResponseConfig, target: ResponseTarget) -> str:
     return RESPONSE_REWARDS[target.side] if config.reward is None else config.reward
 
 
 def _response_run(
-    config: BestResponseConfig, target: _Target, seed: int, teacher: Callable[[], str]
+    config: BestResponseConfig, target: ResponseTarget, seed: int, teacher: Callable[[], str]
 ) -> RunConfig:
     """Return the run of a response; the teacher is asked for where it is to imitate one."""
     game = GameSpec.of(target.game, reward=_reward(config, target), actions=config.actions)
@@ -229,7 +235,7 @@ def _lowest_return(result: BestResponses) -> Lowest:
 
 
 @dataclass(frozen=True)
-class _Target:
+class ResponseTarget:
     """A fixed player that responses are trained against, and the game of their training."""
 
     agent: str
@@ -255,22 +261,21 @@ class _Target:
         return row | {"earned": round(tally[f"{other_side(self.side)}_return"] / tally["steps"], 4)}
 
 
-def _find_target(config: BestResponseConfig) -> _Target:
-    """Load a player; the game is that of its training, except for what the configuration sets."""
-    agent = config.agent
-    side = _side_of(agent) if config.side is None else config.side
+def find_target(agent: str, side: str | None, replaced: Mapping[str, Any]) -> ResponseTarget:
+    """Load a player; the game is that of its training, except for the options that are replaced."""
+    side = _side_of(agent) if side is None else one_of(side, "side", SIDES)
     player = as_player(agent, side, STANDARD)
     options: Options = {"path": "pursuit"}
     if (card := card_of(player)) is not None:
         options["path"] = card.flies
-        if config.game.get("scenario") is None:
+        if replaced.get("scenario") is None:
             options["scenario"] = _scenario_of(agent, card)
         else:
             kept = ("knowledge", "jamming_types")
             options |= {name: getattr(card.game, name) for name in kept}
-    options |= {name: value for name, value in config.game.items() if value is not None}
+    options |= {name: value for name, value in replaced.items() if value is not None}
     game = GameSpec.of(policy_env(other_side(side)).id, against=agent, **options)
-    return _Target(agent, policy_hash(player) or code_fingerprint(agent), game)
+    return ResponseTarget(agent, policy_hash(player) or code_fingerprint(agent), game)
 
 
 def _scenario_of(agent: str, card: AgentCard) -> Scenario | str | None:

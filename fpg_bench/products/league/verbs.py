@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.fields import Fields, Given
 from fpg_bench.cli.options import EVALUATION, GAME, TRAINING, TRUST, game_options, whole_number
+from fpg_bench.common.checks import one_of
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
 from fpg_bench.common.rows import Row
@@ -52,6 +54,15 @@ def best_response(
     out: Annotated[Path, typer.Option(help="Folder of the best responses and best_responses.json.")],
     options: Annotated[Given, league_options(BestResponseConfig)],
     game: GameOptions,
+    search: Annotated[
+        str | None,
+        typer.Option(
+            help="tabular: search a table of few features instead. portfolio: scripts, tables, "
+            "PPO and its pupils in turn. Both play what they find against all training seeds of the agent.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None,
+    budget: Annotated[float, typer.Option(help="CPU seconds of --search.", rich_help_panel=TRAINING)] = 200.0,
     full: Annotated[
         bool,
         typer.Option(
@@ -70,8 +81,12 @@ def best_response(
     check_writable(out)
     from fpg_bench.products.league.best_responses import best_responses, full_search, response_label
 
-    search = full_search if full else best_responses
-    row = search(BestResponseConfig(agent=agent, game=game, **options), out)
+    if search is not None:
+        asked = {name: options[name] for name in ("side", "reward", "actions", "allow")}
+        _search_response(search, agent, out, budget, **asked, **game)
+        return
+    find = full_search if full else best_responses
+    row = find(BestResponseConfig(agent=agent, game=game, **options), out)
     for response in row["responses"]:
         print_line(
             f"{response_label(response)}: {response['return']:.2f} per step, {_jamming(response)}; "
@@ -87,6 +102,30 @@ def best_response(
         print_line(
             f"{strongest} is stronger than these responses: they are not best responses yet; raise --steps"
         )
+
+
+def _search_response(search: str, agent: str, out: Path, budget: float, **options: Any) -> None:
+    """Run a search of ``best-response --search``, and print what each training seed keeps."""
+    one_of(search, "search", ("tabular", "portfolio"))
+    if options.pop("actions", None) is not None:
+        raise UserError("actions: --search decides the actions of its responses; omit it")
+    allowed = options.pop("allow")
+    result: Any
+    if search == "tabular":
+        from fpg_bench.products.league.tabular import tabular_response
+
+        result = tabular_response(agent, out, budget=budget, **options)
+    else:
+        from fpg_bench.products.league.portfolio import portfolio
+
+        result = portfolio(agent, out, budget=budget, allow=allowed, **options)
+    for name, of in result["returns"].items():
+        by = f", against {of['response']} ({of['spent']:.0f} CPU s)" if "response" in of else ""
+        print_line(f"{name}: {of['return']:.2f} [{of['low']:.2f}, {of['high']:.2f}] per step{by}")
+    lowest = result["lowest"]
+    print_line(
+        f"lowest: {result['returns'][lowest]['return']:.2f} per step, {lowest}; {result['seconds']:.0f} CPU s"
+    )
 
 
 def _jamming(met: Row) -> str:

@@ -12,7 +12,7 @@ import yaml
 from typer.testing import CliRunner
 
 import fpg_bench
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.match import replay_match, run_match
 from fpg_bench.evaluation.suite import load_suite

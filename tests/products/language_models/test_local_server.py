@@ -11,7 +11,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from fpg_bench.cli import main
+from fpg_bench.cli.main import main
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.products.language_models import local_server as local
 from fpg_bench.products.language_models.client import Client

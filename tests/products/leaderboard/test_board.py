@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml
 from fpg_bench.evaluation.seeds import PROTOCOL

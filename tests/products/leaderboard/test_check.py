@@ -4,7 +4,7 @@ import subprocess
 import pytest
 from typer.testing import CliRunner
 
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.products.leaderboard.about import board_name
 from fpg_bench.products.leaderboard.entries import load_entries

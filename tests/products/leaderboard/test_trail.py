@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.products.leaderboard.result import read_result
 from fpg_bench.products.leaderboard.submission import load_submission

@@ -11,7 +11,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 from typer.testing import CliRunner
 
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv, make_sb3

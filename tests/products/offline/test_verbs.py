@@ -2,7 +2,7 @@
 
 from typer.testing import CliRunner
 
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.products.offline.spec import spec_names
 
 

@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fpg_bench import UserError, load_agent
-from fpg_bench.cli import app
+from fpg_bench.cli.main import app
 from fpg_bench.products.leaderboard.playing import OPEN
 from fpg_bench.products.leaderboard.verification import verify
 from fpg_bench.products.sandbox import client, process

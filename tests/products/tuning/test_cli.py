@@ -1,7 +1,7 @@
 import pytest
 import yaml
 
-from fpg_bench.cli import main
+from fpg_bench.cli.main import main
 from tests.products.tuning.test_tune import ENV_ID, HYPERPARAMS, SPACE
 from tests.programs import fpg as program
 

@@ -1,0 +1,201 @@
+"""Command line: thin verbs over the library, with one line for every error."""
+
+from __future__ import annotations
+
+import atexit
+import errno
+import gc
+import os
+import signal
+import sys
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperOption
+
+from fpg_bench.cli import evaluation, listing, plan, scenario, training
+from fpg_bench.cli.fields import with_fields
+from fpg_bench.common.errors import UserError, bounded
+from fpg_bench.common.imports import described
+from fpg_bench.common.output import accept_all_letters, print_messages
+from fpg_bench.common.products import load, offered
+
+app = typer.Typer(
+    help="Benchmark suite for the UAV frequency point game.",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+_display_type = TyperOption.display_type_rich
+
+
+def _shown_type(option: TyperOption, ctx: Any) -> str | None:
+    """Return the type in an option's line of ``--help``; a flag takes no value, so it has none."""
+    return None if option.is_flag else _display_type(option, ctx)
+
+
+TyperOption.display_type_rich = _shown_type  # type: ignore[method-assign, assignment]
+# In the order of --help; None: a product's, which is there or not
+_VERBS: dict[str, Callable[..., None] | typer.Typer | None] = {
+    "play": evaluation.play,
+    "train": training.train,
+    "offline": None,
+    "evaluate": evaluation.evaluate,
+    "table": evaluation.table,
+    "curves": evaluation.curves,
+    "best-response": None,
+    "double-oracle": None,
+    "self-play": None,
+    "fictitious-self-play": None,
+    "export": training.export,
+    "reproduce": None,
+    "envs": listing.envs,
+    "players": listing.players,
+    "suites": listing.suites,
+    "scenario": scenario.app,
+    "zoo": listing.zoo,
+    "tune": None,
+    "plan": plan.app,
+    "dataset": None,
+    "hub": None,
+    "llm": None,
+    "submit": None,
+    "leaderboard": None,
+}
+_VERBS |= {name: load("verb", name) for name in offered("verb") if " " not in name}
+for name, verb in _VERBS.items():
+    if isinstance(verb, typer.Typer):
+        app.add_typer(verb, name=name)
+    elif verb is not None:
+        app.command(name)(with_fields(verb))
+_NAME = "fpg-bench"
+_DEBUG = False
+_STOPPED, _KEPT = 130, "stopped; what was finished is kept"
+_AGAIN_S = 0.05
+_ENDED: int | None = None  # exit status after a SIGTERM
+_INTERRUPTED = False  # by Ctrl-C
+_DONE = False  # nothing is left to stop
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from fpg_bench.version import __version__
+
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+def _print_constraints(wanted: bool) -> None:
+    if wanted:
+        from fpg_bench.players.agent import baselines_folder
+
+        typer.echo(baselines_folder().parent / "constraints.txt")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
+    ] = False,
+    constraints: Annotated[
+        bool,
+        typer.Option(
+            "--constraints",
+            help="Print the path of the file of tested versions, for pip install -c.",
+            callback=_print_constraints,
+            is_eager=True,
+        ),
+    ] = False,
+) -> None:
+    global _DEBUG
+    _DEBUG = debug
+    print_messages()
+
+
+def main() -> None:
+    """Run the command line; end with one line and a non-zero status on every error."""
+    global _INTERRUPTED, _DONE
+    _INTERRUPTED = _DONE = False
+    accept_all_letters()
+    atexit.register(gc.freeze)  # skips the garbage collection of hundreds of thousands of objects at the end
+    signal.signal(signal.SIGTERM, _terminated)
+    if hasattr(signal, "SIGALRM"):  # not on Windows
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+    if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupted)
+    sys.unraisablehook = _heard_again
+    try:
+        _run()
+    finally:
+        _DONE = True
+        _set_alarm(0)  # Python restores SIGALRM at its end, and the alarm would kill the process
+
+
+def _run() -> None:
+    try:
+        status = app(sys.argv[1:] or ["--help"], prog_name=_NAME, standalone_mode=False)
+        if status == _STOPPED:  # how typer reports Ctrl-C
+            raise KeyboardInterrupt
+        sys.exit(status)
+    except typer.TyperException as error:  # wrong arguments
+        message = getattr(error, "format_message", error.__str__)()
+        verb = getattr(getattr(error, "ctx", None), "command_path", _NAME)
+        _fail(f"{message} ({verb} --help)", 2)
+    except (typer.Abort, KeyboardInterrupt) as error:
+        cause = error.__cause__ or error.__context__
+        if isinstance(cause, EOFError):  # typer takes it for the user's own stop
+            _fail(f"{described(cause)} (the traceback: fpg-bench --debug ...)", 1)
+        _fail(_KEPT, _ENDED or _STOPPED)
+    except UserError as error:
+        _fail(str(error), 2)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except OSError as error:
+        full = "; what was finished is kept" if error.errno in _FULL else ""
+        where = f"{error.filename}: " if error.filename else ""
+        _fail(f"{where}{error.strerror or error}{full}", 1)
+    except Exception as error:
+        if _INTERRUPTED or _ENDED:  # an interrupted import of a C module raises an ImportError
+            _fail(_KEPT, _ENDED or _STOPPED)
+        _fail(f"{described(error)} (the traceback: fpg-bench --debug ...)", 1)
+
+
+def _heard_again(swallowed: Any) -> None:
+    """Raise Ctrl-C again shortly if it came within a callback, such as Numba's, which cannot raise it."""
+    if swallowed.exc_type is KeyboardInterrupt:
+        if not _DONE:
+            _set_alarm(_AGAIN_S)
+    else:
+        sys.__unraisablehook__(swallowed)
+
+
+def _set_alarm(seconds: float) -> None:
+    """Raise KeyboardInterrupt after so many seconds; 0: not any more."""
+    if hasattr(signal, "setitimer"):  # not on Windows
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+
+
+def _interrupted(number: int, frame: object) -> None:
+    """Handle Ctrl-C: remember it, and stop."""
+    global _INTERRUPTED
+    _INTERRUPTED = True
+    raise KeyboardInterrupt
+
+
+def _terminated(number: int, frame: object) -> None:
+    """Handle SIGTERM as Ctrl-C, so that runs save their state."""
+    global _ENDED
+    _ENDED = 128 + number
+    raise KeyboardInterrupt
+
+
+def _fail(message: str, status: int) -> None:
+    if _DEBUG:
+        raise
+    if sys.stderr is not None:  # print() would take standard output
+        print("fpg-bench: " + bounded(" ".join(message.split())), file=sys.stderr)
+    sys.exit(status)

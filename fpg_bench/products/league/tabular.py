@@ -1,0 +1,670 @@
+"""Tabular responses: a choice for each cell of a few discretised features, without a network.
+
+The features are read of the player's own observation and of a small memory, such as the seconds since its
+last check. A table is small enough to be found by evaluation alone, hundreds of candidates in one batch: the
+cross-entropy method (Rubinstein 1999) draws whole tables from a distribution of each cell, and a local search
+then changes one to three cells at a time. The best is exported as an ordinary agent.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, TypedDict, cast
+
+import numpy as np
+from pydantic import model_validator
+
+from fpg_bench.common.checks import one_of
+from fpg_bench.common.errors import UserError, other_content
+from fpg_bench.common.files import write_json
+from fpg_bench.common.ids import other_side
+from fpg_bench.common.imports import code_fingerprint
+from fpg_bench.common.locks import own_folder
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.schema import NonNegativeInt, Strict, parse
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.play import SeedSource
+from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.evaluation.seeds import PROTOCOL, TRAINING_STRIDE, training_seed
+from fpg_bench.game.actions import IN_BAND_GATE, PREFERENCE, TUNING, TYPE_SCORES, VELOCITY
+from fpg_bench.game.choices import PURSUIT_M, Choices
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.sensing import (
+    JAM_TYPE,
+    KNOWN_AGE,
+    KNOWN_FREQUENCY,
+    LAST_CHECK,
+    NEXT_CHECK,
+    RELATIVE_POSITION,
+    SENSED_COVERS,
+    SENSED_TYPE,
+    SNR,
+    SPREADING_TIME,
+)
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE, TYPES
+from fpg_bench.players.agent import agents_named, write_agent
+from fpg_bench.players.player import Memory
+from fpg_bench.players.registry import as_player, policy_hash
+from fpg_bench.players.scripted import player_noise
+from fpg_bench.players.seeded import SeededPolicy
+from fpg_bench.products.league.best_responses import RESPONSE_REWARDS, ResponseTarget, find_target
+from fpg_bench.products.league.evaluation import evaluate_against
+from fpg_bench.products.league.folder import check_same
+from fpg_bench.training.export import Graph, counted, rows_of
+
+MOST_CELLS = 4096
+
+# What features are read of: the observation, the squared distance in m2, the type that is seen (0 for none,
+# else 1 and more), and the memory.
+_DISTANCE, _TYPE, _MEMORY = range(OBSERVATION_SIZE, OBSERVATION_SIZE + 3)
+_CLOCK, _RUN, _NEXT, _KNOWN = range(4)  # columns of the memory; the last two of an opponent alone
+_MEMORY_SIZES = {"ally": 2, "opponent": 4}
+_FIRST_TYPE = {"ally": SENSED_TYPE, "opponent": JAM_TYPE}
+
+
+class _Feature(NamedTuple):
+    """Feature of a side: an edge e is the threshold ``(e - offset) / scale`` of a column."""
+
+    column: int
+    scale: str | float = 1.0  # a field of the scenario, or a number
+    offset: float = 0.5  # half a unit below, where values are whole
+
+
+_DISTANCE_M = {"distance_m": _Feature(_DISTANCE, offset=0.0)}
+FEATURES: Mapping[str, Mapping[str, _Feature]] = {
+    "ally": {
+        **_DISTANCE_M,
+        "snr_db": _Feature(SNR, "snr_scale_db", 0.0),
+        "spreading_s": _Feature(SPREADING_TIME, "spreading_scale_s"),
+        "sensed_type": _Feature(_TYPE),
+        "covered": _Feature(SENSED_COVERS, 2.0),
+        "since_hit_s": _Feature(_MEMORY + _CLOCK),
+        "hits": _Feature(_MEMORY + _RUN),
+    },
+    "opponent": {
+        **_DISTANCE_M,
+        "known_age_s": _Feature(KNOWN_AGE, "age_scale_s"),
+        "next_check_s": _Feature(NEXT_CHECK, "check_scale_s"),
+        "last_check": _Feature(LAST_CHECK, 2.0),
+        "own_type": _Feature(_TYPE),
+        "since_check_s": _Feature(_MEMORY + _CLOCK),
+        "same_point": _Feature(_MEMORY + _RUN),
+    },
+}
+
+
+class TabularPolicy(Strict):
+    """A tabular policy.
+
+    Attributes:
+        side: the side that it plays.
+        features: edges of each feature. Of an ally: ``distance_m``, ``snr_db``, ``spreading_s``,
+            ``sensed_type`` (0 for none, 1 for the first type and so on), ``covered`` (1 where the sensed
+            jamming covers it), ``since_hit_s``, and ``hits`` in a row. Of an opponent: ``distance_m``,
+            ``known_age_s``, ``next_check_s``, ``last_check`` (1 where it heard the ally, -1 where not),
+            ``own_type``, ``since_check_s``, and ``same_point``: how often in a row checks have found the ally
+            where the one before had found it.
+        cells: the choice in each cell, an index into :func:`table_choices`; the last feature varies fastest.
+    """
+
+    side: Literal["ally", "opponent"]
+    features: dict[str, list[float]]
+    cells: list[NonNegativeInt]
+
+    @model_validator(mode="after")
+    def _check(self) -> TabularPolicy:
+        check_features(self.side, self.features)
+        if len(self.cells) != count_cells(self.features):
+            raise UserError(f"cells: expected {count_cells(self.features)}, got {len(self.cells)}")
+        return self
+
+
+def check_features(side: str, features: Mapping[str, Sequence[float]]) -> None:
+    """Raise UserError for features that a side does not observe, or for invalid edges."""
+    for name, edges in features.items():
+        if name not in FEATURES[side]:
+            known = ", ".join(FEATURES[side])
+            raise UserError(f"features: the {side} does not observe {name!r}; it observes {known}")
+        if not edges or not all(map(math.isfinite, edges)) or list(edges) != sorted(set(edges)):
+            raise UserError(f"features: {name}: expected rising edges, one at least, got {list(edges)}")
+    if not 1 < count_cells(features) <= MOST_CELLS:
+        raise UserError(
+            f"features: expected 2 to {MOST_CELLS} cells, got {count_cells(features)}; name "
+            f"{'fewer' if features else 'some'}"
+        )
+
+
+def count_cells(features: Mapping[str, Sequence[float]]) -> int:
+    """Return the number of cells of a table."""
+    return math.prod(len(edges) + 1 for edges in features.values())
+
+
+@dataclass(frozen=True)
+class TableChoices:
+    """Choices of a table.
+
+    Attributes:
+        names: of the n choices.
+        rows: ``(n, 9)`` float32, the actions.
+        drawn: ``(n,)`` bool, true where the frequency point is drawn uniformly.
+        column: index of the drawn point in an action.
+        quantiles, places: of the draw, and the points in the band; see
+            :class:`fpg_bench.game.choices.Choices`.
+    """
+
+    names: tuple[str, ...]
+    rows: np.ndarray
+    drawn: np.ndarray
+    column: int
+    quantiles: np.ndarray
+    places: np.ndarray
+
+    @cached_property
+    def drawn_rows(self) -> np.ndarray:
+        """``(points, 9)`` float32, what a drawn point adds to an action."""
+        rows = np.zeros((len(self.places), ACTION_SIZE), np.float32)
+        rows[:, self.column] = self.places
+        return rows
+
+
+def table_choices(side: str, scenario: Scenario) -> TableChoices:
+    """Return what a table chooses from.
+
+    An ally stays or hops to a random point, with and without spreading. An opponent jams the known point or a
+    random one by each type, and flies at the ally where it flies itself.
+    """
+    mode = "uniform-hop" if side == "ally" else "discrete"
+    choices = Choices(side, mode, scenario)
+    if side == "ally":
+        of = choices.lists[0]
+        names, rows, drawn, column = of.names, of.rows, of.drawn > 0, PREFERENCE
+    else:
+        kinds = [kind for kind, name in enumerate(JAMMING_TYPES) if name in scenario.jamming_types]
+        ways = list(product(kinds, ("known", "random")))
+        names = tuple(f"{JAMMING_TYPES[kind]} at the {point} point" for kind, point in ways)
+        drawn, column = np.array([point == "random" for _, point in ways]), TUNING
+        rows = np.zeros((len(ways), ACTION_SIZE), np.float32)
+        rows[:, TYPE_SCORES : TYPE_SCORES + TYPES] = 2.0 * np.eye(TYPES)[[kind for kind, _ in ways]] - 1.0
+        rows[:, IN_BAND_GATE] = np.where(drawn, 1.0, -1.0)
+    return TableChoices(names, rows, drawn, column, choices.quantiles, choices.preferences)
+
+
+class TablePlayer(SeededPolicy):
+    """Player of tables with the same features; the batch is divided evenly among them, in their order.
+
+    Args:
+        side: the side that it plays.
+        features: see :class:`TabularPolicy`.
+        cells: ``(tables, cells)``, the choices of each.
+        scenario: the rules; they give the scales of observations and the choices.
+    """
+
+    def __init__(
+        self, side: str, features: Mapping[str, Sequence[float]], cells: np.ndarray, scenario: Scenario
+    ) -> None:
+        self.side, self.cells = side, cells
+        self._choices = table_choices(side, scenario)
+        if cells.max(initial=0) >= len(self._choices.names):
+            raise UserError(f"table: choice {cells.max()}, but the {side} has {len(self._choices.names)}")
+        self._edges = _thresholds(side, features, scenario)
+        self._box_m = np.array(scenario.box_m, np.float32)
+
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
+        count = len(seen)
+        if state is None:
+            memory, steps = np.zeros((count, _MEMORY_SIZES[self.side]), np.float32), np.zeros(count, np.int64)
+        else:
+            memory, steps = state
+        if starts is not None:
+            memory, steps = np.where(starts[:, None], np.float32(0), memory), np.where(starts, 0, steps)
+        memory = self._remember(seen, memory)
+        root = seen[:, RELATIVE_POSITION : RELATIVE_POSITION + 3]
+        away = root * np.abs(root) * self._box_m
+        x, y, z = (away * away).T
+        squares = x + y + z
+        cell = np.zeros(count, np.int64)
+        for column, edges in self._edges:
+            values = self._values(column, seen, squares, memory)
+            cell = cell * (len(edges) + 1) + np.searchsorted(edges, values, side="right")
+        chosen = self.cells[np.arange(count) * len(self.cells) // count, cell]
+        actions = self._choices.rows[chosen]
+        if self.side == "opponent":
+            actions[:, VELOCITY:] = away / np.maximum(np.sqrt(squares), np.float32(PURSUIT_M))[:, None]
+        drawn = self._choices.drawn[chosen]
+        points = np.searchsorted(
+            self._choices.quantiles, player_noise(self.keys(count), steps)[drawn, 0], side="right"
+        )
+        actions[drawn, self._choices.column] = self._choices.places[points]
+        return actions, (memory, steps + 1)
+
+    def _values(self, column: int, seen: np.ndarray, squares: np.ndarray, memory: np.ndarray) -> np.ndarray:
+        """Return the values of a column of the features."""
+        if column == _DISTANCE:
+            return squares
+        if column == _TYPE:
+            first = _FIRST_TYPE[self.side]
+            return seen[:, first : first + TYPES] @ np.arange(1, TYPES + 1, dtype=np.float32)
+        return seen[:, column] if column < OBSERVATION_SIZE else memory[:, column - _MEMORY]
+
+    def _remember(self, seen: np.ndarray, memory: np.ndarray) -> np.ndarray:
+        """Return the memory after an observation."""
+        zero = np.float32(0)
+        if self.side == "ally":
+            hit = seen[:, SENSED_COVERS] > 0
+            clock, run = np.where(hit, zero, memory[:, _CLOCK] + 1), np.where(hit, memory[:, _RUN] + 1, zero)
+            return np.stack([clock, run], axis=1)
+        clock = np.where(memory[:, _NEXT] < seen[:, NEXT_CHECK], zero, memory[:, _CLOCK] + 1)
+        known, found = seen[:, KNOWN_FREQUENCY], seen[:, KNOWN_AGE] <= 0
+        again = np.where(memory[:, _KNOWN] == known, memory[:, _RUN] + 1, zero)
+        run = np.where(found, again, memory[:, _RUN])
+        return np.stack([clock, run, seen[:, NEXT_CHECK], known], axis=1)
+
+
+def _thresholds(
+    side: str, features: Mapping[str, Sequence[float]], scenario: Scenario
+) -> list[tuple[int, np.ndarray]]:
+    """Return the column of each feature, and its edges in the units of the column as float32."""
+    check_features(side, features)
+    found = []
+    for name, edges in features.items():
+        column, scale, offset = FEATURES[side][name]
+        unit = getattr(scenario, scale) if isinstance(scale, str) else scale
+        values = (np.array(edges, float) - offset) / unit
+        found.append(
+            (column, (values * np.abs(values) if column == _DISTANCE else values).astype(np.float32))
+        )
+    return found
+
+
+def table_onnx(table: TabularPolicy, scenario: Scenario) -> bytes:
+    """Return a table as ONNX, with the inputs and outputs of :class:`fpg_bench.players.agent.OnnxPlayer`.
+
+    Its steps are those of :class:`TablePlayer`, in the same order and in float32, so the actions are the same
+    bits.
+    """
+    graph, choices, side = Graph(), table_choices(table.side, scenario), table.side
+    size = _MEMORY_SIZES[side]
+
+    def seen(column: int) -> str:
+        return graph.columns("observation", column, column + 1)
+
+    def remembered(column: int) -> str:
+        return graph.columns("state", column, column + 1)
+
+    def number(value: float) -> str:
+        return graph.constant(np.float32(value))
+
+    def choose(is_true: str, one: str, other: str) -> str:
+        return graph.add("Where", is_true, one, other)
+
+    later = graph.add("Add", remembered(_CLOCK), number(1))
+    longer = graph.add("Add", remembered(_RUN), number(1))
+    if side == "ally":
+        hit = graph.add("Less", number(0), seen(SENSED_COVERS))
+        memory = [choose(hit, number(0), later), choose(hit, longer, number(0))]
+    else:
+        checked = graph.add("Less", remembered(_NEXT), seen(NEXT_CHECK))
+        is_older = graph.add("Less", number(0), seen(KNOWN_AGE))
+        same = graph.add("Equal", remembered(_KNOWN), seen(KNOWN_FREQUENCY))
+        run = choose(is_older, remembered(_RUN), choose(same, longer, number(0)))
+        memory = [choose(checked, number(0), later), run, seen(NEXT_CHECK), seen(KNOWN_FREQUENCY)]
+    root = graph.columns("observation", RELATIVE_POSITION, RELATIVE_POSITION + 3)
+    away = graph.add("Mul", root, graph.add("Abs", root))
+    away = graph.add("Mul", away, graph.constant(np.array(scenario.box_m, np.float32)))
+    square = graph.add("Mul", away, away)
+    x, y, z = (graph.columns(square, axis, axis + 1) for axis in range(3))
+    squares = graph.add("Add", graph.add("Add", x, y), z)
+
+    def values(column: int) -> str:
+        if column == _DISTANCE:
+            return squares
+        if column == _TYPE:
+            of = graph.columns("observation", _FIRST_TYPE[side], _FIRST_TYPE[side] + TYPES)
+            return graph.add("MatMul", of, graph.constant(np.arange(1, TYPES + 1, dtype=np.float32)[:, None]))
+        return seen(column) if column < OBSERVATION_SIZE else memory[column - _MEMORY]
+
+    cell = ""
+    for column, edges in _thresholds(side, table.features, scenario):
+        digit = counted(graph, graph.add("Less", values(column), graph.constant(edges)), (0, 1))
+        place = graph.add("Mul", cell, graph.constant([len(edges) + 1])) if cell else ""
+        cell = graph.add("Add", place, digit) if cell else digit
+    chosen = graph.add("Gather", graph.constant(table.cells), cell, axis=0)
+    point = counted(graph, graph.add("Less", "noise", graph.constant(choices.quantiles)), (0, 1))
+    drawn = graph.add("Gather", graph.constant(choices.drawn[:, None].astype(np.float32)), chosen, axis=0)
+    parts = [
+        graph.add("Gather", graph.constant(choices.rows), chosen, axis=0),
+        graph.add("Mul", graph.add("Gather", graph.constant(choices.drawn_rows), point, axis=0), drawn),
+    ]
+    if side == "opponent":
+        reach = graph.add("Max", graph.add("Sqrt", squares), number(PURSUIT_M))
+        flight = np.eye(3, ACTION_SIZE, VELOCITY, np.float32)
+        parts.append(graph.add("MatMul", graph.add("Div", away, reach), graph.constant(flight)))
+    graph.add("Sum", *parts, to="action")
+    graph.add("Concat", *memory, axis=1, to="next_state")
+    inputs = [rows_of("observation", OBSERVATION_SIZE), rows_of("noise", 1), rows_of("state", size)]
+    return graph.to_bytes(inputs, [rows_of("action", ACTION_SIZE), rows_of("next_state", size)])
+
+
+# Search
+
+ROWS, RESULT = "tabular.jsonl", "tabular.json"
+DEFAULT_FEATURES: Mapping[str, Mapping[str, Sequence[float]]] = {
+    "ally": {"since_hit_s": (1, 2, 3, 6), "sensed_type": (1, 2, 3, 4), "hits": (2, 3)},
+    "opponent": {"known_age_s": (1, 2, 3, 4, 5), "own_type": (1, 2, 3), "distance_m": (60,)},
+}
+FINAL_MATCHES = 300  # on evaluation seeds, after the choice
+REWARDS = ("zero_sum", "own")
+# The cross-entropy method: generations, tables and rounds of each, the share that is kept, and its weight.
+CROSS_ENTROPY, TABLES, TABLE_ROUNDS, ELITE, WEIGHT = 50, 128, 4, 16, 0.3
+# Local search: changed tables, and rounds of each; those that go on to a second test, and its rounds.
+MUTANTS, MUTANT_ROUNDS, FINALISTS, FINAL_ROUNDS, MOST_CHANGES = 48, 12, 4, 128, 3
+_STRIDE = MUTANT_ROUNDS + FINAL_ROUNDS  # seeds of a generation
+_logger = logging.getLogger(__name__)
+
+Kept = TypedDict("Kept", {"return": float, "low": float, "high": float})
+
+
+class Settings(TypedDict):
+    """Settings that tell a search for responses from another."""
+
+    side: str
+    policies: dict[str, str]
+    scenario: str
+    path: str | list[str]
+    reward: str
+    seed: int
+    protocol: str
+
+
+class _Generation(Strict):
+    """A row of ``tabular.jsonl``.
+
+    Attributes:
+        generation: its number.
+        method: ``cross-entropy`` or ``local search``.
+        earned: what the kept tables earn per step, on average.
+        cells: the choices of each table that it keeps: the elite, or the best one.
+        seconds: CPU seconds.
+    """
+
+    generation: NonNegativeInt
+    method: Literal["cross-entropy", "local search"]
+    earned: float
+    cells: list[list[NonNegativeInt]]
+    seconds: float
+
+
+class TabularResponse(Settings):
+    """Content of ``tabular.json``; see :func:`tabular_response`."""
+
+    features: dict[str, list[float]]
+    generations: int
+    seconds: float
+    cells: list[int]
+    choices: list[str]
+    returns: dict[str, Kept]
+    lowest: str
+
+
+def tabular_response(
+    agent: str,
+    out: str | Path,
+    *,
+    budget: float = 200.0,
+    features: Mapping[str, Sequence[float]] | None = None,
+    seed: int = 0,
+    reward: str | None = None,
+    side: str | None = None,
+    scenario: str | Path | None = None,
+    path: str | Sequence[str] | None = None,
+) -> TabularResponse:
+    """Search a table that responds to a fixed player, and play it against all training seeds of that player.
+
+    The rows of a search depend on its seed alone, and its budget decides how many there are. A stopped call
+    is resumed, and a larger budget continues a finished one.
+
+    Args:
+        agent: the player: a shipped agent, a folder, a script, or ``package.module:object``; of a group of
+            training seeds, the first is answered.
+        out: a folder for ``tabular.jsonl``, a row per generation; ``agent``, the best table as an agent; and
+            ``tabular.json``, the settings and the result.
+        budget: CPU seconds of the search, over all calls; the generation that it ends in is finished.
+        features: edges of each feature, see :class:`TabularPolicy`; None for those of ``DEFAULT_FEATURES``.
+        seed: training seed of the search.
+        reward: ``zero_sum``, to lower the player's return, or ``own``, to raise the table's; None for
+            ``zero_sum`` against an ally and ``own`` against an opponent.
+        side, scenario, path: see :func:`fpg_bench.products.league.best_responses.best_responses`.
+
+    Returns:
+        The content of ``tabular.json``: the settings; ``generations`` and ``seconds`` of CPU; ``cells``, and
+        the ``choices`` that they name; ``returns``, what each training seed keeps per step in 300 matches on
+        evaluation seeds, played after the choice, with its 95 % interval; and ``lowest``, the training seed
+        that keeps least.
+
+    Raises:
+        UserError: no such player, a feature that its rival does not observe, a budget of nothing, or a folder
+            with other files or another search.
+        KeyboardInterrupt: stopped by the user.
+    """
+    check_budget(budget)
+    seeds = training_seeds(agent, side)
+    target = find_target(agent if agent in seeds else seeds[0], side, {"scenario": scenario, "path": path})
+    reward = RESPONSE_REWARDS[target.side] if reward is None else one_of(reward, "reward of a table", REWARDS)
+    other = other_side(target.side)
+    features = DEFAULT_FEATURES[other] if features is None else features
+    check_features(other, features)
+    edges = {name: list(map(float, of)) for name, of in features.items()}
+    settings, folder = settings_of(target, seeds, reward, seed), Path(out)
+    about: Row = {**settings, "features": edges}
+    file = RowFile(folder / ROWS)
+    with own_folder(folder, RESULT, "tabular search"):
+        rows = [parse(_Generation, row, f"rows {file.path}") for row in file.read()]
+        if (folder / RESULT).exists():
+            check_same(folder / RESULT, "a tabular search", about)
+        else:
+            write_json(folder / RESULT, about)
+        search = _TabularSearch(target, edges, reward, seed)
+        for row in rows:
+            search.take(row)
+        seconds = sum(row.seconds for row in rows)
+        while seconds < budget:
+            row = search.run()
+            seconds += row.seconds
+            file.append([row.model_dump()])
+            _logger.info(f"generation {row.generation}: {row.earned:.2f} per step; {seconds:.0f} CPU s")
+        cells = search.best.tolist()
+        about_agent = {
+            "algorithm": "tabular",
+            "game": GameSpec.of(target.game, reward=reward).describe(),
+            "scenario": target.scenario.hash,
+            "scenario_fields": target.scenario.to_dict(),
+            "training_seed": seed,
+            "training_steps": search.steps,
+            "seconds": round(seconds, 1),
+            "recipe": {"features": edges, "cells": cells},
+        }
+        table = TabularPolicy(side=cast("Any", other), features=edges, cells=cells)
+        write_agent(folder / "agent", table_onnx(table, target.scenario), **about_agent)
+        returns = {name: measure(name, str(folder / "agent"), target) for name in seeds}
+        result: TabularResponse = {
+            **settings,
+            "features": edges,
+            "generations": search.generation,
+            "seconds": round(seconds, 1),
+            "cells": cells,
+            "choices": list(table_choices(other, target.scenario).names),
+            "returns": returns,
+            "lowest": min(returns, key=lambda name: returns[name]["return"]),
+        }
+        write_json(folder / RESULT, result)
+    return result
+
+
+def settings_of(target: ResponseTarget, seeds: Sequence[str], reward: str, seed: int) -> Settings:
+    """Return the settings of a search for responses to all training seeds of a player."""
+    players = {name: as_player(name, target.side, target.scenario) for name in seeds}
+    return {
+        "side": target.side,
+        "policies": {name: policy_hash(of) or code_fingerprint(name) for name, of in players.items()},
+        "scenario": target.scenario.hash,
+        "path": target.game.to_dict()["path"],
+        "reward": reward,
+        "seed": seed,
+        "protocol": PROTOCOL,
+    }
+
+
+def check_budget(budget: float) -> None:
+    """Raise UserError for a budget of nothing."""
+    if not (isinstance(budget, int | float) and math.isfinite(budget) and budget > 0):
+        raise UserError(f"budget: expected CPU seconds above 0, got {budget}")
+
+
+def training_seeds(agent: str, side: str | None) -> list[str]:
+    """Return all training seeds of the group that an agent belongs to, or that is named; else the player."""
+    group, _, last = agent.rstrip("/").removesuffix("/agent").rpartition("/")
+    is_seed = bool(group) and last.startswith("seed_")
+    seeds = agents_named(group if is_seed else agent, side or "ally")
+    return seeds if agent in seeds or not is_seed else [agent]
+
+
+def measure(
+    agent: str,
+    response: str,
+    target: ResponseTarget,
+    matches: int = FINAL_MATCHES,
+    seeds: SeedSource | None = None,
+) -> Kept:
+    """Return what an agent keeps per step against a response, with its 95 % interval over matches."""
+    summary = evaluate_against(agent, {"it": response}, target.side, target.scenario, matches, seeds)
+    kept = summary.reward
+    return {"return": round(kept.value, 4), "low": round(kept.low, 4), "high": round(kept.high, 4)}
+
+
+@dataclass
+class _TabularSearch:
+    """State of a search: a distribution over the choices of each cell, then the best table so far.
+
+    Attributes:
+        target: the player that is answered.
+        features: edges of each feature.
+        reward: what is maximised.
+        seed: training seed.
+        generation: number of generations that are finished.
+        steps: number of steps that they have played.
+    """
+
+    target: ResponseTarget
+    features: dict[str, list[float]]
+    reward: str
+    seed: int
+    generation: int = 0
+    steps: int = 0
+    _best: np.ndarray | None = None
+    _shares: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        scenario = self.target.scenario
+        self._side = other_side(self.target.side)
+        self._player = as_player(self.target.agent, self.target.side, scenario)
+        self._first_seed = training_seed(self.seed)
+        choices = len(table_choices(self._side, scenario).names)
+        self._shares = np.full((count_cells(self.features), choices), 1 / choices)
+
+    @property
+    def best(self) -> np.ndarray:
+        """``(cells,)``, the best table so far: the likeliest one until the local search begins."""
+        return self._shares.argmax(axis=1) if self._best is None else self._best
+
+    def run(self) -> _Generation:
+        """Run the next generation; return its row."""
+        began = time.process_time()
+        rng = np.random.default_rng([self.seed, self.generation])
+        first = self._first_seed + self.generation * _STRIDE % (TRAINING_STRIDE - _STRIDE)
+        is_local = self.generation >= CROSS_ENTROPY
+        cells, earned = self._improve(rng, first) if is_local else self._draw(rng, first)
+        row = _Generation(
+            generation=self.generation,
+            method="local search" if is_local else "cross-entropy",
+            earned=round(earned, 4),
+            cells=cells.tolist(),
+            seconds=round(time.process_time() - began, 3),
+        )
+        self.take(row)
+        return row
+
+    def take(self, row: _Generation) -> None:
+        """Take the tables that the next generation keeps; raise UserError for a row of another search."""
+        count, choices = self._shares.shape
+        known = [set(map(len, row.cells)) == {count}, row.generation == self.generation]
+        if not all(known) or max(map(max, row.cells)) >= choices:
+            raise other_content(ROWS, f"generation {row.generation} of another search")
+        kept = np.array(row.cells)
+        if self.generation < CROSS_ENTROPY:
+            share = (kept[:, :, None] == np.arange(choices)).mean(axis=0)
+            self._shares = (1 - WEIGHT) * self._shares + WEIGHT * share
+            rounds = TABLES * TABLE_ROUNDS
+        else:
+            self._best = kept[0]
+            rounds = MUTANTS * MUTANT_ROUNDS + (1 + FINALISTS) * FINAL_ROUNDS
+        scenario = self.target.scenario
+        self.steps += rounds * scenario.steps_per_round * scenario.rounds_per_match
+        self.generation += 1
+
+    def _draw(self, rng: np.random.Generator, first_seed: int) -> tuple[np.ndarray, float]:
+        """Draw tables; return those that earn most, and what they earn."""
+        drawn = rng.random((TABLES, len(self._shares), 1))
+        cells = (drawn > self._shares.cumsum(axis=1)[:, :-1]).sum(axis=2)
+        earned = self._earned(cells, first_seed, TABLE_ROUNDS).mean(axis=1)
+        elite = np.argsort(-earned, kind="stable")[:ELITE]
+        return cells[elite], float(earned[elite].mean())
+
+    def _improve(self, rng: np.random.Generator, first_seed: int) -> tuple[np.ndarray, float]:
+        """Change the best table in a few cells; return the best one after two tests, and what it earns.
+
+        A changed table replaces the best one if it earns more by over a standard error, on seeds on which it
+        was not chosen.
+        """
+        best, choices = self.best, self._shares.shape[1]
+        changed = np.tile(best, (MUTANTS, 1))
+        for row in changed:
+            count = min(int(rng.integers(1, MOST_CHANGES + 1)), len(row))
+            at = rng.choice(len(row), count, replace=False)
+            row[at] = (row[at] + rng.integers(1, choices, count)) % choices
+        earned = self._earned(changed, first_seed, MUTANT_ROUNDS).mean(axis=1)
+        finalists = changed[np.argsort(-earned, kind="stable")[:FINALISTS]]
+        tables = np.concatenate([best[None], finalists])
+        tested = self._earned(tables, first_seed + MUTANT_ROUNDS, FINAL_ROUNDS)
+        gains = tested[1:] - tested[0]
+        k = int(gains.mean(axis=1).argmax())
+        is_better = gains[k].mean() > gains[k].std() / math.sqrt(FINAL_ROUNDS)
+        chosen = k + 1 if is_better else 0
+        return tables[chosen][None], float(tested[chosen].mean())
+
+    def _earned(self, cells: np.ndarray, first_seed: int, matches: int) -> np.ndarray:
+        """Return ``(tables, matches)``, what each table earns per step, all on the same seeds."""
+        scenario, count = self.target.scenario, len(cells)
+        table = TablePlayer(self._side, self.features, cells, scenario)
+        players = {self.target.side: self._player, self._side: table}
+        match = make_match(
+            TwoPlayerBatch(scenario, count * matches, threads=1), players["ally"], players["opponent"]
+        )
+        seeds = np.tile(np.arange(first_seed, first_seed + matches), count)
+        sign, whose = (-1.0, self.target.side) if self.reward == "zero_sum" else (1.0, self._side)
+        earned = np.zeros(count * matches)
+        for number in range(scenario.rounds_per_match):
+            play_round(match, seeds=None if number else seeds)
+            tallies = match.duel.batch.tallies
+            earned += sign * tallies[f"{whose}_return"] / tallies["steps"]
+        return earned.reshape(count, matches) / scenario.rounds_per_match

@@ -1,0 +1,221 @@
+"""Tables and portfolios: what they find, resumption, and the exported agent."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import other_side
+from fpg_bench.common.rows import RowFile
+from fpg_bench.common.schema import parse
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.game.scenario import as_scenario, preset
+from fpg_bench.players.agent import OnnxPlayer, load_agent
+from fpg_bench.players.policy_runner import PolicyRunner
+from fpg_bench.players.registry import as_player
+from fpg_bench.products.league import portfolio as mixing
+from fpg_bench.products.league import tabular
+from fpg_bench.products.league.portfolio import portfolio
+from fpg_bench.products.league.tabular import (
+    FEATURES,
+    TablePlayer,
+    TabularPolicy,
+    count_cells,
+    table_choices,
+    table_onnx,
+    tabular_response,
+    training_seeds,
+)
+from fpg_bench.products.league.verbs import best_response
+from tests.training.tiny import settings
+
+FEW = {"known_age_s": [1, 3]}
+EDGES = {
+    "distance_m": [35, 90],
+    "snr_db": [10],
+    "spreading_s": [1, 3],
+    "sensed_type": [1, 2, 3, 4],
+    "covered": [1],
+    "since_hit_s": [2, 4],
+    "hits": [2],
+    "known_age_s": [1, 3],
+    "next_check_s": [2, 3],
+    "last_check": [0, 1],
+    "own_type": [2, 3],
+    "since_check_s": [1, 3],
+    "same_point": [1, 2],
+}
+
+
+@pytest.fixture
+def local(monkeypatch):
+    """The local search begins early, and plays few rounds."""
+    for name, value in (("CROSS_ENTROPY", 3), ("MUTANTS", 8), ("FINAL_ROUNDS", 16), ("FINAL_MATCHES", 20)):
+        monkeypatch.setattr(tabular, name, value)
+
+
+def kept_rows(folder):
+    return [{k: v for k, v in row.items() if k != "seconds"} for row in RowFile(folder / tabular.ROWS).read()]
+
+
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+@pytest.mark.parametrize("name", ["standard", "link"])
+def test_an_exported_table_plays_as_the_table_to_the_bit(side, name):
+    scenario = as_scenario(preset(name), opponent_path="learned")
+    features = {name: list(map(float, EDGES[name])) for name in FEATURES[side]}
+    choices = len(table_choices(side, scenario).names)
+    cells = np.random.default_rng(0).integers(0, choices, count_cells(features))
+    exported = OnnxPlayer(
+        table_onnx(TabularPolicy(side=side, features=features, cells=cells.tolist()), scenario)
+    )
+    assert exported.row_wise
+    batch = TwoPlayerBatch(scenario, 16, threads=1)
+    rival = as_player("hunter" if side == "ally" else "clock", other_side(side), scenario)
+    table = TablePlayer(side, features, cells[None], scenario)
+    runners = [PolicyRunner(side, [player], batch.batch) for player in (table, exported)]
+    runners.append(PolicyRunner(other_side(side), [rival], batch.batch))
+    for _ in range(2):
+        started = batch.reset(seeds=5)
+        for runner in runners:
+            runner.begin(started)
+        for _ in range(120):
+            mine, same, others = (runner.act() for runner in runners)
+            np.testing.assert_array_equal(mine, same)
+            batch.batch.step(*((mine, others) if side == "ally" else (others, mine)))
+
+
+@pytest.mark.slow
+def test_an_obvious_hole_is_found_in_a_second_and_exported_as_an_agent(tmp_path):
+    result = tabular_response("idle", tmp_path / "out", side="ally", features=FEW, budget=1)
+    assert result["returns"]["idle"]["high"] < -12  # random play leaves it 15
+    assert result == json.loads((tmp_path / "out" / "tabular.json").read_text())
+    card = load_agent(tmp_path / "out" / "agent", "opponent").card
+    assert (card.algorithm, card.recipe["cells"]) == ("tabular", result["cells"])
+
+
+@pytest.mark.slow
+def test_a_table_answers_an_opponent_and_plays_for_itself(tmp_path, local):
+    result = tabular_response("tone", tmp_path / "out", budget=0.5)
+    assert (result["reward"], load_agent(tmp_path / "out" / "agent").card.side) == ("own", "ally")
+
+
+@pytest.mark.slow
+def test_a_stopped_search_goes_on_with_the_same_bits(tmp_path, local):
+    one, other = tmp_path / "one", tmp_path / "other"
+    options = {"side": "ally", "features": FEW}
+    tabular_response("reactive", one, budget=0.2, **options)
+    begun = len(kept_rows(one))
+    with (one / tabular.ROWS).open("a") as file:
+        file.write('{"generation": 99, "sec')  # killed while it wrote
+    tabular_response("reactive", one, budget=1.5, **options)
+    tabular_response("reactive", other, budget=1.5, **options)
+    rows, whole = kept_rows(one), kept_rows(other)
+    assert len(rows) > begun
+    assert [row["generation"] for row in rows] == list(range(len(rows)))
+    common = min(len(rows), len(whole))
+    assert rows[:common] == whole[:common]
+    assert rows[-1]["method"] == "local search"
+    content = (one / tabular.ROWS).read_text().splitlines(keepends=True)
+    (one / tabular.ROWS).write_text("".join(content[1:]))
+    with pytest.raises(UserError, match=r"tabular.jsonl: holds generation 1 of another search"):
+        tabular_response("reactive", one, budget=1.5, **options)
+
+
+def test_a_response_to_one_training_seed_is_played_against_all():
+    seeds = [f"ally-champion-3/ppo-stack8/seed_{k}" for k in range(5)]
+    assert training_seeds(seeds[3], None) == training_seeds("ally-champion-3/ppo-stack8", None) == seeds
+    assert training_seeds("expert", None) == ["expert"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"features": {"snr_db": [1]}}, "features: the opponent does not observe 'snr_db'"),
+        ({"features": {"distance_m": [2, 1]}}, "features: distance_m: expected rising edges"),
+        ({"features": {}}, "features: expected 2 to 4096 cells, got 1; name some"),
+        ({"budget": 0}, "budget: expected CPU seconds above 0, got 0"),
+        ({"budget": float("nan")}, "budget: expected CPU seconds above 0, got nan"),
+        ({"reward": "jamming"}, "reward of a table: expected one of zero_sum, own, got 'jamming'"),
+    ],
+)
+def test_invalid_settings_are_refused_and_leave_nothing(options, message, tmp_path):
+    with pytest.raises(UserError, match=message):
+        tabular_response("idle", tmp_path / "out", side="ally", **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_table_is_validated():
+    with pytest.raises(UserError, match="cells: expected 3, got 2"):
+        parse(
+            TabularPolicy,
+            {"side": "opponent", "features": {"known_age_s": [1.0, 3.0]}, "cells": [0, 1]},
+            "table",
+        )
+    with pytest.raises(UserError, match="choice 8, but the opponent has 8"):
+        TablePlayer("opponent", FEW, np.array([[0, 8, 1]]), preset("standard"))
+
+
+@pytest.mark.slow
+def test_another_search_needs_another_folder(tmp_path, local):
+    tabular_response("idle", tmp_path, side="ally", features=FEW, budget=0.1)
+    with pytest.raises(UserError, match="a tabular search with another features"):
+        tabular_response("idle", tmp_path, side="ally", features={"known_age_s": [2]}, budget=0.1)
+    with pytest.raises(UserError, match="other files, but no portfolio"):
+        portfolio("idle", tmp_path, side="ally", budget=0.1)
+
+
+@pytest.mark.slow
+def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, local, monkeypatch):
+    monkeypatch.setattr(mixing, "MATCHES", 5)
+    options = {"side": "ally", "steps": 400, "imitation_steps": 400, "n_scripts": 2, "table_budget": 0.3}
+    options |= {"algorithm": "ppo", "hyperparams": settings("ppo")}
+    first = portfolio("idle", tmp_path, budget=0.5, **options)
+    begun = RowFile(tmp_path / mixing.ROWS).read()
+    result = portfolio("idle", tmp_path, budget=first["seconds"] + 8, **options)
+    rows = RowFile(tmp_path / mixing.ROWS).read()
+    assert rows[: len(begun)] == begun
+    assert {row["method"] for row in rows} == {"script", "tabular", "pupil", "ppo"}
+    assert len({row["response"] for row in rows}) == len(rows)
+    best = min(rows, key=lambda row: row["returns"]["idle"])
+    found = result["returns"][result["lowest"]]
+    assert (found["response"], found["method"]) == (best["response"], best["method"])
+    assert found["low"] < found["return"] < found["high"]
+    spent = [sum(row["seconds"] for row in rows[: k + 1]) for k in range(len(rows))]
+    assert all(one < other for one, other in pairwise(spent))
+    assert found["spent"] == round(spent[rows.index(best)], 1)
+    pupil = next(k for k, row in enumerate(rows) if row["method"] == "pupil")
+    before = min(rows[:pupil], key=lambda row: row["returns"]["idle"])
+    run = json.loads((tmp_path / "pupil_0" / "run.json").read_text())
+    assert run["hyperparameters"]["imitate"]["teacher"].endswith(before["response"])
+
+
+def test_no_code_is_run_on_the_word_of_a_portfolio_s_rows(tmp_path, monkeypatch, local):
+    monkeypatch.setattr(mixing, "MATCHES", 2)
+    portfolio("idle", tmp_path, side="ally", budget=1e-3, n_scripts=0)
+    file = tmp_path / mixing.ROWS
+    (row,) = RowFile(file).read()
+    file.write_text(json.dumps(row | {"response": "package.module:object"}) + "\n")
+    with pytest.raises(UserError, match=r"would run package\.module:object"):
+        portfolio("idle", tmp_path, side="ally", budget=1)
+
+
+def test_the_features_of_later_tables_are_drawn_by_the_seed():
+    for side in ("ally", "opponent"):
+        drawn = [mixing.draw_features(side, number, 3) for number in range(6)]
+        assert drawn == [mixing.draw_features(side, number, 3) for number in range(6)]
+        assert len({json.dumps(each) for each in drawn}) > 3
+        assert all(len(each) >= 2 and count_cells(each) <= mixing.MOST_DRAWN_CELLS for each in drawn[1:])
+
+
+@pytest.mark.slow
+def test_the_verb_says_what_each_training_seed_keeps(tmp_path, capsys, local):
+    best_response("idle", tmp_path / "out", side="ally", search="tabular", budget=0.2, game={})
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("idle: -")
+    assert lines[1].startswith("lowest: -")
+    with pytest.raises(UserError, match="search: expected one of tabular, portfolio, got 'table'"):
+        best_response("idle", tmp_path / "other", search="table", game={})
+    with pytest.raises(UserError, match="actions: --search decides the actions of its responses"):
+        best_response("idle", tmp_path / "other", search="tabular", game={"actions": "discrete"})
