@@ -131,17 +131,6 @@ class Record:
             del row["plans"]["useless"]
         return row
 
-    def same_as(self, other: Record) -> bool:
-        """Compare two records; the seconds of planning do not count, nor what older records lack."""
-        return _timeless(self) == _timeless(other)
-
-
-def _timeless(record: Record) -> Record:
-    plans = record.plans
-    tally = {name: record.tally[name] for name in TALLIES}
-    plans = plans and dataclasses.replace(plans, seconds=0.0)
-    return dataclasses.replace(record, tally=tally, plans=plans, season=None)
-
 
 @dataclass(frozen=True)
 class Pooled:

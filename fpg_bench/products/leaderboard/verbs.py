@@ -138,7 +138,7 @@ def verify(
 
     Example: fpg-bench leaderboard verify --sample 5%
     """
-    from fpg_bench.products.leaderboard.exploited import verify_responses
+    from fpg_bench.products.leaderboard.response_results import verify_responses
     from fpg_bench.products.leaderboard.verification import verify as verify_all
 
     verdicts = []
@@ -180,12 +180,12 @@ def crossplay(
 
     trusted = None if since is None else rows_at(folder, since, crossplay_file)
     if check is None:
-        failed = play_missing(folder, trusted=trusted, workers=workers)
+        bad = play_missing(folder, trusted=trusted, workers=workers)
     else:
-        failed = check_pairs(folder, share(check), sample_seed, workers=workers)
-    for line in failed:
-        print_line(line)
-    raise typer.Exit(1 if failed else 0)
+        bad = check_pairs(folder, share(check), sample_seed, workers=workers)
+    for verdict in bad:
+        print_line(f"{verdict.name}: {verdict.line}")
+    raise typer.Exit(1 if bad else 0)
 
 
 @leaderboard.command()
@@ -208,7 +208,7 @@ def exploit(
     Example: fpg-bench leaderboard exploit ally/expert
     """
     require_extra("train", "torch")
-    from fpg_bench.products.leaderboard.exploited import exploit as make_responses
+    from fpg_bench.products.leaderboard.response_training import exploit as make_responses
 
     for line in make_responses(folder, work, names or (), workers=workers):
         print_line(line)
@@ -337,11 +337,9 @@ def audit_season(
     from fpg_bench.products.leaderboard.season.season import load_season
 
     season = load_season(name)
-    for audited in audit.audit_season(
+    verdicts = audit.audit_season(
         season, read_entries(folder, scenario=season.scenario), work, member, n_members, workers=workers
-    ):
-        policies = "the same policy" if audited.is_same else "another policy"
-        print_line(
-            f"{audited.side}/{audited.name}: {policies}; entries earn {audited.difference:.2f} per step "
-            f"more or less, correlation {audited.correlation:.3f}"
-        )
+    )
+    for verdict in verdicts:
+        print_line(f"{verdict.name}: {verdict.line}")
+    raise typer.Exit(0 if all(verdict.is_good for verdict in verdicts) else 1)
