@@ -148,13 +148,13 @@ class EncounterStore(Generic[M, R]):
         rows = [json.dumps(result.row(), separators=(",", ":")) + "\n" for result in results]
         write_whole(self.path, "".join(rows))
 
-    def known(self) -> dict[Hashable, R]:
-        """Return the rows by their keys, the newest of each; invalid ones are left out."""
-        return {result.key: result for result in self.records(lambda line: None)}
+    def known(self, on_invalid: Callable[[str], None] | None = None) -> dict[Hashable, R]:
+        """Return the rows by their keys, the newest of each; see :meth:`records`."""
+        return {result.key: result for result in self.records(on_invalid)}
 
     def missing(self, wanted: Iterable[M]) -> list[M]:
         """Return the encounters that have no row, each once."""
-        known = {result.key for result in self.records()}
+        known = self.known()
         return list({each.key: each for each in wanted if each.key not in known}.values())
 
     def play(
@@ -176,7 +176,7 @@ class EncounterStore(Generic[M, R]):
 
     def of(self, wanted: Sequence[M]) -> list[R]:
         """Return the rows of encounters, in their order; raises UserError where one is missing."""
-        known = {result.key: result for result in self.records()}
+        known = self.known()
         for each in wanted:
             if each.key not in known:
                 raise UserError(f"records {self.path}: none of {each.name}; play it first")

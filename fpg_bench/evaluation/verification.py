@@ -36,7 +36,6 @@ T = TypeVar("T")
 # same to the bit, and one moved by 4e-5.
 WITHIN = 1e-3
 SHARE_OF_ROUNDS = 0.99  # that return the same
-_POINTS_WITHIN = 0.01  # of all steps
 # Of the same rounds: sums and means are rounded once more when they are added up.
 _SUMMED, _AVERAGED = 1e-6, 1e-5
 _LEVELS = ("snr_db", "capacity_mbit_s", CLEAN, HOP_BITS)
@@ -188,29 +187,29 @@ class Within(Tolerance):
         share: the greatest difference, in units.
         unit: the unit's name.
         dealt: rounds are dealt out to the numbers, so that one moves a number as far as all of them the mean.
-        of: says in messages what each number is of; empty: training seeds.
+        of: what each number is of, in messages.
     """
 
     share: float
     unit: str
     dealt: bool = False
-    of: tuple[str, ...] = ()
+    of: str = " of training seed"
 
     def differences(self, name: str, replays: Sequence[Replayed[Any]]) -> Iterator[str]:
         """Yield a line for each result in which the mean or one of the numbers does not hold."""
         for each in replays:
-            now, then = (np.atleast_1d(np.array(getattr(of, name), float)) for of in (each.now, each.then))
+            now, then = (np.atleast_1d(np.array(getattr(of, name))) for of in (each.now, each.then))
             if now.shape != then.shape:
                 yield each.line(name, now.tolist(), then.tolist())
                 continue
-            most = _AVERAGED * np.abs(now) if each.is_same else self.share * each.units[self.unit] + 0 * now
+            rounded = _AVERAGED * np.abs(now) if now.dtype.kind == "f" else 0 * now  # counts are exact
+            most = rounded if each.is_same else self.share * each.units[self.unit] + 0 * now
             worst = int(np.argmax(np.abs(now - then) - most))
             if self.dealt and abs(now.mean() - then.mean()) > most.mean():
-                yield each.line(name, float(now.mean()), float(then.mean()))
+                yield each.line(name, now.mean().item(), then.mean().item())
             elif abs(now[worst] - then[worst]) > most[worst] * (len(now) if self.dealt else 1):
-                seed = f" of training seed {worst + 1}" if len(now) > 1 else ""
-                which = self.of[worst] if self.of else seed
-                yield each.line(f"{name}{which}", float(now[worst]), float(then[worst]))
+                which = f"{self.of} {worst + 1}" if len(now) > 1 else ""
+                yield each.line(f"{name}{which}", now[worst].item(), then[worst].item())
 
 
 class _Rounds(Tolerance):
@@ -271,17 +270,6 @@ class _Sums(Tolerance):
 
     def is_same(self, now: Mapping[str, float], then: Mapping[str, float]) -> bool:
         return then.items() <= now.items()
-
-
-class _Points(Tolerance):
-    """Steps per frequency point."""
-
-    def differences(self, name: str, replays: Sequence[Replayed[Record]]) -> Iterator[str]:
-        for each in replays:
-            now, then = (np.array(getattr(of, name)) for of in (each.now, each.then))
-            most = 0 if each.is_same else _POINTS_WITHIN
-            if now.shape != then.shape or np.abs(now / now.sum() - then / then.sum()).sum() / 2 > most:
-                yield f"{each.where}other {name}"
 
 
 class Tolerances(Tolerance, Generic[T]):
@@ -373,7 +361,8 @@ def short(value: object) -> str:
 # Records
 
 
-_RETURN, _ROUNDS = "return", "rounds"  # units: a round's distance from 0 to 100, and the number of rounds
+# Units: a round's distance from 0 to 100, and the numbers of rounds and of steps.
+_RETURN, _ROUNDS, _STEPS = "return", "rounds", "steps"
 
 PLANS = Tolerances(
     Plans,
@@ -396,8 +385,8 @@ RECORD = Tolerances(
     lost=Within(1 - SHARE_OF_ROUNDS, _ROUNDS),
     plans=PLANS,
     tally=_Sums(),
-    ally_points=_Points(),
-    jam_points=_Points(),
+    ally_points=Within(WITHIN, _STEPS, of=" of point"),
+    jam_points=Within(WITHIN, _STEPS, of=" of point"),
 )
 
 
@@ -419,7 +408,9 @@ def replays_of(
         is_scripted, span = _is_scripted(now, suite), (suite.scale.top - suite.scale.zero)
         seed = "" if now.training_seed is None else f"seed {now.training_seed}, "
         where = f"{seed}{now.suite}, {now.rival}: "
-        units = {_RETURN: span * suite.scenario.steps_per_round, _ROUNDS: len(now.returns)}
+        units = {_RETURN: span * suite.scenario.steps_per_round, _ROUNDS: len(now.returns)} | {
+            _STEPS: now.tally["steps"]
+        }
         is_same = now.returns == then.returns or now.rounds_sha256 == then.rounds_sha256
         replays.append(Replayed(now, then, units, is_scripted, is_same, where))
     return replays

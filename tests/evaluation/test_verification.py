@@ -94,7 +94,7 @@ def test_other_means_sums_points_and_lost_rounds_are_told(records, suites, span)
     assert disagreements(records, kept, suites) == [
         f"{where}: lost 0, the result says 9",
         f"{where}: jammed {jammed:g}, the result says {jammed + 0.01 * steps:g}",
-        f"{where}: other ally_points",
+        f"{where}: ally_points of point 1 {then.ally_points[0]}, the result says 1",
     ]
 
 
@@ -133,7 +133,7 @@ def test_rounds_that_return_the_same_have_the_same_sums_whatever_their_hash_is(r
         ({"tally": moved(then, longest_outage=1.0)}, "longest_outage"),
         ({"tally": moved(then, jammed=1.0)}, "jammed"),
         ({"lost": 1}, "lost 0, the result says 1"),
-        ({"ally_points": tuple(moved_points)}, "other ally_points"),
+        ({"ally_points": tuple(moved_points)}, "ally_points of point 1 "),
     ):
         (line,) = disagreements(records, changed(records, rounds_sha256="other", **values), suites)
         assert name in line

@@ -416,7 +416,7 @@ TOLERANCES = Tolerances(
     ally_rewards=Within(SAME_WITHIN, "ally", dealt=True),
     opponent_rewards=Within(SAME_WITHIN, "opponent", dealt=True),
     jamming_success_rate=Within(SAME_WITHIN, "steps"),
-    lost=Within(1 - SHARE_OF_ROUNDS, "rounds", of=(" by the ally", " by the opponent")),
+    lost=Within(1 - SHARE_OF_ROUNDS, "rounds", of=" by side"),
 )
 _CHECK = Check(_play, _compare, lambda pair, now: now.model_dump_json())
 

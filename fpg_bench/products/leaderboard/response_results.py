@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import random
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -111,7 +111,7 @@ TOLERANCES = Tolerances(
     key=EXACT,
     rewards=Within(WITHIN, "return"),
     half=Within(WITHIN, "return"),
-    lost=Within(1 - SHARE_OF_ROUNDS, "rounds", of=(" by the entry", " by the response")),
+    lost=Within(1 - SHARE_OF_ROUNDS, "rounds", of=" by player"),
 )
 
 
@@ -164,15 +164,14 @@ def verify_responses(
         check_share(sample)
     board, verdicts, invalid = Path(board), Verdicts(), list[str]()
     with work_store(board, "responses", ResponseResult) as work:
-        known: dict[Hashable, ResponseResult] = {
-            result.key: result for result in result_store(board).records(invalid.append)
-        }
+        known = result_store(board).known(invalid.append)
         if invalid and not update:
             line = f"{len(invalid)} lines were no result of a response; replaced, commit this file"
             verdicts.give(exploited_file(board).name, False, line)
         trusted = None if since is None else _trusted(board, since, verdicts)
         responses = _read_responses(board, names, verdicts)
-        kept = [each for each in responses if _is_kept(known.get(each.key), trusted)]
+        stays = known.values() if trusted is None else trusted
+        kept = [each for each in responses if each.key in known and known[each.key] in stays]
         is_drawn = since is None or bool(names)
         drawn = draw(kept, 1.0 if is_drawn and sample is None else sample or 0.0, random.Random(sample_seed))
         wanted = []
@@ -212,10 +211,6 @@ def _read_responses(board: Path, names: Sequence[str], verdicts: Verdicts) -> li
             except (UserError, OSError) as error:
                 verdicts.give(f"{target.name}/{folder.name}", False, str(error))
     return responses
-
-
-def _is_kept(result: ResponseResult | None, trusted: Collection[ResponseResult] | None) -> bool:
-    return result is not None and (trusted is None or result in trusted)
 
 
 def write_results(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,8 @@ from fpg_bench.products.leaderboard.response_recipe import OWN, RECIPE
 from fpg_bench.products.leaderboard.response_results import play_response, result_store, write_results
 from fpg_bench.products.leaderboard.responses import read_response
 from fpg_bench.products.leaderboard.targets import Target, answered_entries
+
+_logger = logging.getLogger(__name__)
 
 
 def exploit(
@@ -50,7 +53,7 @@ def exploit(
     ]
     failed = run_jobs(jobs, workers)
     check_all_done(failed)
-    write_results(board, result_store(board).known(), ())  # in the order of verification
+    write_results(board, result_store(board).known(_logger.info), ())  # in the order of verification
     lowest = lowest_known(board, targets)
     return [f"{target.name}: {describe(lowest[target.name])}" for target in targets]
 
@@ -81,5 +84,5 @@ def _is_made(board: Path, target: Target, number: int) -> bool:
         response = read_response(folder, target, inspect_onnx=False)
     except UserError:
         return False
-    result = result_store(board).known().get(response.key)
+    result = result_store(board).known(_logger.info).get(response.key)
     return result is not None and result.is_of(response)

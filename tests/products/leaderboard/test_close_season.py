@@ -514,11 +514,11 @@ def test_an_audit_trains_a_member_again(season, board, tmp_path, monkeypatch):
     assert verdict.line.startswith(
         "the same policy; entries earn 0.00 per step more or less, correlation 1.0"
     )
-    member = season.members["opponent"][0]
-    assert member.name == "o00"
-    edited = [member.model_copy(update={"entries_earn": member.entries_earn + 0.13})]
-    members = season.members | {"opponent": (*edited, *season.members["opponent"][1:])}
-    forged = season.model_copy(update={"members": members})
+    edited = tuple(
+        member.model_copy(update={"entries_earn": member.entries_earn + 0.13})
+        for member in season.members["opponent"]
+    )
+    forged = season.model_copy(update={"members": season.members | {"opponent": edited}})
     (verdict,) = audit_season(forged, read_entries(board), tmp_path, ["o00"])
     assert not verdict.is_good
     assert "does not hold: entries_earn" in verdict.line

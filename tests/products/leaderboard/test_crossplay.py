@@ -271,8 +271,8 @@ def test_figures_that_were_edited_are_found(played, messages):
         ({"opponent_rewards": [x - 0.13 for x in last["opponent_rewards"]]}, "opponent_rewards "),
         # The mean is the same, but not its interval
         ({"opponent_rewards": [mean - 2, mean + 2]}, "opponent_rewards of training seed "),
-        ({"lost": [50, 0]}, "lost by the ally 0, the result says 50"),
-        ({"lost": [0, 100]}, "lost by the opponent 0, the result says 100"),
+        ({"lost": [50, 0]}, "lost by side 1 0, the result says 50"),
+        ({"lost": [0, 100]}, "lost by side 2 0, the result says 100"),
     ):
         change(entered, -1, **last | forged)
         (line,) = lines_of(entered).values()

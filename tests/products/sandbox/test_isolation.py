@@ -190,8 +190,10 @@ def test_what_a_policy_cannot_be_kept_from_is_said_once_wherever_it_plays(machin
 
 
 def test_what_could_not_be_had_is_in_the_verdict(board, in_process, monkeypatch):
-    monkeypatch.setattr("fpg_bench.products.leaderboard.playing.missing_here", lambda: ["files", "the
-    network"]) assert missing(Layer(0)) == ["files", "the network", "other processes"]
+    monkeypatch.setattr(
+        "fpg_bench.products.leaderboard.playing.missing_here", lambda: ["files", "the network"]
+    )
+    assert missing(Layer(0)) == ["files", "the network", "other processes"]
     assert missing(Layer.LANDLOCK) == ["the network"]
     assert missing(Layer.CALLS) == missing(Layer.NAMESPACES | Layer.EMPTY_ROOT) == []
     enter(board, "ally", "linear", seeds=(0,))
