@@ -14,6 +14,7 @@ import argparse
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from marks import fill
@@ -22,9 +23,10 @@ from measure_payoffs import answers_note, equilibrium_note
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
-from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.schema import Items
 from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
+from fpg_bench.evaluation.store import EncounterStore, StrictResult
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.scenario import preset
 from fpg_bench.players.player import SIDES, PlayerSpec
@@ -36,7 +38,45 @@ GAMES = {"3 v 2": TeamRules(), "3 v 1": TeamRules(jammers=1), "separate": TeamRu
 CLONES = [f"ally-link{kind}/ppo-stack8/seed_0" for kind in ("-population", "")]
 BESIDE = ["random-hops", "greedy-own-points"]  # scripts in the table of clones
 COUNTS = ("clashes", "spreading", "heard")
-KEY = ("game", *SIDES, "matches")
+Key = tuple[str, str, str, int]
+
+
+class TeamPair(NamedTuple):
+    """Teams that meet in a game of ``GAMES``; ``player`` plays as ``ally``, if given."""
+
+    game: str
+    ally: str
+    opponent: str
+    matches: int
+    player: PlayerSpec | None = None
+
+    @property
+    def key(self) -> Key:
+        """Key of its result."""
+        return self[:4]
+
+    @property
+    def name(self) -> str:
+        """Name in messages."""
+        return f"{self.game}: {self.ally} against {self.opponent}"
+
+
+class TeamResult(StrictResult):
+    """Result of a pair of teams: the reward of each match, and the means of :data:`COUNTS`."""
+
+    game: str
+    ally: str
+    opponent: str
+    matches: int
+    clashes: float
+    spreading: float
+    heard: float
+    rewards: Items[float]
+
+    @property
+    def key(self) -> Key:
+        """Key of the pair."""
+        return self.game, self.ally, self.opponent, self.matches
 
 
 class Results:
@@ -48,26 +88,21 @@ class Results:
     """
 
     def __init__(self, path: Path, matches: int) -> None:
-        self._file, self._matches = RowFile(path, {"rewards": list}), matches
-        self._rows = {tuple(row[key] for key in KEY): row for row in self._file.read()}
+        self._store, self._matches = EncounterStore[TeamPair, TeamResult](TeamResult, path), matches
 
-    def of(self, game: str, ally: str, opponent: str, player: PlayerSpec | None = None) -> Row:
-        """Return the row of a pair in a game of ``GAMES``; ``player`` plays as ``ally``, if given."""
-        key = game, ally, opponent, self._matches
-        if key not in self._rows:
-            allies = [ally if player is None else player]
-            played = play_teams(allies, [opponent], preset("link"), GAMES[game], self._matches)
-            counts = {name: getattr(played, name) for name in COUNTS}
-            row = dict(zip(KEY, key, strict=True)) | counts | {"rewards": played.rewards.tolist()}
-            self._file.append([row])
-            self._rows[key] = row
-            print(f"{game}: {ally} against {opponent}: {played.rewards.mean():.2f}", flush=True)
-        return self._rows[key]
+    def of(self, game: str, ally: str, opponent: str, player: PlayerSpec | None = None) -> TeamResult:
+        """Return the result of a pair in a game of ``GAMES``; ``player`` plays as ``ally``, if given."""
+        pair = TeamPair(game, ally, opponent, self._matches, player)
+        for missing in self._store.missing([pair]):
+            result = play_pair(missing)
+            self._store.add(result)
+            print(f"{pair.name}: {np.mean(result.rewards):.2f}", flush=True)
+        return self._store.of([pair])[0]
 
     def payoffs(self, game: str, allies: Mapping[str, str], opponents: Mapping[str, str]) -> Payoffs:
         """Return the pay-offs of players by their labels."""
         samples = tuple(
-            np.array([self.of(game, ally, name)["rewards"] for name in opponents.values()]).T
+            np.array([self.of(game, ally, name).rewards for name in opponents.values()]).T
             for ally in allies.values()
         )
         return Payoffs(tuple(allies), tuple(opponents), samples, (MATCHES,) * len(allies))
@@ -75,12 +110,22 @@ class Results:
     def csv(self, labels: Mapping[str, str]) -> str:
         """Return all pairs, players by their labels, with half of the 95 % interval of each reward."""
         lines = [["game", *SIDES, "reward", "half", *COUNTS]]
-        for (game, ally, opponent, matches), row in sorted(self._rows.items()):
-            if matches == self._matches and {ally, opponent} <= set(labels):
-                reward = mean_interval(np.array(row["rewards"]), MATCHES)
-                values = (reward.value, reward.half, *(row[name] for name in COUNTS))
-                lines.append([game, labels[ally], labels[opponent], *(f"{value:.3f}" for value in values)])
+        for row in sorted(self._store.records(), key=lambda row: row.key):
+            if row.matches == self._matches and {row.ally, row.opponent} <= set(labels):
+                reward = mean_interval(np.array(row.rewards), MATCHES)
+                values = (reward.value, reward.half, *(getattr(row, name) for name in COUNTS))
+                pair = labels[row.ally], labels[row.opponent]
+                lines.append([row.game, *pair, *(f"{value:.3f}" for value in values)])
         return csv_text(lines)
+
+
+def play_pair(pair: TeamPair) -> TeamResult:
+    """Play a pair of teams."""
+    allies = [pair.ally if pair.player is None else pair.player]
+    played = play_teams(allies, [pair.opponent], preset("link"), GAMES[pair.game], pair.matches)
+    counts = {name: getattr(played, name) for name in COUNTS}
+    names = dict(zip(("game", *SIDES, "matches"), pair.key, strict=True))
+    return TeamResult(**names, **counts, rewards=tuple(played.rewards.tolist()))
 
 
 def payoff_table(payoffs: Payoffs) -> str:
@@ -107,8 +152,8 @@ def clone_table(results: Results, opponents: Mapping[str, str]) -> str:
     for ally in (*CLONES, *BESIDE):
         for game, formation in (("3 v 2", "convoy"), ("separate", "separate curves")):
             rows = [results.of(game, ally, name) for name in opponents.values()]
-            rewards = [np.mean(row["rewards"]) for row in rows]
-            counts = [np.mean([row[name] for row in rows]) for name in ("clashes", "spreading")]
+            rewards = [np.mean(row.rewards) for row in rows]
+            counts = [np.mean([getattr(row, name) for row in rows]) for name in ("clashes", "spreading")]
             values = (np.mean(rewards), min(rewards), *counts)
             lines.append([ally, formation, *(f"{value:.2f}" for value in values)])
     return markdown_table(lines)

@@ -32,6 +32,7 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import MatchupKey, Record, read_record
 from fpg_bench.evaluation.store import pairings
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
+from fpg_bench.evaluation.verification import RECORD
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.config import RunConfig
@@ -180,10 +181,8 @@ def differences(zoo: Zoo, agent: ZooAgent) -> list[str]:
             before = stored.get((record.entry, record.training_seed, record.rival))
             if before is None:
                 problems.append(f"{suite.name}, {record.rival}: no record")
-            elif record.returns != before.returns:
-                problems.append(f"{suite.name}, {record.rival}: other returns")
-            elif record.rounds_sha256 != before.rounds_sha256:
-                problems.append(f"{suite.name}, {record.rival}: the same returns, but other rounds")
+            elif changed := RECORD.changed(record, before):
+                problems.append(f"{suite.name}, {record.rival}: other {', '.join(changed)}")
     return problems
 
 

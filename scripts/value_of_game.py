@@ -27,8 +27,9 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.products.leaderboard.exploited import OWN, RECIPE, ResponseResult, read_results
 from fpg_bench.products.leaderboard.folders import submission_folders
+from fpg_bench.products.leaderboard.response_recipe import OWN, RECIPE
+from fpg_bench.products.leaderboard.response_results import ResponseResult, result_store
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
 from fpg_bench.products.league.search import ROWS, keep_search
 
@@ -96,7 +97,7 @@ def entered_policies(board: Path) -> Iterator[tuple[tuple[str, int | None], tupl
         UserError: an entry's responses have not played all its training seeds.
     """
     found: dict[str, list[ResponseResult]] = {}
-    for result in read_results(board).values():
+    for result in result_store(board).records():
         found.setdefault(f"{result.track}/{result.slug}", []).append(result)
     for folder in submission_folders(board):
         results = found.get(f"{folder.parent.name}/{folder.name}", [])

@@ -34,7 +34,7 @@ def board(tmp_path):
         (folder / "submission.yaml").write_text(yaml.safe_dump({"track": "ally", **about}))
         return [
             {"track": "ally", "slug": slug, "response": name, "key": f"{slug}{name}", "rewards": returns}
-            | {"half": [0.1] * len(returns), "lost": 0}
+            | {"half": [0.1] * len(returns), "lost": [0, 0]}
             for name, returns in rewards.items()
         ]
 

@@ -23,6 +23,7 @@ from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
 from fpg_bench.evaluation.record import LATER_TALLIES
 from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match
+from fpg_bench.evaluation.verification import first_difference, short
 from fpg_bench.game.batch import check_seeds
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.recording import Recording
@@ -199,7 +200,6 @@ def _row(duel: TwoPlayerBatch, recording: Recording) -> Row:
 
 RUN, ROUND = "run", "round"
 _HEADER = {"planner": str, "ally": str, "opponent": str, "seed": int, "scenario": dict, "scenario_hash": str}
-_SHOWN = 80  # characters of a value in an error
 _UNTIMED = "seconds"  # key of the planning time, which a replay does not repeat
 
 
@@ -349,19 +349,8 @@ def _as_written(row: Row) -> Row:
 
 def _difference(known: object, now: object, where: str = "", but: str = "") -> str:
     """Describe the first value of the file that differs from the present one; empty if none does."""
-    if isinstance(known, dict) and isinstance(now, dict):
-        inner = [(f"{where}.{key}" if where else key, key) for key in {**now, **known} if key != but]
-        each = (_difference(known.get(key), now.get(key), name) for name, key in inner)
-        return next(filter(None, each), "")
-    if isinstance(known, list) and isinstance(now, list) and len(known) == len(now):
-        pairs = enumerate(zip(known, now, strict=True))
-        return next(filter(None, (_difference(*pair, f"{where}[{i}]") for i, pair in pairs)), "")
-    return "" if known == now else f"{where} is {_short(known)} in the file, {_short(now)} now"
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} ..."
+    found = first_difference(now, known, where, (but,))
+    return "" if found is None else f"{found[0]} is {short(found[2])} in the file, {short(found[1])} now"
 
 
 def _planner(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -126,18 +126,6 @@ class Record:
         if self.plans.useless is None:
             del row["plans"]["useless"]
         return row
-
-    def same_as(self, other: Record) -> bool:
-        """Compare two records; the seconds of planning do not count, nor sums that one of them lacks."""
-        names = self.tally.keys() & other.tally.keys()
-        return _timeless(self, names) == _timeless(other, names)
-
-
-def _timeless(record: Record, names: Collection[str]) -> Record:
-    plans = record.plans
-    tally = {name: record.tally[name] for name in names}
-    plans = plans and dataclasses.replace(plans, seconds=0.0)
-    return dataclasses.replace(record, tally=tally, plans=plans, season=None)
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,23 @@
-"""Stores of records: who met whom, each pairing once, in an append-only file or in memory.
+"""Stores of pairings: who met whom, each pairing once, in an append-only file or in memory.
 
-A store reads its own file and no other, so all its records have one origin and one trust: what the board
-verifies is never taken from the zoo.
+A store reads its own file and no other, so all its rows have one origin and one trust: what the board
+verifies is never taken from the zoo. Rows of suites are records; cross-play, responses and teams have kinds
+of their own.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Collection, Iterable, Sequence
+import logging
+from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
-from fpg_bench.common.rows import RowFile
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.schema import Strict, parse
 from fpg_bench.evaluation.entry import EvaluatedPlayer, check_distinct
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import MatchupKey, Record, read_records
@@ -23,6 +26,41 @@ from fpg_bench.evaluation.suite import Rival, Suite
 RECORDS = "records.jsonl"
 # Called with the rounds of each match of this pairing that were played; and those of all, and of how many.
 Progress = Callable[[EvaluatedPlayer, Rival, int, int, int], None]
+
+
+class Encounter(Protocol):
+    """Players who meet."""
+
+    @property
+    def key(self) -> Hashable:
+        """Key of its result."""
+
+    @property
+    def name(self) -> str:
+        """Name in messages."""
+
+
+class EncounterResult(Protocol):
+    """What came of an encounter."""
+
+    @property
+    def key(self) -> Hashable:
+        """Key of the encounter."""
+
+    def row(self) -> Row:
+        """Return the result as a row of JSON."""
+
+
+class StrictResult(Strict):
+    """Base class of models of results."""
+
+    def row(self) -> Row:
+        """Return the result as a row of JSON."""
+        return self.model_dump()
+
+
+M = TypeVar("M", bound=Encounter)
+R = TypeVar("R", bound=EncounterResult)
 
 
 class Pairing(NamedTuple):
@@ -56,7 +94,93 @@ def pairings(entries: Iterable[EvaluatedPlayer], suite: Suite) -> list[Pairing]:
     return [Pairing(entry, suite, rival) for entry in entries for rival in suite.rivals]
 
 
-class Store:
+class EncounterStore(Generic[M, R]):
+    """Results of encounters, each with the key of its encounter.
+
+    Args:
+        kind: a model of the rows.
+        path: the file, which need not exist; None: the rows are kept in memory.
+    """
+
+    def __init__(self, kind: type[R], path: Path | None = None) -> None:
+        self.path = path
+        self._kind = kind
+        self._file = None if path is None else RowFile(path)
+        self._kept: list[R] = []
+
+    def locked(self) -> contextlib.AbstractContextManager[None]:
+        """Hold the store for this process; raises UserError while another one holds it."""
+        return contextlib.nullcontext() if self._file is None else self._file.locked()
+
+    def records(self, on_invalid: Callable[[str], None] | None = None) -> list[R]:
+        """Return all rows.
+
+        Args:
+            on_invalid: called with a message for each invalid row, which is left out; None: raise.
+
+        Raises:
+            UserError: an invalid row.
+        """
+        if self._file is None:
+            return list(self._kept)
+        results = []
+        for number, row in enumerate(self._file.read(on_invalid), 1):
+            try:
+                results.append(parse(self._kind, row, f"{self.path}: row {number}"))
+            except UserError as error:
+                if on_invalid is None:
+                    raise
+                on_invalid(str(error))
+        return results
+
+    def add(self, result: R) -> None:
+        """Append a result."""
+        if self._file is None:
+            self._kept.append(result)
+        else:
+            self._file.append([result.row()])
+
+    def write(self, results: Iterable[R]) -> None:
+        """Replace all rows of the file."""
+        assert self._file is not None
+        self._file.replace([result.row() for result in results])
+
+    def known(self, on_invalid: Callable[[str], None] | None = None) -> dict[Hashable, R]:
+        """Return the rows by their keys, the newest of each; see :meth:`records`."""
+        return {result.key: result for result in self.records(on_invalid)}
+
+    def missing(self, wanted: Iterable[M]) -> list[M]:
+        """Return the encounters that have no row, each once."""
+        known = self.known()
+        return list({each.key: each for each in wanted if each.key not in known}.values())
+
+    def play(
+        self, wanted: Iterable[M], by: Callable[[M], R], workers: Workers | int = 1, level: int = logging.INFO
+    ) -> dict[str, str]:
+        """Play the encounters that have no row, several at once; each row is kept as soon as it is there.
+
+        Args:
+            wanted: the encounters.
+            by: plays one of them.
+            workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.
+            level: logging level of the line for each that ends.
+
+        Returns:
+            The errors of encounters that failed, by their names.
+        """
+        jobs = [Job(each.name, partial(by, each), self.add) for each in self.missing(wanted)]
+        return run_jobs(jobs, workers, level)
+
+    def of(self, wanted: Sequence[M]) -> list[R]:
+        """Return the rows of encounters, in their order; raises UserError where one is missing."""
+        known = self.known()
+        for each in wanted:
+            if each.key not in known:
+                raise UserError(f"records {self.path}: none of {each.name}; play it first")
+        return [known[each.key] for each in wanted]
+
+
+class Store(EncounterStore[Pairing, Record]):
     """Records of pairings.
 
     >>> from fpg_bench.evaluation.entry import player_entry
@@ -72,29 +196,16 @@ class Store:
     """
 
     def __init__(self, path: Path | None = None) -> None:
-        self.path = path
-        self._file = None if path is None else RowFile(path)
-        self._kept: list[Record] = []
+        super().__init__(Record, path)
 
-    def locked(self) -> contextlib.AbstractContextManager[None]:
-        """Hold the store for this process; raises UserError while another one holds it."""
-        return contextlib.nullcontext() if self._file is None else self._file.locked()
-
-    def records(self) -> list[Record]:
-        """Return all records; raises UserError for an invalid row."""
+    def records(self, on_invalid: Callable[[str], None] | None = None) -> list[Record]:
+        """Return all records, each pairing there once; raises UserError for an invalid row."""
         if self._file is None:
             return list(self._kept)
         try:
-            return read_records(self._file.read(), f"records {self.path}")
+            return read_records(self._file.read(on_invalid), f"records {self.path}")
         except UserError as error:
             raise UserError(f"{error}; without its line it is played again") from error
-
-    def add(self, record: Record) -> None:
-        """Append a record."""
-        if self._file is None:
-            self._kept.append(record)
-        else:
-            self._file.append([record.row()])
 
     def claim(self, wanted: Iterable[Pairing], replayed: Collection[str] = ()) -> None:
         """Refuse to mix: raise UserError unless all records are of these suites, and of these players.
@@ -128,13 +239,8 @@ class Store:
         for (name, seed), policy in (there | players).items():
             policies.setdefault(name, {})[seed] = policy
         check_distinct(policies)
-        if len(kept) < len(records) and self._file is not None:
-            self._file.replace([record.row() for record in kept])
-
-    def missing(self, wanted: Iterable[Pairing]) -> list[Pairing]:
-        """Return the pairings that have no record, each once."""
-        known = {record.key for record in self.records()}
-        return list({each.key: each for each in wanted if each.key not in known}.values())
+        if len(kept) < len(records):
+            self.write(kept)
 
     def fill(
         self,
@@ -171,14 +277,6 @@ class Store:
                 jobs = [Job(each.name, partial(by, *each), self.add) for each in missing]
                 check_all_done(run_jobs(jobs, workers))
             return self.of(wanted)
-
-    def of(self, wanted: Sequence[Pairing]) -> list[Record]:
-        """Return the records of pairings, in their order; raises UserError where one is missing."""
-        known = {record.key: record for record in self.records()}
-        for pairing in wanted:
-            if pairing.key not in known:
-                raise UserError(f"records {self.path}: none of {pairing.name}; play it first")
-        return [known[pairing.key] for pairing in wanted]
 
 
 def _report(progress: Progress, pairing: Pairing, before: int, total: int, rounds: int) -> None:

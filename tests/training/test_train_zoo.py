@@ -13,6 +13,7 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
+from fpg_bench.evaluation.verification import RECORD
 from tests.training.making import (
     add_missing_records,
     evaluations,
@@ -107,7 +108,7 @@ def test_every_player_is_evaluated_once_as_evaluate_does_to_the_digit(tmp_path):
         own = summaries[summary.entry]
         assert (own.score, own.reward, own.measures) == (summary.score, summary.reward, summary.measures)
         for one, other in zip(own.records, summary.records, strict=True):
-            assert one.same_as(other)
+            assert RECORD.is_same(one, other)
 
 
 def test_each_record_is_kept_once_and_the_newest_of_a_matchup(tmp_path):
@@ -148,8 +149,11 @@ def test_a_replaced_agent_is_evaluated_again(tmp_path):
     assert [record.returns for record in after] != [record.returns for record in before]
     file = zoo.records_file(agent.group)
     file.write_text(file.read_text().replace(after[0].rounds_sha256, "0" * 64))
+    assert script.differences(zoo, agent) == ["small-v1, adaptive/pursuit: other rounds_sha256"]
+    file.write_text(file.read_text().replace('"jammed":', '"jammed":1'))
     assert script.differences(zoo, agent) == [
-        "small-v1, adaptive/pursuit: the same returns, but other rounds"
+        "small-v1, adaptive/pursuit: other rounds_sha256, tally",
+        "small-v1, sweep/circle: other tally",
     ]
     (agent.folder / "policy.onnx").write_bytes(b"torn")
     with pytest.raises(UserError, match="sha256"):

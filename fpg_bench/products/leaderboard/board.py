@@ -28,7 +28,7 @@ from fpg_bench.evaluation.table import learning_curve, over_rounds
 from fpg_bench.planning import TIERS
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.about import Training, board_name
-from fpg_bench.products.leaderboard.crossplay import WITHIN, Pair, Pairs, fully_played, pair_key
+from fpg_bench.products.leaderboard.crossplay import Pair, Pairs, fully_played, pair_key
 from fpg_bench.products.leaderboard.entries import Entries, VerifiedEntry
 from fpg_bench.products.leaderboard.exploited import Exploited
 from fpg_bench.products.leaderboard.ranking import improvements, profiles
@@ -50,6 +50,7 @@ from fpg_bench.version import __version__
 CROSSPLAY = "cross-play"
 # Points by which a score on public seeds may exceed that on the season's seeds, beyond the track's median.
 SEEDS_GAP = 5.0
+_SAME_WITHIN = 0.005  # of the range of a matrix of cross-play: one player twice
 Matrix = list[list[float | None]]
 
 
@@ -774,4 +775,4 @@ def _same_players(identities: Sequence[list[str]], matrices: Sequence[np.ndarray
 
 
 def _is_close(matrix: np.ndarray, one: int, other: int) -> bool:
-    return bool(np.abs(matrix[:, one] - matrix[:, other]).max() <= WITHIN * np.ptp(matrix))
+    return bool(np.abs(matrix[:, one] - matrix[:, other]).max() <= _SAME_WITHIN * np.ptp(matrix))

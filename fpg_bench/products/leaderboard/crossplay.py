@@ -6,50 +6,59 @@ import contextlib
 import hashlib
 import json
 import logging
-import math
 import random
 import secrets
-import shutil
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import write_whole
-from fpg_bench.common.parallel import Workers, folder_job, run_jobs
-from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
+from fpg_bench.common.parallel import Workers
+from fpg_bench.common.rows import Row
+from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.play import LOST_SCORE, lost_rounds
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
+from fpg_bench.evaluation.store import EncounterStore, StrictResult
 from fpg_bench.evaluation.suite import Scale, Suite
+from fpg_bench.evaluation.verification import (
+    EXACT,
+    SHARE_OF_ROUNDS,
+    Check,
+    Replayed,
+    Tolerances,
+    Verdict,
+    Verdicts,
+    Within,
+    check_share,
+    draw,
+)
+from fpg_bench.evaluation.verification import WITHIN as SAME_WITHIN
 from fpg_bench.game.flight import rotary_wing_w
 from fpg_bench.game.rules import radio_record
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player
 from fpg_bench.players.registry import as_player
-from fpg_bench.products.leaderboard.folders import at_work, crossplay_file, submission_folders, work_folder
-from fpg_bench.products.leaderboard.playing import FAILED, Part, parts_of, running_player
+from fpg_bench.products.leaderboard.folders import crossplay_file, submission_folders
+from fpg_bench.products.leaderboard.playing import Part, parts_of, running_player, work_store
 from fpg_bench.products.leaderboard.result import round_finite
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SCENARIOS
-from fpg_bench.products.leaderboard.verification import Case, board_reader, check_share, load_case
-from fpg_bench.products.sandbox.process import PolicyFailed
+from fpg_bench.products.leaderboard.verification import Case, board_reader, load_case
 
 _logger = logging.getLogger(__name__)
 
 ROUNDS = 100  # of each pair, distributed evenly over the training seeds of both
 _UNEVEN = 0.1  # of the spread between training seeds: they do not all play as many rounds
 _LEAST_SNR_DB = -100.0  # at full power from one metre, the opponent brings it down to about -50 dB
-WITHIN = 0.005  # of a rate, and of the distance from 0 to 100, when a pair is played again
-LOST_WITHIN = 0.01  # of all rounds
+WITHIN = 0.005  # slack of the bounds of a return
 
 _Rewards = Annotated[Items[Annotated[float, Gt(-1e6), Lt(1e6)]], Len(1)]
 
@@ -104,7 +113,24 @@ class CrossplayEntry:
         return self.scenario.hash
 
 
-class Pair(Strict):
+class EntryPair(NamedTuple):
+    """Two entries that meet."""
+
+    ally: CrossplayEntry
+    opponent: CrossplayEntry
+
+    @property
+    def key(self) -> str:
+        """See :func:`pair_key`."""
+        return pair_key(self.ally, self.opponent)
+
+    @property
+    def name(self) -> str:
+        """Its name in messages."""
+        return f"{self.ally.slug} - {self.opponent.slug}"
+
+
+class Pair(StrictResult):
     """Result of a pair.
 
     Attributes:
@@ -231,15 +257,13 @@ class Pairs:
 
     allies: list[CrossplayEntry]
     opponents: list[CrossplayEntry]
-    results: Mapping[str, Pair]
+    results: Mapping[Hashable, Pair]
     is_clean: bool = True
 
-    def every(self) -> Iterator[tuple[str, CrossplayEntry, CrossplayEntry]]:
-        """Yield all pairs with their keys, ally by ally; those of a pair play the same scenario."""
-        for ally in self.allies:
-            for opponent in self.opponents:
-                if ally.preset == opponent.preset:
-                    yield pair_key(ally, opponent), ally, opponent
+    def every(self) -> list[EntryPair]:
+        """Return all pairs, ally by ally; those of a pair play the same scenario."""
+        pairings = [EntryPair(ally, opponent) for ally in self.allies for opponent in self.opponents]
+        return [each for each in pairings if each.ally.preset == each.opponent.preset]
 
     def of(self, preset: str) -> Pairs:
         """Return the entries of a scenario, and all results."""
@@ -260,18 +284,18 @@ def read_pairs(board: Path, players: tuple[list[CrossplayEntry], list[CrossplayE
     Raises:
         UserError: the file cannot be read.
     """
-    file, bad = crossplay_file(board), list[str]()
-    rows = RowFile(file).read(bad.append)
-    sound = [pair for pair in map(read_pair, rows) if pair is not None]
-    if count := len(bad) + len(rows) - len(sound):
-        _logger.info(f"{file}: {count} lines are left out: not a pair, or of an older protocol")
-    wanted = {key: (a, o) for key, a, o in Pairs(*players, {}).every()}
+    store, bad = _store(board), list[str]()
+    sound = store.records(bad.append)
+    if bad:
+        _logger.info(f"{store.path}: {len(bad)} lines are left out: not a pair, or of an older protocol")
+    wanted = {each.key: each for each in Pairs(*players, {}).every()}
     own = [pair for pair in sound if pair.key in wanted and pair.is_of(*wanted[pair.key])]
-    results = {pair.key: pair for pair in own if pair.is_possible(*wanted[pair.key])}
+    results: dict[Hashable, Pair] = {pair.key: pair for pair in own if pair.is_possible(*wanted[pair.key])}
     for pair in own:
         if pair.key not in results:
-            _logger.warning(f"{file}: {pair.ally} - {pair.opponent}: no rounds can earn this; it is left out")
-    return Pairs(*players, results, not bad and len(results) == len(rows))
+            name = wanted[pair.key].name
+            _logger.warning(f"{store.path}: {name}: no rounds can earn this; it is left out")
+    return Pairs(*players, results, not bad and len(results) == len(sound))
 
 
 def fully_played(pairs: Pairs) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
@@ -299,36 +323,34 @@ def play_missing(
     *,
     trusted: Collection[Row] | None = None,
     workers: Workers | int = 1,
-) -> list[str]:
+) -> list[Verdict]:
     """Play the pairs of a board that have no result yet; results of entries that are gone are dropped.
 
     Args:
         board: the leaderboard's folder.
         trusted: trusted rows; all others are played again and replaced. None: all are trusted.
-        workers: number of allies that play at once, or :class:`fpg_bench.common.parallel.Workers`.
+        workers: number of pairs that are played at once, or :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
-        Pairs that could not be played, and untrusted rows that did not hold, one line each.
+        The bad verdicts: on pairs that could not be played, and on untrusted rows that did not hold.
     """
     board = Path(board)
     pairs = read_pairs(board, players_of_board(board))
-    trusted_pairs = None if trusted is None else set(map(read_pair, trusted))
+    trusted_pairs = None if trusted is None else {pair for row in trusted if (pair := read_pair(row))}
     results = {
         key: pair for key, pair in pairs.results.items() if trusted_pairs is None or pair in trusted_pairs
     }
-    every = list(pairs.every())
-    missing = [(a, o) for key, a, o in every if key not in results]
+    every = pairs.every()
+    missing = [each for each in every if each.key not in results]
     _logger.info(f"crossplay: {len(missing)} of {len(every)} pairs to play")
-    with at_work(board):
-        played, failed = _play(board, missing, workers)
-        results |= {pair.key: pair for pair in played}
-        failed += [f"{record}; replaced, commit this one" for record in _differences(played, pairs)]
+    verdicts = Verdicts(logging.DEBUG)
+    with work_store(board, "crossplay", Pair) as work:
+        results |= _CHECK.verify(
+            missing, pairs.results, work, verdicts, trusted=trusted_pairs, workers=workers
+        )
         if missing or not pairs.is_clean:
-            rows = [results[key].model_dump() for key, _, _ in every if key in results]
-            records = [json.dumps(row, separators=(",", ":")) + "\n" for row in rows]
-            write_whole(crossplay_file(board), "".join(records))
-        shutil.rmtree(_work(board), ignore_errors=True)  # all that was played is on the board now
-    return failed
+            _store(board).write([results[each.key] for each in every if each.key in results])
+    return verdicts.bad()
 
 
 def check_pairs(
@@ -337,8 +359,8 @@ def check_pairs(
     seed: int | None = None,
     *,
     workers: Workers | int = 1,
-) -> list[str]:
-    """Play some pairs again, drawn at random for each ally, and return what differs, one line each.
+) -> list[Verdict]:
+    """Play some pairs again, drawn at random for each ally, and return the bad verdicts.
 
     Args:
         board: the leaderboard's folder.
@@ -353,95 +375,50 @@ def check_pairs(
     board, seed = Path(board), secrets.randbits(31) if seed is None else seed
     _logger.info(f"check: {100 * share:g} % of each ally's pairs, --sample-seed {seed}")
     pairs = read_pairs(board, players_of_board(board))
-    rng, drawn = random.Random(seed), []
+    there = [each for each in pairs.every() if each.key in pairs.results]
+    rng, drawn = random.Random(seed), list[EntryPair]()
     for ally in pairs.allies:
-        there = [(a, o) for key, a, o in pairs.every() if a is ally and key in pairs.results]
-        drawn += rng.sample(there, math.ceil(share * len(there)))
-    with at_work(board):
-        played, failed = _play(board, drawn, workers)
-        shutil.rmtree(_work(board), ignore_errors=True)
-    return failed + _differences(played, pairs)
+        drawn += draw([each for each in there if each.ally is ally], share, rng)
+    verdicts = Verdicts(logging.DEBUG)
+    with work_store(board, "crossplay", Pair) as work:
+        _CHECK.verify(drawn, pairs.results, work, verdicts, workers=workers)
+    if not pairs.is_clean:
+        line = "holds lines that no pair of this board can have; fpg-bench leaderboard crossplay removes them"
+        verdicts.give(crossplay_file(board).name, False, line)
+    return verdicts.bad()
 
 
-def _differences(played: Sequence[Pair], pairs: Pairs) -> list[str]:
-    """Return what differs of pairs that were played again, one line each; new pairs are skipped."""
-    both = {key: players for key, *players in pairs.every()}
-    return [
-        f"{now.ally} - {now.opponent}: {name} {value:.4f}, the figure says {before:.4f}"
-        for now in played
-        if now.key in pairs.results
-        for name, value, before, most in _compared(now, pairs.results[now.key], both[now.key])
-        if abs(value - before) > most
-    ]
-
-
-def _compared(
-    now: Pair, then: Pair, players: Sequence[CrossplayEntry]
-) -> Iterator[tuple[str, float, float, float]]:
-    """Yield the figures of a pair: the name, both values, and how far they may differ.
-
-    A round may change one training seed's return by as much as all rounds together may change the mean.
-    """
-    yield "jammed", now.jamming_success_rate, then.jamming_success_rate, WITHIN
-    for number, player in enumerate(players):
-        side, most = player.side, WITHIN * (player.scale.top - player.scale.zero)
-        yield f"{side}'s return per step", now.reward(side), then.reward(side), most
-        pairs = list(zip(now.rewards(side), then.rewards(side), strict=True))
-        seed = max(range(len(pairs)), key=lambda k: abs(pairs[k][0] - pairs[k][1]))
-        yield f"{side}'s return per step of training seed {seed + 1}", *pairs[seed], most * len(pairs)
-        yield f"{side}'s lost rounds", now.lost[number], then.lost[number], LOST_WITHIN * ROUNDS
-
-
-def _play(
-    board: Path,
-    pairs: Sequence[tuple[CrossplayEntry, CrossplayEntry]],
-    workers: Workers | int,
-) -> tuple[list[Pair], list[str]]:
-    """Play pairs, one job per ally; return their results, and what failed.
-
-    What was played stays in the folder of unfinished work until the caller removes it.
-    """
-    jobs, folders = [], []
-    for ally in {a.slug: a for a, _ in pairs}.values():
-        opponents = [o for a, o in pairs if a is ally]
-        folder, keys = _work(board) / ally.slug, {pair_key(ally, o) for o in opponents}
-        run, done = partial(_fill, ally, opponents), partial(_is_done, folder, keys)
-        jobs.append(folder_job(ally.slug, folder, run, done))
-        folders.append((folder, keys))
-    failed = run_jobs(jobs, workers, level=logging.DEBUG)
-    rows = [row for folder, keys in folders for row in _rows(folder) if row["key"] in keys]
-    lost = [f"{row['ally']} - {row['opponent']}: {row[FAILED]}" for row in rows if FAILED in row]
-    played = [pair for pair in map(read_pair, rows) if pair is not None]
-    return played, lost + [f"{name}: {error}" for name, error in failed.items()]
-
-
-def _work(board: Path) -> Path:
-    return work_folder(board) / "crossplay"
-
-
-def _rows(folder: Path) -> list[Row]:
-    return RowFile(folder / "pairs.jsonl").read()
-
-
-def _is_done(folder: Path, keys: set[str]) -> bool:
-    return keys <= {row["key"] for row in _rows(folder)}
-
-
-def _fill(ally: CrossplayEntry, opponents: list[CrossplayEntry], folder: Path) -> None:
-    """Play an ally against opponents and append a row for each to a folder; skips opponents with a row."""
-    there = {row["key"] for row in _rows(folder)}
-    for opponent in opponents:
-        key = pair_key(ally, opponent)
-        if key in there:
-            continue
-        try:
-            row = play_pair(ally, opponent).model_dump()
-        except PolicyFailed as error:
-            row = {"ally": ally.slug, "opponent": opponent.slug, "key": key, FAILED: str(error)}
-        RowFile(folder / "pairs.jsonl").append([row])
+def _store(board: Path) -> EncounterStore[EntryPair, Pair]:
+    return EncounterStore(Pair, crossplay_file(board))
 
 
 # Playing a pair
+
+
+def _play(pair: EntryPair) -> Pair:
+    return play_pair(*pair)
+
+
+def _compare(pair: EntryPair, now: Pair, then: Pair) -> list[str]:
+    """Return what does not hold of a pair's result."""
+    units = {each.side: each.scale.top - each.scale.zero for each in pair}
+    units |= {"steps": 1.0, "rounds": now.rounds}
+    is_scripted = all(isinstance(part.plays, str) for each in pair for part in each.parts)
+    return TOLERANCES.of([Replayed(now, then, units, is_scripted=is_scripted, is_same=is_scripted)])
+
+
+TOLERANCES = Tolerances(
+    Pair,
+    ally=EXACT,
+    opponent=EXACT,
+    key=EXACT,
+    rounds=EXACT,
+    ally_rewards=Within(SAME_WITHIN, "ally", dealt=True),
+    opponent_rewards=Within(SAME_WITHIN, "opponent", dealt=True),
+    jamming_success_rate=Within(SAME_WITHIN, "steps"),
+    lost=Within(1 - SHARE_OF_ROUNDS, "rounds", of=" by side"),
+)
+_CHECK = Check(_play, _compare, lambda pair, now: now.model_dump_json())
 
 
 def play_pair(ally: CrossplayEntry, opponent: CrossplayEntry) -> Pair:

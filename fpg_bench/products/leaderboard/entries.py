@@ -13,10 +13,11 @@ from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.crossplay import Pairs, players_of, read_pairs
-from fpg_bench.products.leaderboard.exploited import Exploited, Target, lowest_known
+from fpg_bench.products.leaderboard.exploited import Exploited, lowest_known
 from fpg_bench.products.leaderboard.folders import TRACK_FOLDERS, result_file, short_path, submission_folders
 from fpg_bench.products.leaderboard.result import Result, summaries_of
 from fpg_bench.products.leaderboard.submission import Reader, Submission
+from fpg_bench.products.leaderboard.targets import Target
 from fpg_bench.products.leaderboard.tracks import PUBLIC, Track, TrackSuites
 from fpg_bench.products.leaderboard.verification import (
     Case,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,12 +20,13 @@ from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.entry import EvaluatedPlayer, FixedPlayer, player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record
-from fpg_bench.evaluation.store import RECORDS, Pairing, Store
+from fpg_bench.evaluation.store import RECORDS, EncounterStore, Pairing, R, Store
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.products.language_models.comparison import replaying, transcript_file
+from fpg_bench.products.leaderboard.folders import at_work, work_folder
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import TrackSuites
 from fpg_bench.products.leaderboard.transcripts import FOLDER, local, read_recording
@@ -158,6 +160,21 @@ def running_player(part: Part, shipped_in_process: bool = False) -> Iterator[Pla
     else:
         with client.PolicyClient(part.plays) as player:
             yield player
+
+
+@contextlib.contextmanager
+def work_store(board: Path, name: str, kind: type[R]) -> Iterator[EncounterStore[Any, R]]:
+    """Lock a board, and yield a store of unfinished work, which is removed once all is on the board.
+
+    Args:
+        board: the leaderboard's folder.
+        name: of the work.
+        kind: a model of the store's rows.
+    """
+    folder = work_folder(board) / name
+    with at_work(board):
+        yield EncounterStore(kind, folder / RECORDS)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def fill(part: Part, matchups: Sequence[Matchup], folder: Path) -> None:

@@ -146,8 +146,8 @@ def verify(
 
     Example: fpg-bench leaderboard verify --sample 5%
     """
-    from fpg_bench.products.leaderboard.exploited import verify_responses
     from fpg_bench.products.leaderboard.folders import at_work
+    from fpg_bench.products.leaderboard.response_results import verify_responses
     from fpg_bench.products.leaderboard.verification import verify as verify_all
 
     verdicts = []
@@ -191,12 +191,12 @@ def crossplay(
     trusted = None if since is None else rows_at(folder, since, crossplay_file)
     with at_work(folder):
         if check is None:
-            failed = play_missing(folder, trusted=trusted, workers=workers)
+            bad = play_missing(folder, trusted=trusted, workers=workers)
         else:
-            failed = check_pairs(folder, share(check), sample_seed, workers=workers)
-    for line in failed:
-        print_line(line)
-    raise typer.Exit(1 if failed else 0)
+            bad = check_pairs(folder, share(check), sample_seed, workers=workers)
+    for verdict in bad:
+        print_line(f"{verdict.name}: {verdict.line}")
+    raise typer.Exit(1 if bad else 0)
 
 
 @leaderboard.command()
@@ -219,8 +219,8 @@ def exploit(
     Example: fpg-bench leaderboard exploit ally/expert
     """
     require_extra("train", "torch")
-    from fpg_bench.products.leaderboard.exploited import exploit as make_responses
     from fpg_bench.products.leaderboard.folders import at_work
+    from fpg_bench.products.leaderboard.response_training import exploit as make_responses
 
     with at_work(folder):
         for line in make_responses(folder, work, names or (), workers=workers):
@@ -368,10 +368,7 @@ def audit_season(
     season = load_season(name)
     with locked(work / "audit", work):
         entries = read_entries(folder, scenario=season.scenario)
-        all_audited = audit.audit_season(season, entries, work, member, n_members, workers=workers)
-    for audited in all_audited:
-        policies = "the same policy" if audited.is_same else "another policy"
-        print_line(
-            f"{audited.side}/{audited.name}: {policies}; entries earn {audited.difference:.2f} per step "
-            f"more or less, correlation {audited.correlation:.3f}"
-        )
+        verdicts = audit.audit_season(season, entries, work, member, n_members, workers=workers)
+    for verdict in verdicts:
+        print_line(f"{verdict.name}: {verdict.line}")
+    raise typer.Exit(0 if all(verdict.is_good for verdict in verdicts) else 1)

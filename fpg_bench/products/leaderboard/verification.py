@@ -14,15 +14,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
-from fpg_bench.common.errors import UserError, meant, printable
-from fpg_bench.common.ids import NAMED
+from fpg_bench.common.errors import UserError, meant
 from fpg_bench.common.parallel import Job, Workers, folder_job, outcome_of, run_jobs
-from fpg_bench.evaluation.record import TALLIES, Record
+from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.summary import summary_of
-from fpg_bench.game.metrics import GREATEST
+from fpg_bench.evaluation.verification import RECORD, Verdict, Verdicts, check_share, judge, replays_of
 from fpg_bench.products.leaderboard.changed_entries import changed_entries
 from fpg_bench.products.leaderboard.folders import (
     TRACK_FOLDERS,
@@ -229,12 +226,6 @@ def _rerun_hint(submission: Submission) -> str:
 # Samples
 
 
-def check_share(share: float) -> None:
-    """Raise UserError for a share that is not above 0 and at most 1."""
-    if not 0 < share <= 1:
-        raise UserError(f"sample: expected a share above 0 and at most 100 %, got {100 * share:g} %")
-
-
 def draw_sample(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
     """Draw records to be played again at random, at least one per result; cases without result stay whole.
 
@@ -270,152 +261,7 @@ def _restrict(case: Case, drawn: set[tuple[str, Key]]) -> Case:
     return dataclasses.replace(case, wanted=tuple((part, matchups) for part, matchups in left if matchups))
 
 
-# Agreement of records
-
-# Returns are compared in shares of the distance from 0 to 100 on the suite's scale.
-ROUND_WITHIN, MEAN_WITHIN = 1e-3, 5e-3
-SHARE_OF_ROUNDS = 0.99
-_STEPS_WITHIN = 0.005  # of all steps, for counts of steps
-_LEVEL_WITHIN = 0.005  # of a sum of levels or rates
-_POINTS_WITHIN = 0.01
-_SAME_WITHIN = 1e-6  # of sums over identical rounds, which are rounded once more when they are added up
-_LEVELS = ("snr_db", "capacity_mbit_s")
-_RETURNS = ("ally_return", "opponent_return")
-_BY_STEP = tuple(name for name in TALLIES if name not in (*_LEVELS, *_RETURNS, "steps", GREATEST))
-_Pair = tuple[Record, Record]
-
-
-def disagreements(played: Iterable[Record], kept: Iterable[Record], suites: Mapping[str, Suite]) -> list[str]:
-    """Return why a result does not hold, one line each; none if it does.
-
-    At least 99 % of all rounds must return the same within a thousandth of the distance from 0 to 100, and
-    the mean against each rival must agree within half a hundredth of that distance. Rounds between scripts
-    have to be the same to the bit, as they are on every machine.
-
-    Args:
-        played: records just played, perhaps against some rivals only.
-        kept: the records of the result.
-        suites: the suites that they were played on.
-    """
-    before = {_record_key(record): record for record in kept}
-    pairs = [(record, before[_record_key(record)]) for record in played]
-    changed = [pair for pair in pairs if not pair[0].same_as(pair[1])]
-    if not changed:
-        return []
-    spans = {  # of a round's return, from 0 to 100
-        suite.hash[:16]: (suite.scale.top - suite.scale.zero) * suite.scenario.steps_per_round
-        for suite in suites.values()
-    }
-    lines = _round_disagreements(pairs, spans) + _mean_disagreements(pairs, spans)
-    lines += _bit_disagreements(changed, suites)
-    return lines + [line for now, then in changed for line in _sum_disagreements(now, then, spans)]
-
-
-def count_identical(played: Iterable[Record], kept: Iterable[Record]) -> int:
-    """Return the number of records that are the same to the bit."""
-    before = {_record_key(record): record for record in kept}
-    return sum(record.same_as(before[_record_key(record)]) for record in played)
-
-
-def _record_key(record: Record) -> tuple[int | None, str, str, str]:
-    return record.training_seed, record.suite, record.suite_hash, record.rival
-
-
-def _round_disagreements(pairs: Sequence[_Pair], spans: Mapping[str, float]) -> list[str]:
-    near = [
-        np.abs(np.subtract(now.returns, then.returns)) <= ROUND_WITHIN * spans[now.suite_hash]
-        for now, then in pairs
-    ]
-    share = float(np.concatenate(near).mean())
-    if share >= SHARE_OF_ROUNDS:
-        return []
-    return [f"{100 * (1 - share):.1f} % of {sum(map(len, near))} rounds return something else"]
-
-
-def _bit_disagreements(changed: Sequence[_Pair], suites: Mapping[str, Suite]) -> list[str]:
-    """Name the records between scripts whose rounds are not the same to the bit."""
-    between_scripts = {
-        (suite.hash[:16], rival.name)
-        for suite in suites.values()
-        for rival in suite.rivals
-        if rival.planner is None
-        and suite.side in NAMED
-        and set(rival.players) <= set(NAMED[suite.other_side])
-    }
-    scripts = {name[:16] for names in NAMED.values() for name in names}
-    return [
-        f"{_where(now)}: other rounds, though scripts play the same to the bit on every machine"
-        for now, then in changed
-        if now.fingerprint in scripts
-        and (now.suite_hash, now.rival) in between_scripts
-        and now.rounds_sha256 != then.rounds_sha256
-    ]
-
-
-def _mean_disagreements(pairs: Sequence[_Pair], spans: Mapping[str, float]) -> list[str]:
-    lines = []
-    for which in dict.fromkeys(_record_key(now)[1:] for now, _ in pairs):
-        of_rival = [pair for pair in pairs if _record_key(pair[0])[1:] == which]
-        means = [np.mean([record.returns for record in side]) for side in zip(*of_rival, strict=True)]
-        if abs(means[0] - means[1]) > MEAN_WITHIN * spans[which[1]]:
-            where = _where(of_rival[0][0])
-            lines.append(f"{where}: mean return {means[0]:.1f}, the result says {means[1]:.1f}")
-    return lines
-
-
-def _sum_disagreements(now: Record, then: Record, spans: Mapping[str, float]) -> list[str]:
-    """Compare lost rounds, sums, frequency points and plans of a record."""
-    seed = "" if now.training_seed is None else f"seed {now.training_seed}, "
-    where, lines = f"{seed}{_where(now)}", []
-    is_same = now.returns == then.returns
-    if now.fingerprint != then.fingerprint:
-        lines.append(f"{where}: of the player {now.fingerprint}, the result says {then.fingerprint:.20}")
-    if abs(now.lost - then.lost) > (0 if is_same else (1 - SHARE_OF_ROUNDS) * len(now.returns)):
-        lines.append(f"{where}: {now.lost} rounds lost, the result says {then.lost}")
-    if now.plans != then.plans:
-        lines.append(f"{where}: other plans: {now.plans}, the result says {then.plans}")
-    for name, most in _tolerances(now, then, spans[now.suite_hash]).items():
-        if abs(now.tally[name] - then.tally.get(name, now.tally[name])) > most:
-            lines.append(f"{where}: {name} {now.tally[name]:g}, the result says {then.tally[name]:g}")
-    for name in ("ally_points", "jam_points"):
-        shares = [
-            np.array(getattr(record, name)) / max(sum(getattr(record, name)), 1) for record in (now, then)
-        ]
-        if len(shares[0]) != len(shares[1]) or np.abs(shares[0] - shares[1]).sum() / 2 > (
-            0 if is_same else _POINTS_WITHIN
-        ):
-            lines.append(f"{where}: other {name}")
-    return lines
-
-
-def _tolerances(now: Record, then: Record, span: float) -> dict[str, float]:
-    """Return how far the sums of two records may differ.
-
-    Rounds that return the same are the same, though the last bits of their sums may be another machine's. Of
-    others, a single round decides the longest outage, which may last for all of that round.
-    """
-    if now.rounds_sha256 == then.rounds_sha256 or now.returns == then.returns:
-        return {name: _SAME_WITHIN * abs(value) for name, value in now.tally.items()}
-    within = {"steps": 0.0} | dict.fromkeys(_BY_STEP, _STEPS_WITHIN * now.tally["steps"])
-    within |= {name: _LEVEL_WITHIN * abs(now.tally[name]) for name in _LEVELS}
-    within[GREATEST] = now.tally["steps"] / len(now.returns)
-    return within | dict.fromkeys(_RETURNS, MEAN_WITHIN * span * len(now.returns))
-
-
-def _where(record: Record) -> str:
-    return f"{record.suite}, {record.rival}"
-
-
 # Verdicts
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """The verdict on one submission, and the line that explains it."""
-
-    name: str
-    is_good: bool
-    line: str
 
 
 def _played_parts(case: Case) -> list[PlayedPart]:
@@ -441,12 +287,9 @@ def _judge(case: Case, played: Sequence[PlayedPart]) -> tuple[bool, str]:
         return True, f"not verified, as before: {failure}"
     if failure is not None:
         return False, f"the result is verified, but now: {failure}"
-    differing = disagreements(records, case.result.records, case.suites)
-    if differing:
-        others = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
-        return False, f"the result does not hold: {differing[0]}{others}"
-    same = count_identical(records, case.result.records)
-    return True, f"holds: {same} of {len(records)} records played again are the same to the bit"
+    replays = replays_of(records, case.result.records, case.suites.values())
+    same = sum(RECORD.is_same(each.now, each.then) for each in replays)
+    return judge(RECORD.of(replays), f"{same} of {len(records)} records played again are the same to the bit")
 
 
 def _judge_first(case: Case, records: list[Record], failure: str | None) -> tuple[bool, str]:
@@ -455,37 +298,33 @@ def _judge_first(case: Case, records: list[Record], failure: str | None) -> tupl
     if failure is None:
         result = dataclasses.replace(result, records=tuple(records))
     write_result(case.path, result)
-    line = _describe(result, case.suites)
-    wrong = None if case.claimed is None or failure else _false_claim(case, case.claimed, records)
-    if wrong is not None:
-        return False, f"replaced: the result that came along {wrong}; commit this one: {line}"
-    return failure is None, line
+    if failure is not None:
+        return False, f"not verified: {failure}"
+    wrong = None if case.claimed is None else _claim_differences(case, case.claimed, records)
+    return judge(wrong, _describe(result, case.suites), is_trusted=False)
 
 
-def _false_claim(case: Case, claimed: Path, records: list[Record]) -> str | None:
-    """Return what is wrong with a result that came along; None if it holds or there was none."""
+def _claim_differences(case: Case, claimed: Path, records: list[Record]) -> list[str] | None:
+    """Return what does not hold of a result that came along; None if there was none."""
     read = outcome_of(partial(_result_at, claimed, case.submission, case.suites, case.fingerprint))
     if read.error is not None:
-        return "is not of this entry, or was edited"
+        return ["it is not of this entry, or was edited"]
     claim: Result | None = read.result
     if claim is None:
         return None
     if not claim.verified:
-        return "says that it is not verified"
-    differing = disagreements(records, claim.records, case.suites)
-    return f"does not hold: {differing[0]}" if differing else None
+        return ["it says that it is not verified"]
+    return RECORD.of(replays_of(records, claim.records, case.suites.values()))
 
 
 def _describe(result: Result, suites: Mapping[str, Suite]) -> str:
-    """Return a result as one line."""
-    if not result.verified:
-        return f"not verified: {result.reason}"
+    """Return a verified result as one line."""
     role = ranked_by(suites)
     score = summary_of(result.records, suites[role]).score
     lost = sum(record.lost for record in result.records)
     rounds = sum(len(record.returns) for record in result.records)
     lost_text = f", {lost:,} of {rounds:,} rounds lost by rule" if lost else ""
-    return f"verified: {role} {score.value:.1f} [{score.low:.1f}, {score.high:.1f}]{lost_text}"
+    return f"{role} {score.value:.1f} [{score.low:.1f}, {score.high:.1f}]{lost_text}"
 
 
 def _missing_isolation(played: Sequence[PlayedPart]) -> str:
@@ -550,7 +389,7 @@ def verify(
         verification.failed |= run_jobs(every, workers, level=logging.DEBUG)
         for case in cases:
             verification.settle(case)
-    return sorted(verification.verdicts.values(), key=lambda verdict: verdict.name)
+    return verification.verdicts.all()
 
 
 def _new_entries(board: Path, since: str, changes_known: bool) -> frozenset[str]:
@@ -573,7 +412,7 @@ class _Verification:
     """Collects verdicts; each submission is settled as soon as its last record is there."""
 
     def __init__(self, board: Path, new: Collection[str]) -> None:
-        self.verdicts: dict[str, Verdict] = {}
+        self.verdicts = Verdicts()
         self.failed: dict[str, str] = {}
         self._board, self._new = board, new
         self._shared: dict[str, list[str]] = {}
@@ -583,14 +422,16 @@ class _Verification:
         aside = {name: outcome_of(partial(set_aside, self._board, *name.split("/"))) for name in self._new}
         for name in sorted(self._new):
             if not (self._board / "submissions" / name).is_dir():
-                self._add(name, False, "has no submission: it was removed, or only a result was added")
+                self.verdicts.give(
+                    name, False, "has no submission: it was removed, or only a result was added"
+                )
         reader, cases = board_reader(self._board, self._new), []
         for folder in folders:
             name = f"{folder.parent.name}/{folder.name}"
             read = outcome_of(partial(load_case, self._board, folder, update, reader))
             error = read.error if name not in aside else read.error or aside[name].error
             if error is not None:
-                self._add(name, False, error)
+                self.verdicts.give(name, False, error)
             else:
                 claimed = aside[name].result if name in aside else None
                 cases.append(dataclasses.replace(read.result, claimed=claimed))
@@ -601,7 +442,7 @@ class _Verification:
         """Return the cases that are new, or without a result; the others hold as they were at a revision."""
         is_kept = [case.result is not None and case.name not in self._new for case in cases]
         for case in itertools.compress(cases, is_kept):
-            self._add(case.name, True, f"unchanged since {since}, not played again")
+            self.verdicts.give(case.name, True, f"unchanged since {since}, not played again")
         return [case for case, kept in zip(cases, is_kept, strict=True) if not kept]
 
     def check_orphans(self) -> None:
@@ -609,7 +450,7 @@ class _Verification:
         for track in TRACK_FOLDERS:
             for path in sorted((self._board / "results" / track).glob("*.jsonl")):
                 if not (self._board / "submissions" / track / path.stem).is_dir():
-                    self._add(f"{track}/{path.stem}", False, f"result {path}: no such submission")
+                    self.verdicts.give(f"{track}/{path.stem}", False, f"result {path}: no such submission")
 
     def jobs(self, case: Case) -> Iterator[Job]:
         """Yield a job per part of a case."""
@@ -625,7 +466,7 @@ class _Verification:
             return
         names = [_job_name(case, part) for part, _ in case.wanted]
         if errors := [self.failed[name] for name in names if name in self.failed]:
-            self._add(case.name, False, errors[0])
+            self.verdicts.give(case.name, False, errors[0])
             return
         played = outcome_of(partial(_played_parts, case))
         judged = played if played.error is not None else outcome_of(partial(_judge, case, played.result))
@@ -638,16 +479,12 @@ class _Verification:
             good, line = judged.result if judged.error is None else (False, judged.error)
         if others := self._shared.get(case.name):
             line += f"; it has a policy of {', '.join(others)}, too: ask whose it is"
-        self._add(case.name, good, line + _missing_isolation(played.result or ()))
+        self.verdicts.give(case.name, good, line + _missing_isolation(played.result or ()))
 
     def _keep(self, job: Job, case: Case, result: object) -> None:
         job.keep(result)
         if all(_is_done(case.work / part.name, matchups) for part, matchups in case.wanted):
             self.settle(case)
-
-    def _add(self, name: str, good: bool, line: str) -> None:
-        self.verdicts[name] = Verdict(name, good, printable(line))
-        _logger.info(printable(f"{name}: {line}"))
 
 
 def _job_name(case: Case, part: Part) -> str:

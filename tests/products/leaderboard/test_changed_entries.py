@@ -68,12 +68,14 @@ def test_the_lines_of_who_verifies_take_the_place_of_forged_ones(trusted):
     (verdict,) = verify(trusted, ["ally/honest"], sample=0.01, since="HEAD")
     assert not verdict.is_good
     assert verdict.line.startswith("replaced: the result that came along does not hold: ")
-    assert "; commit this one: verified: public " in verdict.line
+    assert "; commit this one: public " in verdict.line
     assert read_result(case.path, case.suites).records == kept.records
     played = case.path.read_text()
     case.path.write_text("[" * 500)
     (verdict,) = verify(trusted, ["ally/honest"], since="HEAD")
-    assert verdict.line.startswith("replaced: the result that came along is not of this entry, or was")
+    assert verdict.line.startswith(
+        "replaced: the result that came along does not hold: it is not of this entry, or was edited"
+    )
     assert case.path.read_text() == played
 
 
@@ -209,8 +211,8 @@ def test_forged_pairs_are_dropped_and_played_again_and_others_stay(trusted):
         assert file.read_text() == before
     file.write_text(json.dumps(row | {"jamming_success_rate": 0.0}) + "\n")
     assert changed_entries(trusted, "HEAD") == Changes(has_pairs=True)
-    lines = play_missing(trusted, trusted=rows_at(trusted, "HEAD", crossplay_file))
-    assert any("jammed" in line and line.endswith("; replaced, commit this one") for line in lines)
+    (bad,) = play_missing(trusted, trusted=rows_at(trusted, "HEAD", crossplay_file))
+    assert bad.line.startswith("replaced: the result that came along does not hold: jamming_success_rate ")
     assert json.loads(file.read_text()) == row
 
 

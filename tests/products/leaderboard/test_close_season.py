@@ -483,7 +483,18 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
 def test_an_audit_trains_a_member_again(season, board, tmp_path, monkeypatch):
     monkeypatch.setattr("fpg_bench.products.leaderboard.season.audit.run_jobs", run_here)
     monkeypatch.setattr(f"{PACKAGE}.candidates.ROUNDS", 2)
-    (audited,) = audit_season(season, read_entries(board), tmp_path, ["o00"])
-    assert (audited.side, audited.name, audited.is_same, audited.difference) == ("opponent", "o00", True, 0.0)
+    (verdict,) = audit_season(season, read_entries(board), tmp_path, ["o00"])
+    assert (verdict.name, verdict.is_good) == ("opponent/o00", True)
+    assert verdict.line.startswith(
+        "the same policy; entries earn 0.00 per step more or less, correlation 1.0"
+    )
+    edited = tuple(
+        member.model_copy(update={"entries_earn": member.entries_earn + 0.13})
+        for member in season.members["opponent"]
+    )
+    forged = season.model_copy(update={"members": season.members | {"opponent": edited}})
+    (verdict,) = audit_season(forged, read_entries(board), tmp_path, ["o00"])
+    assert not verdict.is_good
+    assert "does not hold: entries_earn" in verdict.line
     with pytest.raises(UserError, match="has no member 'o99'"):
         audit_season(season, read_entries(board), tmp_path, ["o99"])

@@ -16,17 +16,13 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.play import LOST_SCORE
-from fpg_bench.evaluation.record import TALLIES
-from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.verification import RECORD
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.folders import work_folder
-from fpg_bench.products.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.products.leaderboard.result import summaries_of
 from fpg_bench.products.leaderboard.tracks import PUBLIC
 from fpg_bench.products.leaderboard.verification import (
-    count_identical,
-    disagreements,
     draw_sample,
     load_case,
     run_one,
@@ -363,145 +359,6 @@ def _lines_under_way(board):
     return [row for each in rows for row in each]
 
 
-# Agreement of records
-
-
-@pytest.fixture(scope="module")
-def suites():
-    return {"public": load_suite("ally-v1")}
-
-
-AGENT = "0123456789abcdef"  # the hash of a policy
-
-
-@pytest.fixture(scope="module")
-def between_scripts(suites):
-    return list(part_records(Part("wise", None, "expert-spread"), matchups_of(suites.values())[:2]))
-
-
-@pytest.fixture(scope="module")
-def records(between_scripts):
-    """Records as of an agent, whose rounds may differ in their last bits."""
-    return [dataclasses.replace(record, fingerprint=AGENT) for record in between_scripts]
-
-
-@pytest.fixture(scope="module")
-def span(suites):
-    """Return the span of a round's return from score 0 to 100."""
-    scale = suites["public"].scale
-    return (scale.top - scale.zero) * suites["public"].scenario.steps_per_round
-
-
-def changed(records, **values):
-    return [dataclasses.replace(records[0], **values), *records[1:]]
-
-
-def moved(line, **sums):
-    return line.tally | {name: line.tally[name] + by for name, by in sums.items()}
-
-
-def test_the_same_lines_and_those_of_another_machine_agree(records, suites):
-    assert (disagreements(records, records, suites), count_identical(records, records)) == ([], 2)
-    kept = changed(records, rounds_sha256="other", returns=tuple(x + 0.01 for x in records[0].returns))
-    assert (disagreements(records, kept, suites), count_identical(records, kept)) == ([], 1)
-    assert disagreements(records[1:], changed(records, lost=50), suites) == []  # only some are compared
-
-
-@pytest.mark.parametrize(("count", "agrees"), [(2, True), (3, False)])
-def test_one_round_of_a_hundred_may_be_another(records, suites, span, count, agrees):
-    """Over all records that are compared, as long as the mean against the rival holds."""
-    returns = list(records[0].returns)
-    for k in range(count):
-        returns[k] += 0.01 * span * (-1) ** k
-    differing = disagreements(records, changed(records, returns=tuple(returns)), suites)
-    assert differing == ([] if agrees else ["1.5 % of 200 rounds return something else"])
-
-
-def test_other_means_sums_points_and_lost_rounds_are_told(records, suites, span):
-    then, points = records[0], [0] * len(records[0].ally_points)
-    where, steps, jammed = f"ally-v1, {then.rival}", then.tally["steps"], then.tally["jammed"]
-    (line,) = disagreements(
-        records, changed(records, returns=(then.returns[0] + 2 * span, *then.returns[1:])), suites
-    )
-    assert line.startswith(f"{where}: mean return ")
-    kept = changed(records, tally=moved(then, jammed=0.01 * steps), ally_points=(1, *points[1:]), lost=9)
-    assert disagreements(records, kept, suites) == [
-        f"{where}: 0 rounds lost, the result says 9",
-        f"{where}: jammed {jammed:g}, the result says {jammed + 0.01 * steps:g}",
-        f"{where}: other ally_points",
-    ]
-
-
-def test_other_sums_of_the_same_rounds_were_edited(records, suites):
-    for name in TALLIES:
-        kept = changed(records, tally=moved(records[0], **{name: 10.0}))
-        (line,) = disagreements(records, kept, suites)
-        assert line.startswith(f"ally-v1, {records[0].rival}: {name} ")
-
-
-@pytest.mark.parametrize(
-    ("name", "share"),
-    [
-        *(("comb", 0.01), ("opponent_return", 0.4), ("snr_db", 0.01)),
-        *(("capacity_mbit_s", -0.01), ("hops", 0.01), ("near", 0.01)),
-    ],
-)
-def test_sums_are_compared_by_what_they_are_worth(records, suites, name, share):
-    tally = records[0].tally
-    unit = abs(tally[name]) if name in ("snr_db", "capacity_mbit_s") else tally["steps"]
-    for by, agrees in ((share / 4, True), (share, False)):
-        kept = changed(
-            records,
-            tally=moved(records[0], **{name: by * unit}),
-            rounds_sha256="other",
-            returns=tuple(x + 0.01 for x in records[0].returns),
-        )
-        assert (disagreements(records, kept, suites) == []) is agrees
-
-
-def test_rounds_that_return_the_same_have_the_same_sums_whatever_their_hash_is(records, suites):
-    then = records[0]
-    moved_points = list(then.ally_points)
-    moved_points[0] += 1
-    for values, name in (
-        ({"tally": moved(then, longest_outage=1.0)}, "longest_outage"),
-        ({"tally": moved(then, jammed=1.0)}, "jammed"),
-        ({"lost": 1}, "0 rounds lost, the result says 1"),
-        ({"ally_points": tuple(moved_points)}, "other ally_points"),
-    ):
-        (line,) = disagreements(records, changed(records, rounds_sha256="other", **values), suites)
-        assert name in line
-
-
-def test_an_outage_is_no_longer_than_a_round(records, suites):
-    then, steps = records[0], suites["public"].scenario.steps_per_round
-    returns = tuple(x + 0.01 for x in then.returns)
-    for by, agrees in ((steps / 2, True), (2 * steps, False)):
-        kept = changed(records, rounds_sha256="other", returns=returns, tally=moved(then, longest_outage=by))
-        assert (disagreements(records, kept, suites) == []) is agrees
-
-
-def test_a_record_of_another_player_is_told(records, suites):
-    (line,) = disagreements(records, changed(records, fingerprint="another"), suites)
-    assert line.endswith(f"of the player {AGENT}, the result says another")
-
-
-def test_rounds_between_scripts_are_the_same_to_the_bit(between_scripts, suites):
-    assert disagreements(between_scripts, between_scripts, suites) == []
-    (line,) = disagreements(between_scripts, changed(between_scripts, rounds_sha256="other"), suites)
-    assert "other rounds, though scripts play the same to the bit on every machine" in line
-
-
-def test_records_of_two_suites_are_kept_apart(records, suites):
-    other = dataclasses.replace(suites["public"], season="5eed", matches=2)
-    both = suites | {"unseen": other}
-    played = list(part_records(Part("wise", None, "expert-spread"), matchups_of([other])[:2]))
-    assert disagreements(played, [*records, *played], both) == []
-    edited = changed(played, lost=2)
-    assert len(disagreements(played, [*records, *edited], both)) == 1
-    assert disagreements(records, [*records, *edited], both) == []
-
-
 def test_the_boards_records_are_played_again_by_their_seasons_name(board, small_suites, in_process):
     close_season(small_suites, 3)
     folder = enter(board, "ally", "wise", script="expert")
@@ -510,8 +367,9 @@ def test_the_boards_records_are_played_again_by_their_seasons_name(board, small_
     of_season = [record for record in case.result.records if record.season is not None]
     assert {record.season for record in of_season} == {"season-3"}
     assert len(of_season) < len(case.result.records)  # the public seeds are of no season
-    (again,) = evaluate(["expert"], "ally-v2@season-3")
+    (summary,) = evaluate(["expert"], "ally-v2@season-3")
     before = {record.rival: record for record in of_season if record.suite == "ally-v2"}
-    for record in again.records:
-        assert dataclasses.replace(record, entry="wise", suite="ally-v2").same_as(before[record.rival])
+    for record in summary.records:
+        again = dataclasses.replace(record, entry="wise", suite="ally-v2")
+        assert RECORD.is_same(again, before[record.rival])
         assert record.season == "season-3"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Store
+from fpg_bench.evaluation.verification import WITHIN, Verdict
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.season.candidates import (
@@ -21,6 +22,7 @@ from fpg_bench.products.leaderboard.season.candidates import (
     against_candidate,
     earned,
     play_candidate,
+    scale_of,
     train_candidate,
 )
 from fpg_bench.products.leaderboard.season.entries import SeasonEntry, read_entries, season_seed
@@ -31,23 +33,6 @@ from fpg_bench.training.run_folder import RunFolder
 _TITLES = {"opponent": "Opponents, rivals of allies", "ally": "Allies, rivals of opponents"}
 
 
-@dataclass(frozen=True)
-class AuditedMember:
-    """A member that was trained again.
-
-    Attributes:
-        is_same: the policies are bit-identical.
-        difference: mean absolute difference of the other side's return per step.
-        correlation: of their returns against the two policies.
-    """
-
-    side: str
-    name: str
-    is_same: bool
-    difference: float
-    correlation: float
-
-
 def audit_season(
     season: Season,
     entries: list[SeasonEntry],
@@ -56,10 +41,11 @@ def audit_season(
     count: int = 2,
     *,
     workers: Workers | int = 2,
-) -> list[AuditedMember]:
-    """Train some members of a season again.
+) -> list[Verdict]:
+    """Train some members of a season again, and play the entries against the published and the new ones.
 
-    The published policies stay authoritative: torch is not bit-identical on every machine.
+    The published policies stay authoritative: torch is not bit-identical on every machine. A verdict is bad
+    if the entries do not earn against a published policy what ``season.yml`` says.
 
     Args:
         season: a closed season.
@@ -124,7 +110,7 @@ def _training_job(work: Path, recipe: Recipe, scenario: str) -> Job:
 
 def _compare(
     season: Season, entries: list[SeasonEntry], work: Path, side: str, member: SeasonMember
-) -> AuditedMember:
+) -> Verdict:
     other = other_side(side)
     published, again = season.agent(side, member), work / side / member.name / "agent"
     wanted = [
@@ -141,9 +127,21 @@ def _compare(
     ]
     records = Store(work / side / member.name / PROFILE).fill(wanted, play_candidate)
     returns = np.array([earned(record, other, season.scenario)[other] for record in records]).reshape(-1, 2)
+    by_entry: dict[str, list[float]] = {}
+    for record, value in zip(records[::2], returns[:, 0], strict=True):
+        by_entry.setdefault(record.entry, []).append(value)
+    earn, scale = statistics.fmean(map(statistics.fmean, by_entry.values())), scale_of(other, season.scenario)
+    name, stored = f"{side}/{member.name}", member.entries_earn
+    if abs(earn - stored) > WITHIN * (scale.top - scale.zero):
+        line = f"the result does not hold: entries_earn {earn:.3f}, season.yml says {stored:.3f}"
+        return Verdict(name, False, line)
     is_same = read_card(again).policy_sha256 == member.policy_sha256
-    difference = float(np.abs(returns[:, 0] - returns[:, 1]).mean())
-    return AuditedMember(side, member.name, is_same, difference, float(np.corrcoef(returns.T)[0, 1]))
+    line = (
+        f"{'the same policy' if is_same else 'another policy'}; entries earn "
+        f"{np.abs(returns[:, 0] - returns[:, 1]).mean():.2f} per step more or less, correlation "
+        f"{np.corrcoef(returns.T)[0, 1]:.3f}"
+    )
+    return Verdict(name, True, line)
 
 
 def late_entries(season: Season, entries: list[SeasonEntry]) -> list[str]:

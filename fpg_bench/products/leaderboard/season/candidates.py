@@ -91,7 +91,7 @@ def against_candidate(
     """
     preset = as_scenario(scenario)
     rival = Rival("season", (candidate,), as_scenario(preset, opponent_path=path))
-    suite = Suite("season", side, preset, ROUNDS, (rival,), season=seed, scale=_scale(side, scenario))
+    suite = Suite("season", side, preset, ROUNDS, (rival,), season=seed, scale=scale_of(side, scenario))
     card = named_card(player, side)
     fingerprint = player if card is None else card.policy_sha256
     entry = EvaluatedPlayer(name or player, number, fingerprint, partial(_load, player, side))
@@ -124,7 +124,7 @@ def earned(record: Record, side: str, scenario: str = "standard") -> dict[str, f
 
 
 @cache
-def _scale(side: str, scenario: str) -> Scale:
+def scale_of(side: str, scenario: str) -> Scale:
     """Return the scale of a side's public suite, which gives a lost round its return."""
     path = "pursuit" if side == "opponent" else None
     return load_suite(track_of(side, path, scenario).public).scale

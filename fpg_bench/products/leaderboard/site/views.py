@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
+from fpg_bench.products.leaderboard.exploited import invalid_text
 from fpg_bench.products.leaderboard.tracks import (
     PUBLIC,
     PUBLIC_SEEDS,
@@ -250,7 +251,7 @@ def exploited_view(figures: Figures) -> ExploitedView | None:
     reward = lowest.return_per_step
     low, high = (format_number(end, "step") for end in (reward.low, reward.high))
     seed = "" if lowest.training_seed is None else f", seed {lowest.training_seed}"
-    search = f"{lowest.algorithm}, {lowest.steps:,} steps{seed}"
+    search = f"{lowest.algorithm}, {lowest.steps:,} steps{seed}{invalid_text(lowest)}"
     return ExploitedView(
         reward.value,
         f"at most {format_number(reward.value, 'step')}",

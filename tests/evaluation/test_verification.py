@@ -1,0 +1,220 @@
+"""Results that are played again: every field is compared, by its tolerance."""
+
+import dataclasses
+
+import pytest
+
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.record import TALLIES, Plans, Record
+from fpg_bench.evaluation.store import pairings
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.verification import (
+    EXACT,
+    RECORD,
+    Tolerances,
+    fields_of,
+    replays_of,
+)
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def suites():
+    return {"public": load_suite("ally-v1")}
+
+
+AGENT = "0123456789abcdef"  # the hash of a policy
+
+
+@pytest.fixture(scope="module")
+def between_scripts(suites):
+    return records_of("expert-spread", suites["public"])
+
+
+@pytest.fixture(scope="module")
+def records(between_scripts):
+    """Records as of an agent, whose rounds may differ in their last bits."""
+    return [dataclasses.replace(record, fingerprint=AGENT) for record in between_scripts]
+
+
+@pytest.fixture(scope="module")
+def span(suites):
+    """Return the span of a round's return from score 0 to 100."""
+    scale = suites["public"].scale
+    return (scale.top - scale.zero) * suites["public"].scenario.steps_per_round
+
+
+def records_of(script, suite):
+    return [play(*pairing) for pairing in pairings([player_entry(script)], suite)[:2]]
+
+
+def changed(records, **values):
+    return [dataclasses.replace(records[0], **values), *records[1:]]
+
+
+def disagreements(played, kept, suites):
+    return RECORD.of(replays_of(played, kept, suites.values()))
+
+
+def count_identical(played, kept, suites):
+    return sum(RECORD.is_same(each.now, each.then) for each in replays_of(played, kept, suites.values()))
+
+
+def moved(line, **sums):
+    return line.tally | {name: line.tally[name] + by for name, by in sums.items()}
+
+
+def test_the_same_lines_and_those_of_another_machine_agree(records, suites):
+    assert (disagreements(records, records, suites), count_identical(records, records, suites)) == ([], 2)
+    kept = changed(records, rounds_sha256="other", returns=tuple(x + 0.01 for x in records[0].returns))
+    assert (disagreements(records, kept, suites), count_identical(records, kept, suites)) == ([], 1)
+    assert disagreements(records[1:], changed(records, lost=50), suites) == []  # only some are compared
+
+
+@pytest.mark.parametrize(("count", "agrees"), [(2, True), (3, False)])
+def test_one_round_of_a_hundred_may_be_another(records, suites, span, count, agrees):
+    """Over all records that are compared, as long as the mean against the rival holds."""
+    returns = list(records[0].returns)
+    for k in range(count):
+        returns[k] += 0.01 * span * (-1) ** k
+    kept = changed(records, returns=tuple(returns), rounds_sha256="other")
+    differing = disagreements(records, kept, suites)
+    assert differing == ([] if agrees else ["1.5 % of 200 rounds return something else"])
+
+
+def test_other_means_sums_points_and_lost_rounds_are_told(records, suites, span):
+    then, points = records[0], [0] * len(records[0].ally_points)
+    where, steps, jammed = f"ally-v1, {then.rival}", then.tally["steps"], then.tally["jammed"]
+    returns = (then.returns[0] + 2 * span, *then.returns[1:])
+    (line,) = disagreements(records, changed(records, returns=returns, rounds_sha256="other"), suites)
+    assert line.startswith(f"{where}: mean return ")
+    kept = changed(records, tally=moved(then, jammed=0.01 * steps), ally_points=(1, *points[1:]), lost=9)
+    assert disagreements(records, kept, suites) == [
+        f"{where}: lost 0, the result says 9",
+        f"{where}: jammed {jammed:g}, the result says {jammed + 0.01 * steps:g}",
+        f"{where}: ally_points of point 1 {then.ally_points[0]}, the result says 1",
+    ]
+
+
+def test_other_sums_of_the_same_rounds_were_edited(records, suites):
+    for name in TALLIES:
+        kept = changed(records, tally=moved(records[0], **{name: 10.0}))
+        (line,) = disagreements(records, kept, suites)
+        assert line.startswith(f"ally-v1, {records[0].rival}: {name} ")
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [
+        *(("comb", 0.002), ("opponent_return", 0.08), ("snr_db", 0.002), ("hop_bits", 0.002)),
+        *(("capacity_mbit_s", -0.002), ("hops", 0.002), ("near", 0.002)),
+    ],
+)
+def test_sums_are_compared_by_what_they_are_worth(records, suites, name, share):
+    tally = records[0].tally
+    unit = abs(tally[name]) if name in ("snr_db", "capacity_mbit_s", "hop_bits") else tally["steps"]
+    for by, agrees in ((share / 4, True), (share, False)):
+        kept = changed(
+            records,
+            tally=moved(records[0], **{name: by * unit}),
+            rounds_sha256="other",
+            returns=tuple(x + 0.01 for x in records[0].returns),
+        )
+        assert (disagreements(records, kept, suites) == []) is agrees
+
+
+def test_rounds_that_return_the_same_have_the_same_sums_whatever_their_hash_is(records, suites):
+    then = records[0]
+    moved_points = list(then.ally_points)
+    moved_points[0] += 1
+    for values, name in (
+        ({"tally": moved(then, longest_outage=1.0)}, "longest_outage"),
+        ({"tally": moved(then, jammed=1.0)}, "jammed"),
+        ({"lost": 1}, "lost 0, the result says 1"),
+        ({"ally_points": tuple(moved_points)}, "ally_points of point 1 "),
+    ):
+        (line,) = disagreements(records, changed(records, rounds_sha256="other", **values), suites)
+        assert name in line
+
+
+def test_an_outage_is_no_longer_than_a_round(records, suites):
+    then, steps = records[0], suites["public"].scenario.steps_per_round
+    returns = tuple(x + 0.01 for x in then.returns)
+    for by, agrees in ((steps / 2, True), (2 * steps, False)):
+        kept = changed(records, rounds_sha256="other", returns=returns, tally=moved(then, longest_outage=by))
+        assert (disagreements(records, kept, suites) == []) is agrees
+
+
+def test_a_record_of_another_player_is_told(records, suites):
+    (line,) = disagreements(records, changed(records, fingerprint="another"), suites)
+    assert line.endswith(f"fingerprint {AGENT!r}, the result says 'another'")
+
+
+def test_rounds_between_scripts_are_the_same_to_the_bit(between_scripts, suites):
+    assert disagreements(between_scripts, between_scripts, suites) == []
+    (line,) = disagreements(between_scripts, changed(between_scripts, rounds_sha256="other"), suites)
+    assert "other rounds, though scripts play the same to the bit on every machine" in line
+
+
+def test_records_of_two_suites_are_kept_apart(records, suites):
+    other = dataclasses.replace(suites["public"], season="5eed", matches=2)
+    both = suites | {"unseen": other}
+    played = records_of("expert-spread", other)
+    assert disagreements(played, [*records, *played], both) == []
+    edited = changed(played, lost=2)
+    assert len(disagreements(played, [*records, *edited], both)) == 1
+    assert disagreements(records, [*records, *edited], both) == []
+
+
+def test_every_field_of_a_record_has_a_tolerance_or_a_reason():
+    """A new field that no comparison reads is refused when the table is made."""
+    wider = dataclasses.make_dataclass("Wider", [("more", int, 0)], bases=(Record,), frozen=True)
+    declared = dict.fromkeys(fields_of(Record), EXACT)
+    Tolerances(Record, **declared)
+    for kind, tolerances in ((wider, declared), (Record, declared | {"more": EXACT})):
+        with pytest.raises(TypeError, match=r"how far these fields may differ .*: more"):
+            Tolerances(kind, **tolerances)
+
+
+def test_no_field_of_a_record_between_scripts_can_be_edited(between_scripts, suites):
+    record = dataclasses.replace(between_scripts[0], plans=Plans({"plan": 3}, 5, 1.0, {"far": 1}), season="1")
+    played = [record, between_scripts[1]]
+    edits = {
+        "season": "2",
+        "returns": (record.returns[0] + 1e-3, *record.returns[1:]),
+        "tally": [record.tally | {name: value * 1.00001 + 1e-5} for name, value in record.tally.items()],
+        "ally_points": (1 + record.ally_points[0], *record.ally_points[1:]),
+        "jam_points": (*record.jam_points, 0),
+        "plans": [
+            None,
+            *(dataclasses.replace(record.plans, **{name: value}) for name, value in _OTHER_PLANS.items()),
+        ],
+    }
+    looked_up = {"suite", "suite_hash", "training_seed", "rival"}  # by them a record is found
+    for name in fields_of(Record) - looked_up:
+        other = edits[name] if name in edits else _other(getattr(record, name))
+        for edited in other if isinstance(other, list) else [other]:
+            kept = changed(played, **{name: edited})
+            assert disagreements(played, kept, suites), (name, edited)
+            assert count_identical(played, kept, suites) == 1
+    slower = dataclasses.replace(record.plans, seconds=2.0)
+    assert disagreements(played, changed(played, plans=slower), suites) == []
+    assert count_identical(played, changed(played, plans=slower), suites) == 2
+
+
+def _other(value):
+    return f"{value}x" if isinstance(value, str) else value + 1
+
+
+_OTHER_PLANS = {"statuses": {"plan": 4}, "tokens": None, "useless": {"near": 1}}
+
+
+def test_a_sum_that_a_record_of_before_lacks_is_not_compared(records, suites):
+    old = {name: value for name, value in records[0].tally.items() if name in TALLIES}
+    assert len(old) < len(records[0].tally)
+    kept = changed(records, tally=old)
+    assert (disagreements(records, kept, suites), count_identical(records, kept, suites)) == ([], 2)
+    (line,) = disagreements(records, changed(records, tally=records[0].tally | {"new": 1.0}), suites)
+    assert line.endswith("new None, the result says 1")
