@@ -41,7 +41,7 @@ class Encounter(Protocol):
 
 
 class EncounterResult(Protocol):
-    """What came of an encounter."""
+    """Result of an encounter."""
 
     @property
     def key(self) -> Hashable:

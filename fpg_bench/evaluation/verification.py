@@ -147,7 +147,7 @@ class Replayed(Generic[T]):
 
 
 class Tolerance:
-    """How far a field's stored value may be from the one that was just played; here: not at all."""
+    """Distance that a field's stored value may have from the one that was just played; here: not at all."""
 
     def differences(self, name: str, replays: Sequence[Replayed[Any]]) -> Iterator[str]:
         """Yield a line for each stored value of a field that does not hold."""
@@ -433,7 +433,7 @@ def _is_scripted(record: Record, suite: Suite) -> bool:
 
 @dataclass(frozen=True)
 class Check(Generic[M, R]):
-    """How the results of a store are played again and compared.
+    """Check of a store's results: they are played again and compared.
 
     Attributes:
         play: plays an encounter.

@@ -306,7 +306,7 @@ class OtherGame(GameSpec, abc.ABC):
     @property
     @abc.abstractmethod
     def skills(self) -> JsonObject:
-        """What the card of an agent trained in this game says of the games that it can play."""
+        """Games that an agent trained in this game can play, as its card describes them."""
 
     @classmethod
     @abc.abstractmethod
@@ -319,7 +319,7 @@ class OtherGame(GameSpec, abc.ABC):
 
 
 class GameProduct(Protocol):
-    """What a product offers as ``game``: the type of the game's specifications, and what opens such a game.
+    """Offer ``game`` of a product: the type of the game's specifications, and what opens such a game.
 
     Attributes:
         spec: type of the specifications.

@@ -50,7 +50,7 @@ INSTEAD = "load it yourself and call fpg_bench.export_agent(model, folder, train
 
 @dataclasses.dataclass(frozen=True)
 class _Training:
-    """What the files beside a zip tell of its training; None where they do not.
+    """Facts of a training from the files beside a zip; None where they do not tell.
 
     Attributes:
         algorithm, game, seed: how it was trained.

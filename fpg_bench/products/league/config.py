@@ -22,7 +22,7 @@ LEAST = dict.fromkeys(("seed", "n_evals", "n_scripts"), 0) | dict.fromkeys(
 
 @dataclass(frozen=True, kw_only=True)
 class LeagueConfig:
-    """What the configurations of all algorithms have in common.
+    """Base class of the configurations of all algorithms.
 
     Attributes:
         algorithm: algorithm that is trained, as for ``train``.

@@ -1,4 +1,4 @@
-"""What opens games of teams, for the core."""
+"""The offer of games of teams to the core."""
 
 from __future__ import annotations
 
