@@ -44,7 +44,7 @@ stale: .venv/.train
 	$(PYTHON) -c 'import sys; sys.exit("fpg-bench needs Python 3.11 or newer" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
 	@echo "installing what $* needs into .venv: up to 2 GB, minutes"
-	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e ".[$*]"
+	$(BIN)/python -m pip install --no-compile --disable-pip-version-check -c constraints.txt -e ".[$*]"
 	touch $@ .venv/.train
 
 # The lowest versions that pyproject.toml allows, and a small suite on them.

@@ -11,12 +11,12 @@ import pytest
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv
 
-from fpg_bench import make_duel, make_sb3, make_sb3_team, supersuit_vec_env
+from fpg_bench import make_duel, make_sb3, supersuit_vec_env
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.products import offered
 from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.game.batch import check_seeds
 from fpg_bench.game.scenario import PRESETS, as_scenario, preset
-from fpg_bench.products.teams.pettingzoo_env import parallel_env as team_env
 
 from .contract import CHECKS, SEED, adapt, play
 from .playing import ALLY, ALLY_POLICY, IDS, OPPONENT_POLICY, PLANNED, SHORT, STEPS, Tape, tape
@@ -96,17 +96,18 @@ def copied(seed):
 
 
 def of_teams(seed):
-    env = make_sb3_team(GAMES, seed=seed, side="ally", rivals="tone", scenario="link")
+    env = make_sb3(TEAM, GAMES, seed=seed, side="ally", against="tone", scenario="link")
     env.reset()
     return env.core.teams.batch.games["seed"].tolist()
 
 
+TEAM = "FPG/team_v0"  # a product's, which need not be there
 DOORS = {
     **{kind: partial(duel_seeds, partial(of, ALLY, scenario=SHORT)) for kind, of in BATCHED.items()},
     **{kind: partial(duel_seeds, make) for kind, make in BOTH_SIDES.items()},
     "PPO(seed=)": reseeded,
     "SuperSuit": copied,
-    "teams": of_teams,
+    **({"teams": of_teams} if TEAM in offered("game") else {}),
 }
 
 
@@ -135,10 +136,13 @@ INFOS = {
     "pettingzoo": parallel_env,
     "pettingzoo by choices": partial(parallel_env, actions="multi-discrete"),
     "supersuit": partial(supersuit_vec_env, GAMES),
-    "pettingzoo of teams": team_env,
-    "sb3 of teams": partial(make_sb3_team, GAMES, side="ally", rivals="tone"),
-    "sb3 of jammers": partial(make_sb3_team, GAMES, side="opponent", rivals="idle"),
 }
+if TEAM in offered("game"):
+    INFOS |= {
+        "pettingzoo of teams": partial(parallel_env, game=TEAM),
+        "sb3 of teams": partial(make_sb3, TEAM, GAMES, side="ally", against="tone"),
+        "sb3 of jammers": partial(make_sb3, TEAM, GAMES, side="opponent", against="idle"),
+    }
 
 
 @pytest.mark.parametrize("kind", INFOS)

@@ -9,16 +9,14 @@ import gymnasium
 import numpy as np
 import pytest
 
-from fpg_bench import make_sb3, make_sb3_team, make_team
+from fpg_bench import make_sb3
+from fpg_bench.common.products import offered
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
-from fpg_bench.products.offline import rounds
-from fpg_bench.products.offline.rounds import play_rounds
-from fpg_bench.products.offline.spec import load_spec
 from tests.envs.playing import tape
 
 GAMES = 4
@@ -157,19 +155,22 @@ def in_environments(spoil, spoil_rows):
     batch = gymnasium.make_vec("FPG/OpponentVsPolicy-v0", num_envs=8, ally=rivals, actions="discrete")
     made.append([batch.reset(seed=3)[0], *(batch.step(np.full(8, k % 5))[0] for k in range(40))])
     jammers = [spoil(Shared("watchful", "opponent")), "tone"]
-    team = make_sb3_team(4, seed=3, side="ally", rivals=jammers)
-    made.append([team.reset(), *(team.step(action)[0] for action in tape(12, 40))])
+    if "FPG/team_v0" in offered("game"):
+        team = make_sb3("FPG/team_v0", 4, seed=3, side="ally", against=jammers)
+        made.append([team.reset(), *(team.step(action)[0] for action in tape(12, 40))])
     return [np.array(each).tobytes() for each in made]
 
 
 def in_data_sets(spoil, spoil_rows):
     """Rounds of a data set, whose discrete actions are encoded after the player has answered."""
-    spec = load_spec("ally-discrete-mixed-v0")
+    rounds = pytest.importorskip("fpg_bench.products.offline.rounds")
+    specs = pytest.importorskip("fpg_bench.products.offline.spec")
+    spec = specs.load_spec("ally-discrete-mixed-v0")
     players = {name: spoil(Shared(name)) for name in ("expert", "random")}
     with pytest.MonkeyPatch.context() as patched:
         known = rounds.as_player
         patched.setattr(rounds, "as_player", lambda name, *of: players.get(name) or known(name, *of))
-        played = play_rounds(spec.model_copy(update={"players": tuple(players)}), range(6))
+        played = rounds.play_rounds(spec.model_copy(update={"players": tuple(players)}), range(6))
     return list(played.digests())
 
 
@@ -183,11 +184,14 @@ def test_what_players_write_into_what_they_are_handed_changes_no_game(play):
 
 
 def test_what_a_batch_shows_cannot_be_written():
-    duel, team, games = TwoPlayerBatch(STANDARD, 2), make_team(2), make_sb3("FPG/AllyVsScripted-v0", 2)
+    duel, games = TwoPlayerBatch(STANDARD, 2), make_sb3("FPG/AllyVsScripted-v0", 2)
     wide = make_sb3("FPG/AllyVsScripted-v0", 2, observation="waterfall")
     buffers = [games.core.observations, games.core.truncated, wide.core.observations, wide.core.truncated]
     buffers += [make_sb3("FPG/duel_v0", 2).core.truncated]
-    for batch in (duel.batch, team.batch, pickle.loads(pickle.dumps(duel)).batch, copy.deepcopy(team).batch):
+    batches = [duel.batch, pickle.loads(pickle.dumps(duel)).batch, copy.deepcopy(duel).batch]
+    if "FPG/team_v0" in offered("game"):
+        batches.append(make_sb3("FPG/team_v0", 2, side="ally").core.teams.batch)
+    for batch in batches:
         buffers += [batch.ally_observations, batch.opponent_observations, batch.received("ally")]
     for buffer in buffers:
         with pytest.raises(ValueError, match="read-only"):
