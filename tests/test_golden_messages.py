@@ -65,6 +65,7 @@ LINES = (
     "leaderboard build --folder nowhere",
     "leaderboard serve nowhere",
     "leaderboard close-season 9 --work work --folder nowhere",
+    "leaderboard season season-9 --folder nowhere",
     "leaderboard audit-season 9 --work work --folder nowhere",
 )
 

@@ -121,8 +121,9 @@ class Suite:
     game: OtherGame | None = None
 
     def __post_init__(self) -> None:
-        for name in (self.name, *(rival.name for rival in self.rivals)):
-            parse(Word, name, "name")  # no record could hold another
+        parse(Word, self.name, "name")  # no record could hold another
+        for number, rival in enumerate(self.rivals):
+            parse(Word, rival.name, f"rivals[{number}]: name")
         if self.rounds > MOST_ROUNDS:
             raise UserError(
                 f"matches: {self.matches:,} of {self.rounds_per_match:,} rounds; at most {MOST_ROUNDS:,} "

@@ -1,5 +1,6 @@
 """The boards of the leaderboard's tests, to be attacked."""
 
-from tests.products.leaderboard.conftest import board, in_process, small_suites
+import contextlib
 
-__all__ = ["board", "in_process", "small_suites"]
+with contextlib.suppress(ModuleNotFoundError):  # of a product that was deleted, as its own tests are
+    from tests.products.leaderboard.conftest import board, in_process, small_suites  # noqa: F401

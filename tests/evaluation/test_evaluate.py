@@ -366,6 +366,6 @@ def test_a_refused_player_leaves_nothing_in_the_folder(suite, tmp_path):
 
 
 def test_names_are_drawn_as_they_are(suite, tmp_path):
-    results = evaluate({r"$\frac$": "idle", "$x$": "random"}, suite)
+    results = evaluate({r"a $\frac$": "idle", "b $x$": "random"}, suite)
     write_table(results, load_suite(suite), tmp_path)
     assert (tmp_path / "table.png").exists()

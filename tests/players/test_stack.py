@@ -79,8 +79,8 @@ def test_an_agent_without_finite_actions_is_named_once_and_costs_the_others_noth
 
 def test_an_agent_that_onnxruntime_plays_otherwise_is_played_by_it(caplog, monkeypatch):
     players = named(ALIKE)
-    run = players[1]._run
-    monkeypatch.setattr(players[1], "_run", lambda feeds: [run(feeds)[0] + np.float32(1e-5)])
+    run = players[1].run
+    monkeypatch.setattr(players[1], "run", lambda feeds: [run(feeds)[0] + np.float32(1e-5)])
     (_, members), *_ = stacks(players, "ally", STANDARD)
     assert members == [0, 2]
     assert "1e-05" in caplog.text

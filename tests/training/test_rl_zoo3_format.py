@@ -177,13 +177,16 @@ def test_sizes_in_a_text_and_a_budget_from_the_call_train(tmp_path):
 
 @pytest.mark.skipif(importlib.util.find_spec("rl_zoo3") is None, reason="rl-zoo3 is not installed")
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "dqn"])
-def test_all_of_rl_zoo3_s_own_entries_are_read_but_for_those_with_wrappers(algorithm):
+def test_all_of_rl_zoo3_s_own_entries_are_read_but_for_those_with_wrappers_or_goals(algorithm):
     file = Path(importlib.util.find_spec("rl_zoo3").origin).parent / "hyperparams" / f"{algorithm}.yml"
     entries = yaml.safe_load(file.read_text())
     assert len(entries) > 5
     for env_id, entry in entries.items():
         if "env_wrapper" in entry:
             with pytest.raises(UserError, match="unknown key 'env_wrapper'"):
+                load_hyperparameters(algorithm, env_id, file)
+        elif entry.get("replay_buffer_class") == "HerReplayBuffer":
+            with pytest.raises(UserError, match="needs goals, which the game lacks"):
                 load_hyperparameters(algorithm, env_id, file)
         else:
             assert load_hyperparameters(algorithm, env_id, file).n_timesteps > 0

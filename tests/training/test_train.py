@@ -45,7 +45,7 @@ def test_the_other_side_is_named_once_and_a_suite_follows_from_the_side():
         run_config("maddpg", DUEL, against="expert")
     assert RunConfig("maddpg", DUEL).suites() == ["ally-v1", "opponent-v1"]
     assert run_config("ppo", POLICY, path="learned").suites() == ["opponent-learned-v1"]
-    assert RunConfig("ppo", ALLY, suite="mine.yml").suites() == ["mine.yml"]
+    assert RunConfig("ppo", ALLY, suite="ally-v2").suites() == ["ally-v2"]
 
 
 def test_an_id_of_discrete_actions_is_the_plain_id_with_an_option():

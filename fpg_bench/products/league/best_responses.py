@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +25,7 @@ from fpg_bench.players.registry import as_player, card_of, policy_hash
 from fpg_bench.players.tactics import draw_variants
 from fpg_bench.products.league.config import BestResponseConfig
 from fpg_bench.products.league.evaluation import MATCHES, evaluate_against, result_row
-from fpg_bench.products.league.folder import check_same
+from fpg_bench.products.league.folder import as_json, check_same
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
@@ -166,8 +165,7 @@ def _respond(
     }
     folder = RunFolder(out / response_folder(made))
     run = _response_run(config, target, seed, lambda: _teacher(folder) or _strongest_player(result, out))
-    values = json.dumps(run.hyperparams, default=str)
-    made["hyperparameters"] = json.loads(values)  # as they are read from JSON
+    made["hyperparameters"] = as_json(run.hyperparams)
     same = [row for row in result["responses"] if row.get("actions") == made.get("actions")]
     if any(made.items() <= row.items() for row in same):
         return None

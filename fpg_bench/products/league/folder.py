@@ -51,7 +51,7 @@ def command_of(config: LeagueConfig, game: GameSpec, out: Path, **changes: objec
 
 def as_json(content: Mapping[str, object]) -> JsonObject:
     """Return a mapping as it is read from JSON."""
-    read: JsonObject = json.loads(json.dumps(content))
+    read: JsonObject = json.loads(json.dumps(content, default=str))
     return read
 
 

@@ -42,7 +42,9 @@ def test_a_recording_holds_the_start_and_every_step_of_its_own_game():
     alone, third = recorded(), recorded(games=4, game=2)
     assert alone.frames["step"].tolist() == list(range(25))
     assert alone.frames["jamming_type"][0] == -1
-    assert third.seed == 7
+    games = make_duel(4, scenario=SHORT)
+    games.reset(seeds=5)
+    assert third.seed == games.batch.games["seed"][2]
     assert not np.array_equal(alone.frames["ally_position"][0], third.frames["ally_position"][0])
 
 
