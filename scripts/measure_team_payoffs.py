@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from marks import fill
+from lineage import fill
 from measure_payoffs import answers_note, equilibrium_note
 
 from fpg_bench.common.errors import UserError
