@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from marks import fill
+from lineage import fill
 from waveforms import SAMPLES_MHZ, Link, Transmission, array_gain, energy_rate, qam_rate
 
 from fpg_bench.common.output import csv_text

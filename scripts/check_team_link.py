@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from check_link import MEAN_DB, OF_LENGTH_DB, WORST_DB, Row, cases, summary
-from marks import fill
+from lineage import fill
 from waveforms import SAMPLES_MHZ, Link
 
 from fpg_bench.common.files import write_whole

@@ -17,7 +17,7 @@ import io
 import json
 import sys
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any
@@ -160,6 +160,22 @@ def _code(text: str) -> str:
             first, last = node.body[0].lineno, node.body[0].end_lineno
             lines[first - 1 : last] = [""] * (last - first + 1)
     return "\n".join(line.rstrip() for line in lines if line.strip())
+
+
+def fill(path: Path, parts: Mapping[str, str]) -> None:
+    """Put texts between the marks of a page, ``<!-- title -->`` and ``<!-- end -->``.
+
+    Raises:
+        UserError: the page lacks a mark; nothing is written then.
+    """
+    page = path.read_text(encoding="utf-8")
+    for title, text in parts.items():
+        head, mark, rest = page.partition(f"<!-- {title} -->\n")
+        _, end, rest = rest.partition("<!-- end -->")
+        if not (mark and end):
+            raise UserError(f"{path}: there are no marks {title!r}")
+        page = f"{head}{mark}\n{text.strip()}\n\n{end}{rest}"
+    write_whole(path, page)
 
 
 def hashes_of(stage: Stage, root: Path = ROOT) -> Hashes:

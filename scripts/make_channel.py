@@ -6,13 +6,12 @@ python scripts/make_channel.py [--scenario link] [--spacing 250 250 200] [--out 
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import itertools
 import math
 from pathlib import Path
 
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import csv_text
 from fpg_bench.game.channel import COLUMNS
 from fpg_bench.game.scenario import Scenario, as_scenario
 
@@ -38,11 +37,7 @@ def main() -> None:
     parser.add_argument("--spacing", type=float, nargs=3, default=[250.0, 250.0, 200.0], metavar="M")
     parser.add_argument("--out", type=Path, default=Path("examples/free-space.csv"))
     options = parser.parse_args()
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(
-        [COLUMNS, *rows(as_scenario(options.scenario), options.spacing)]
-    )
-    write_whole(options.out, text.getvalue())
+    write_whole(options.out, csv_text([COLUMNS, *rows(as_scenario(options.scenario), options.spacing)]))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from marks import fill
+from lineage import fill
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole

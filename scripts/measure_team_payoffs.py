@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from marks import fill
+from lineage import fill
 from measure_payoffs import answers_note, equilibrium_note
 
 from fpg_bench.common.errors import UserError

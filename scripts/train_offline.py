@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from marks import fill
+from lineage import fill
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import print_messages

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from marks import fill
+from lineage import fill
 from measure_payoffs import Frozen, Values, levers
 from measure_team_payoffs import Results
 

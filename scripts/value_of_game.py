@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from lineage import fill
 from make_diagrams import write
-from marks import fill
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 

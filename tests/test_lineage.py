@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 from collections import Counter
 from fnmatch import fnmatchcase
+from pathlib import Path
 
 import pytest
-from lineage import check, files_of, hash_of, load_stages, main, record
+from lineage import Stage, check, files_of, hash_of, load_stages, main, record
 
 from fpg_bench.common.errors import UserError
 from tests.programs import ROOT
@@ -21,6 +23,13 @@ GENERATED = (
     *("leaderboard/results/*", "leaderboard/submissions/*", "results/*", "tests/golden/*"),
     *(f"docs/*.{form}" for form in ("csv", "gif", "png", "svg")),
 )
+SCRIPTS = ROOT / "scripts"
+GONE = {  # stages whose script is gone, the revision that has it, and where
+    "paper-interpretations": "8d94dd3:scripts/interpretations/__main__.py",
+    "language-model": "cb2b58f:scripts/measure_language_model.py",
+    "pairings": "cb2b58f:scripts/measure_pairings.py",
+    "time-to-score": "cb2b58f:scripts/measure_time_to_score.py",
+}
 WRITTEN = (  # by hand, among them
     "leaderboard/submissions/planner/*/submission.yaml",
     "leaderboard/submissions/ally/plain-torch/submission.yaml",
@@ -62,7 +71,7 @@ def test_every_part_of_a_page_between_marks_is_made_by_a_stage_or_is_a_table_of_
             assert f"{path.relative_to(ROOT).as_posix()}#{mark}" in made
 
 
-@pytest.mark.parametrize("name", [name for name, stage in STAGES.items() if not stage.revision])
+@pytest.mark.parametrize("name", sorted(STAGES.keys() - GONE.keys()))
 def test_the_command_of_a_stage_exists_with_its_options(name):
     program, *words = STAGES[name].by.split()
     options = [word for word in words if word.startswith("--")]
@@ -73,10 +82,42 @@ def test_the_command_of_a_stage_exists_with_its_options(name):
         assert command.callback is not None
         assert set(options) <= {option for parameter in command.params for option in parameter.opts}
     else:
-        module = words[0] == "-m"
-        path = ROOT / (f"{words[1].replace('.', '/')}.py" if module else words[0])
         assert program == "python"
-        assert all(option in path.read_text() for option in options)
+        text = script_of(STAGES[name]).read_text()
+        assert all(option in text for option in options)
+
+
+@pytest.mark.parametrize("name", GONE)
+def test_a_command_that_is_gone_is_in_the_revision_that_its_stage_names(name):
+    revision = GONE[name].partition(":")[0]
+    assert STAGES[name].revision == revision
+    assert not script_of(STAGES[name]).exists()
+    exists = ["git", "cat-file", "-e"]
+    if subprocess.run([*exists, revision], cwd=ROOT, capture_output=True).returncode:
+        pytest.skip("not a git repository with its history")
+    assert subprocess.run([*exists, GONE[name]], cwd=ROOT).returncode == 0
+
+
+def test_every_script_makes_something_or_helps_one_that_does():
+    used = {script_of(stage) for stage in STAGES.values() if stage.by.startswith("python ")}
+    used |= {SCRIPTS / name for name in re.findall(r"scripts/(\w+\.py)", (ROOT / "Makefile").read_text())}
+    helpers = {SCRIPTS / f"{name}.py" for path in used if path.exists() for name in imported_by(path)}
+    data = {path for stage in STAGES.values() for each in stage.made_from for path in files_of(each)}
+    files = {path for path in SCRIPTS.iterdir() if path.is_file()}
+    assert {path.name for path in files - used - helpers - data} == set()
+
+
+def script_of(stage: Stage) -> Path:
+    """Return the file of a stage's command that is Python's."""
+    _, *words = stage.by.split()
+    return ROOT / (f"{words[1].replace('.', '/')}.py" if words[0] == "-m" else words[0])
+
+
+def imported_by(path: Path) -> set[str]:
+    """Return the names of the modules that a script imports."""
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    modules = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
+    return modules | {each.name for node in nodes if isinstance(node, ast.Import) for each in node.names}
 
 
 def test_every_pattern_of_a_stage_has_files_and_parts():

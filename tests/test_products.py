@@ -148,11 +148,13 @@ def test_a_product_whose_needs_are_not_installed_offers_nothing(none_installed):
     ("text", "message"),
     [("summary = ", "Invalid value"), ("[actor]\na = 'b:c'", "offers 'actor'; expected verb")],
 )
-def test_a_manifest_that_cannot_be_read_is_one_line(none_installed, text, message):
-    (none_installed / "products/mine").mkdir(parents=True)
-    (none_installed / "products/mine/product.toml").write_text(text)
-    with pytest.raises(UserError, match=rf"mine.product\.toml: {message}"):
-        products()
+def test_a_product_with_a_wrong_manifest_is_left_out_with_a_line(none_installed, text, message, caplog):
+    for name, content in (("mine", text), ("other", 'summary = "Another."')):
+        (none_installed / "products" / name).mkdir(parents=True)
+        (none_installed / "products" / name / "product.toml").write_text(content)
+    assert list(products()) == ["other"]
+    (line,) = caplog.messages
+    assert re.search(rf"mine.product\.toml: {message}.*; it is left out$", line)
 
 
 @pytest.fixture

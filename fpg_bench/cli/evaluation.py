@@ -57,15 +57,7 @@ def play(
     """
     from fpg_bench.evaluation.watching import watch
 
-    watch(
-        ally,
-        opponent,
-        seed=seed,
-        out=out,
-        every=every,
-        overwrite=overwrite,
-        **game,
-    )
+    watch(ally, opponent, seed=seed, out=out, every=every, overwrite=overwrite, **game)
 
 
 def evaluate(

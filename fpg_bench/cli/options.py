@@ -95,7 +95,6 @@ def run_options(*names: str) -> Fields:
 
 
 _WORDS = first_sentences(RunConfig)
-HyperparamsOption = Annotated[str | None, typer.Option(help=_WORDS["hyperparams"], rich_help_panel=TRAINING)]
 SuiteOption = Annotated[str, typer.Option(help="A suite's name or YAML file.", autocompletion=complete_suite)]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print a JSON list of mappings instead of the table.")

@@ -33,6 +33,7 @@ from __future__ import annotations
 import functools
 import importlib.metadata
 import importlib.util
+import logging
 import pkgutil
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -55,6 +56,7 @@ KINDS = (
 MANIFEST = "product.toml"
 _PRODUCTS = Path(__file__).parents[1] / "products"
 _GROUP = "fpg_bench.products"
+_logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -78,10 +80,11 @@ class Product:
 def products() -> Mapping[str, Product]:
     """Return the products that are installed together with all that they need, by name.
 
-    Raises:
-        UserError: a manifest that cannot be read, or that offers something of an unknown kind.
+    A product whose manifest cannot be read, or that offers something of an unknown kind, is left out with a
+    warning: it may be of another distribution, without which everything else works.
     """
-    found = {folder.name: _read(folder) for folder in _folders() if (folder / MANIFEST).is_file()}
+    read = map(_read, _folders())
+    found = {product.folder.name: product for product in read if product is not None}
     while lacking := [name for name, product in found.items() if not found.keys() >= {*product.needs}]:
         for name in lacking:
             del found[name]
@@ -96,15 +99,19 @@ def _folders() -> Iterator[Path]:
         yield from map(Path, spec.submodule_search_locations or ()) if spec else ()
 
 
-def _read(folder: Path) -> Product:
+def _read(folder: Path) -> Product | None:
+    """Return the product of a folder; None without a manifest, and with a warning for a wrong one."""
     try:
         content = tomllib.loads((folder / MANIFEST).read_text("utf-8"))
+        summary, needs = content.pop("summary", ""), content.pop("needs", ())
+        if unknown := next((kind for kind in content if kind not in KINDS), None):
+            raise ValueError(f"offers {unknown!r}; expected {', '.join(KINDS)}")
+        return Product(folder, summary, tuple(needs), content)
+    except OSError:
+        return None
     except ValueError as error:
-        raise UserError(f"product {folder / MANIFEST}: {error}") from error
-    summary, needs = content.pop("summary", ""), content.pop("needs", ())
-    if unknown := next((kind for kind in content if kind not in KINDS), None):
-        raise UserError(f"product {folder / MANIFEST}: offers {unknown!r}; expected {', '.join(KINDS)}")
-    return Product(folder, summary, tuple(needs), content)
+        _logger.warning(f"product {folder / MANIFEST}: {error}; it is left out")
+        return None
 
 
 @functools.cache

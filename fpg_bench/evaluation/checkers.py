@@ -27,7 +27,7 @@ from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.planning import Limits, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.planner import check_described
 from fpg_bench.planning.registry import resolve
-from fpg_bench.players.player import SIDES, Abilities, Memory, Player
+from fpg_bench.players.player import SIDES, Abilities, Memory, Player, Prediction
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import ModelPlayer, as_player, player_name
 from fpg_bench.players.scripted import Scripted, player_seeds
@@ -128,9 +128,7 @@ def _record_observations(player: Player, side: str, scenario: Scenario) -> tuple
     return np.array(observations), seeds
 
 
-def _predict(
-    player: Player, observation: np.ndarray, state: Memory, start: np.ndarray
-) -> tuple[np.ndarray, Memory]:
+def _predict(player: Player, observation: np.ndarray, state: Memory, start: np.ndarray) -> Prediction:
     """Return the player's actions and memory, checked: shape, dtype, range, and its arguments unchanged."""
     given = observation.copy()
     answer = player.predict(given, state, start, True)

@@ -379,10 +379,9 @@ class _SuiteFile(Strict):
         return Rival(name, players, as_scenario(played, **changes), file.planner, file.group, mates)
 
 
-def read_suite(name: str, side: str | None = None) -> Suite:
+def read_suite(name: str) -> Suite:
     """Read a suite as :func:`load_suite` does, to describe it: its players are neither loaded nor run."""
-    suite, _ = _read(name, side)
-    return suite
+    return _read(name)[0]
 
 
 def load_suite(
@@ -419,7 +418,7 @@ def load_suite(
     return suite
 
 
-def _read(name: str, side: str | None) -> tuple[Suite, _SuiteFile]:
+def _read(name: str, side: str | None = None) -> tuple[Suite, _SuiteFile]:
     """Return a suite and the content of its file; no player is loaded."""
     path = suite_file(name)
     where = f"suite {path}"

@@ -330,8 +330,8 @@ def _numbers(
     return field(default=default, metadata={**limits, "doc": doc, "needs": needs})
 
 
-def _choice(default: str, choices: tuple[str, ...], doc: str, needs: tuple[str, str] | None = None) -> Any:
-    return field(default=default, metadata={"choices": choices, "doc": doc, "needs": needs})
+def _choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
+    return field(default=default, metadata={"choices": choices, "doc": doc, "needs": None})
 
 
 def _other(default: object, doc: str, needs: tuple[str, str] | None = None) -> Any:

@@ -21,7 +21,7 @@ from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec, OtherGame, observation_size
 from fpg_bench.players.card import FILE, AgentCard
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise, unplayable
-from fpg_bench.players.player import SIDES, Memory, Player
+from fpg_bench.players.player import SIDES, Memory, Player, Prediction
 from fpg_bench.players.remote import fetch, is_remote
 from fpg_bench.players.seeded import SeededPolicy
 from fpg_bench.players.trust import is_exported_here, remember_exported
@@ -89,9 +89,7 @@ class OnnxPlayer(SeededPolicy):
         self.noise_size = inputs["noise"][1] if "noise" in inputs else 0
         self._outputs = ["action", "next_state"] if self.state_size else ["action"]
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         count = len(seen)
         memory, steps = (None, np.zeros(count, np.int64)) if state is None else state
         feeds = {"observation": np.ascontiguousarray(seen, np.float32)}

@@ -21,7 +21,7 @@ from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import OWN_FREQUENCY, SENSED_COVERS, SENSED_TYPE, SNR, SPREADING_TIME
 from fpg_bench.game.state import ACTION_SIZE, TYPES, Record
-from fpg_bench.players.player import Memory
+from fpg_bench.players.player import Memory, Prediction
 from fpg_bench.players.scripted import ally_speed, scenario_scales
 from fpg_bench.players.seeded import SeededPolicy
 
@@ -192,9 +192,7 @@ class Learner(SeededPolicy):
         self._points = scenario.frequency_points
         self._rules, self._scales = rules_record(scenario), scenario_scales(scenario)
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         count = len(seen)
         memory = self._empty(count) if state is None else tuple(part.copy() for part in state)
         for part in memory if starts is not None else ():

@@ -11,6 +11,7 @@ import numpy as np
 
 SIDES = ("ally", "opponent")
 Memory = Any  # what a player remembers of its rounds; only the player itself knows its type
+Prediction = tuple[np.ndarray, Memory]  # actions, and the memory for the next step
 
 
 @runtime_checkable
@@ -35,7 +36,7 @@ class Player(Protocol):
         state: Memory = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, Memory]:
+    ) -> Prediction:
         """Return actions ``(n, 9)`` float32 in [-1, 1], and the player's next memory.
 
         Args:
@@ -72,7 +73,7 @@ class Abilities:
     """
 
     reset: Callable[[np.ndarray, np.ndarray], None] | None
-    predict_rows: Callable[..., tuple[np.ndarray, Memory]] | None
+    predict_rows: Callable[..., Prediction] | None
     sees_state: bool
     pursues: bool
     is_known: bool

@@ -20,7 +20,7 @@ from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.learners import Learner
-from fpg_bench.players.player import Memory, Player, PlayerSpec
+from fpg_bench.players.player import Memory, Player, PlayerSpec, Prediction
 from fpg_bench.players.preprocessing import (
     Preprocessing,
     check_difference,
@@ -181,9 +181,7 @@ class ModelPlayer(Seeded):
         self.model, self._choices, self._preprocessing = model, choices, preprocessing
         self._mask = choices.mask if choices and takes_masks(model) and not choices.mask.all() else None
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         steps = np.zeros(len(seen), np.int64)
         stack, state, steps = (None, None, steps) if state is None else state
         if starts is not None:

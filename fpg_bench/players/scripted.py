@@ -37,7 +37,7 @@ from fpg_bench.game.sensing import (
     SPREADING_TIME,
 )
 from fpg_bench.game.state import ACTION_SIZE, TYPES, Record
-from fpg_bench.players.player import Memory
+from fpg_bench.players.player import Memory, Prediction
 from fpg_bench.players.seeded import Batched, SeededPolicy
 
 IDLE, RANDOM_ALLY, REACTIVE, EXPERT, EXPERT_SPREAD, ALWAYS_HOP = range(len(ALLIES))
@@ -231,9 +231,7 @@ class Scripted(SeededPolicy):
         self._play = play_ally if side == "ally" else play_opponent
         self._scales = scenario_scales(scenario)
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         count = len(seen)
         steps = np.zeros(count, np.int64) if state is None else state.copy()
         if starts is not None:
@@ -275,9 +273,7 @@ class OracleAlly(Batched):
         self._half_point = 1.0 / (scenario.frequency_points - 1)
         self._box, self._sprint_m = np.asarray(scenario.box_m), scenario.script_sprint_m
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         frequency = seen[:, ALLY + OWN_FREQUENCY]
         known = seen[:, OPPONENT + KNOWN_FREQUENCY]
         due = seen[:, OPPONENT + NEXT_CHECK] * self._check_s < 1.5
@@ -302,9 +298,7 @@ class OracleOpponent(Batched):
     def __init__(self, scenario: Scenario) -> None:
         self._box = np.asarray(scenario.box_m)
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         actions = np.full((len(seen), ACTION_SIZE), -1, np.float32)
         actions[:, TYPE_SCORES + TONE] = 1
         actions[:, TUNING] = seen[:, ALLY + OWN_FREQUENCY]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fpg_bench.players.player import Memory
+from fpg_bench.players.player import Memory, Prediction
 
 
 class Batched:
@@ -19,16 +19,14 @@ class Batched:
         state: Memory = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, Memory]:
+    ) -> Prediction:
         """Play one step of one game or of many; see :class:`fpg_bench.players.player.Player`."""
         if observation.ndim == 1:
             actions, state = self.predict(observation[None], state, episode_start)
             return actions[0], state
         return self._answer(observation, state, episode_start)
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         """Return the actions in a batch of games and the next memory."""
         raise NotImplementedError
 
@@ -78,7 +76,7 @@ class SeededPolicy(Seeded):
         state: Memory = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, Memory]:
+    ) -> Prediction:
         """Play one step of some games; the memory of the others stays as it is.
 
         Args:

@@ -28,7 +28,7 @@ from fpg_bench.game.sensing import (
     SPREADING_TIME,
 )
 from fpg_bench.game.state import ACTION_SIZE, TYPES, Record
-from fpg_bench.players.player import Memory
+from fpg_bench.players.player import Memory, Prediction
 from fpg_bench.players.scripted import (
     BROADBAND,
     COMB,
@@ -307,9 +307,7 @@ class Tactic(SeededPolicy):
         self._constants = np.array([changes.get(key, each.default) for key, each in known.items()], float)
         self._scales = scenario_scales(scenario)
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         count, kind = len(seen), ALLY_MEMORY if self.side == "ally" else OPPONENT_MEMORY
         memory = np.zeros(count, kind) if state is None else state.copy()
         if starts is not None:

@@ -26,7 +26,7 @@ from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.spec import OtherGame
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
-from fpg_bench.players.player import Memory
+from fpg_bench.players.player import Memory, Prediction
 from fpg_bench.players.preprocessing import core_of, preprocessing_of
 from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.seeded import SeededPolicy
@@ -320,9 +320,7 @@ class ActorPlayer(SeededPolicy):
         if (core := core_of(model)) is not None and isinstance(core.game_spec, OtherGame):
             self.sees, self.skills = core.game_spec.sees, core.game_spec.skills
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         count, actor = len(seen), self._actor
         observation = torch.from_numpy(np.array(seen, np.float32))
         memory, steps = (None, np.zeros(count, np.int64)) if state is None else state

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,6 +52,11 @@ def test_the_gain_between_the_places_is_linear_in_db_and_read_beside_the_file(tm
     noise = -148 + 10 * np.log10(5e6)
     expected = 36 - 60 - x / 100 - y / 50 - z / 20 - noise
     np.testing.assert_allclose(batch.games["clean_snr_db"], expected, rtol=1e-9)
+
+
+def test_the_example_is_the_free_space_of_the_preset():
+    lines = (Path(__file__).parents[2] / "examples/free-space.csv").read_text().splitlines()[1:]
+    assert lines == [",".join(row) for row in rows(preset("link"), [250, 250, 200])]
 
 
 def test_a_fine_grid_of_free_space_is_free_space(tmp_path):

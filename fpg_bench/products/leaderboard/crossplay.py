@@ -44,7 +44,7 @@ from fpg_bench.game.flight import rotary_wing_w
 from fpg_bench.game.rules import radio_record
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.players.player import SIDES, Abilities, Memory, Player
+from fpg_bench.players.player import SIDES, Abilities, Memory, Player, Prediction
 from fpg_bench.players.registry import as_player
 from fpg_bench.products.leaderboard.folders import crossplay_file, submission_folders
 from fpg_bench.products.leaderboard.playing import Part, parts_of, running_player, work_store
@@ -515,7 +515,7 @@ class Team:
         state: Memory = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, Memory]:
+    ) -> Prediction:
         """Play one step; see :class:`fpg_bench.players.player.Player`."""
         memories = [None] * len(self._members) if state is None else state
         actions, after = np.empty((len(observation), ACTION_SIZE), np.float32), []

@@ -11,7 +11,6 @@ from typing import Annotated
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import PositiveInt, Strict, parse
@@ -105,21 +104,15 @@ def keep_seasons(folder: str | Path = "leaderboard") -> list[SeasonRow]:
     Rows of the same season and track that the file already has are replaced, all others stay.
 
     Returns:
-        The new rows.
+        The new rows; of a season that no entry has played, there are none.
 
     Raises:
-        UserError: a file cannot be read, or no entry has played the newest season of a scenario.
+        UserError: a file cannot be read.
     """
     folder = Path(folder)
     entries = load_entries(folder)
     numbers = {scenario: key.number for scenario, key in entries.suites.seasons.items()}
     rows = season_rows(make_board(entries), numbers)
-    for scenario, number in numbers.items():
-        if not any(TRACKS[row.track].scenario == scenario for row in rows):
-            raise UserError(
-                f"leaderboard {folder}: no entry has played season {number} of {scenario}; a season is kept "
-                "before the next one is closed"
-            )
     made = {(row.season, row.track) for row in rows}
     others = [row for row in read_seasons(folder) if (row.season, row.track) not in made]
     _write(seasons_file(folder), [*others, *rows])

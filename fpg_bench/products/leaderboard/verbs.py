@@ -309,16 +309,21 @@ def close_season(
 ) -> None:
     """Close a season: train candidates with a seed derived from the entries, and select the suite from them.
 
+    The scores of the present season are kept first, as verification replaces them once the new one is there.
+
     Example: fpg-bench leaderboard close-season 4 --work runs/season-4
     """
     require_extra("train", "torch")
     from fpg_bench.players.agent import baselines_folder
     from fpg_bench.players.player import SIDES
+    from fpg_bench.products.leaderboard.past_seasons import keep_seasons
     from fpg_bench.products.leaderboard.season import closing as seasons
 
     closing = seasons.make_closing(
         name, folder, work, n_candidates or seasons.CANDIDATES, size or seasons.SIZE, scenario=scenario
     )
+    if closing.number is not None and out is None:
+        keep_seasons(folder)
     season = seasons.close_season(
         closing,
         out or baselines_folder() / "suites" / closing.name,

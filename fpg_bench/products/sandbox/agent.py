@@ -12,7 +12,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.card import AgentCard
-from fpg_bench.players.player import Memory
+from fpg_bench.players.player import Memory, Prediction
 from fpg_bench.players.seeded import Batched
 from fpg_bench.products.sandbox import client
 from fpg_bench.products.sandbox.client import Policy, check_policy
@@ -60,9 +60,7 @@ class SandboxedAgent(Batched):
         if self.failure is not None:
             self.invalid = np.ones(len(mask), bool)
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         if self.failure is None:
             with self._failures():
                 actions, state = self._running().predict(seen, state, starts)

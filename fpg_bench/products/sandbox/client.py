@@ -15,7 +15,7 @@ from fpg_bench.common.errors import one_line, printable
 from fpg_bench.common.strict_json import read_plain
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.card import AgentCard
-from fpg_bench.players.player import Memory
+from fpg_bench.players.player import Memory, Prediction
 from fpg_bench.players.seeded import Batched
 from fpg_bench.products.sandbox.process import PolicyFailed, ProcessLimits, Sandbox, Unprotected
 
@@ -168,9 +168,7 @@ class PolicyClient(Batched):
             with self._running().within(self.limits.call_s):
                 self._running().send(HEAD.pack(RESET, len(mask), 0), *parts)
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         """Return the process's actions; the memory stays there.
 
         Raises:

@@ -37,7 +37,7 @@ from fpg_bench.game.sensing import (
     SPREADING_TIME,
 )
 from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TYPES, Record
-from fpg_bench.players.player import Memory, Player, PlayerSpec
+from fpg_bench.players.player import Memory, Player, PlayerSpec, Prediction
 from fpg_bench.players.registry import any_player
 from fpg_bench.players.scripted import (
     BROADBAND,
@@ -432,9 +432,7 @@ class TeamScript(SeededPolicy):
         self._seats, self._before, self._noise = _scratch(scenario)
         self._finds = np.zeros((_FINDS + MOST_JAMMERS, 2))
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         count = len(seen)
         if seen.shape[1] != TEAM_OBSERVATION_SIZE:
             raise UserError(
@@ -554,9 +552,7 @@ class JointAllies(Batched):
         """Take the jammers' actions of this step, ``(G, M, 9)``."""
         self._jamming = np.clip(actions, -1, 1).astype(np.float32)
 
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
+    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         batch = self._batch
         actions = np.zeros((*batch.allies.shape, ACTION_SIZE), np.float32)
         jamming = np.zeros((*batch.opponents.shape, ACTION_SIZE), np.float32)

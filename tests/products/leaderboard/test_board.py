@@ -264,9 +264,21 @@ def test_a_season_that_nobody_has_played_is_not_kept(season, small_suites):
     keep_seasons(season)
     before = seasons_file(season).read_bytes()
     close_season(small_suites, 2, ally={"rivals": [{"opponent": "adaptive"}]})
-    with pytest.raises(UserError, match="no entry has played season 2 of standard; a season is kept before"):
-        keep_seasons(season)
+    assert keep_seasons(season) == []
     assert seasons_file(season).read_bytes() == before
+
+
+def test_a_season_is_kept_before_the_next_one_is_closed(season, tmp_path, monkeypatch):
+    def closes(closing, out, *_, **__):
+        closed.append((closing.name, seasons_file(season).exists()))
+
+    closed = []
+    monkeypatch.setattr("fpg_bench.products.leaderboard.season.closing.close_season", closes)
+    for words in ("training-9", f"2 --out {tmp_path / 'out'}", "2"):
+        words = f"leaderboard close-season {words} --folder {season} --work {tmp_path}"
+        assert CliRunner().invoke(app, words.split()).exit_code == 0
+    assert closed == [("training-9", False), ("season-2", False), ("season-2", True)]
+    assert {row.season for row in read_seasons(season)} == {1}
 
 
 def improve_public(board, slug, points):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import measure_team_payoffs
 import numpy as np
 import pytest
-from marks import fill
+from lineage import fill
 from measure_team_payoffs import Results, clone_table, payoff_table, without_bounds
 
 from fpg_bench.common.errors import UserError
