@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.logger import configure
+from stable_baselines3.common.logger import TensorBoardOutputFormat, configure
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 from torch.distributions import Distribution
 
 from fpg_bench.common.canvas import write_figure
@@ -573,6 +574,11 @@ class _Run:
         started = self.about.model_copy(update={"finished": False, "part": self._part})
         started.write(self.folder.path)
         self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
+        if kept := self.model.num_timesteps:  # TensorBoard drops what a killed process logged behind it
+            (output,) = self.model.logger.output_formats
+            assert isinstance(output, TensorBoardOutputFormat)
+            restart = Event(step=kept + 1, session_log=SessionLog(status=SessionLog.START))
+            output.writer._get_file_writer().add_event(restart)
         return started
 
     def _divergence(self) -> UserError:
