@@ -29,7 +29,7 @@ NEEDS = {
     "torchrl_ppo": "torchrl",
 }
 COUNTING = """
-import atexit, runpy, sys
+import atexit, os, runpy, sys
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.products.teams.batch import TeamBatch
 
@@ -43,6 +43,7 @@ for kind in (GameBatch, TeamBatch):
     kind.step = step
 atexit.register(lambda: print(sum(ended), "rounds ended"))
 sys.argv.pop(0)
+sys.path.insert(0, os.path.dirname(sys.argv[0]))  # as a script's own folder is
 runpy.run_path(sys.argv[0], run_name="__main__")
 """
 DISCRETE = ("benchmarl_qmix", "dqn_single_file", "torchrl_dqn")

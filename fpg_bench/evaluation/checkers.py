@@ -89,7 +89,7 @@ def check_player(
         one_of(game if isinstance(game, str) else game.id, "game", offered("game"))
         other = other_game(GameSpec.of(game, side=side))
     if other is not None:  # against its scripts
-        changes = {"ally": None, "opponent": None, "actions": None, "untrusted": frozenset()}
+        changes: dict[str, Any] = {"ally": None, "opponent": None, "actions": None, "untrusted": frozenset()}
         other = dataclasses.replace(
             other, **changes if scenario is None else changes | {"scenario": scenario}
         )
@@ -163,7 +163,8 @@ class _Sparring(Core):
 
     @property
     def observations(self) -> np.ndarray:
-        return self.batch.ally_observations if self._is_ally else self.batch.opponent_observations
+        batch = self.duel.batch
+        return batch.ally_observations if self._is_ally else batch.opponent_observations
 
     def step(self, actions: np.ndarray) -> None:
         both = actions, self._other.act()

@@ -91,8 +91,8 @@ def watch(
     if other := other_game(GameSpec.of(home or id, **game)):
         if rounds > 1:
             raise UserError(f"rounds: {other.id} is shown for one round, got {rounds}")
-        options = {"seed": seed, "every": every, "overwrite": overwrite}
-        return [game_product(other.id).watch(ally, opponent, out, game=other, **options)]
+        product = game_product(other.id)
+        return [product.watch(ally, opponent, out, game=other, seed=seed, every=every, overwrite=overwrite)]
     target = None if out is None else checked_target(Path(out), overwrite)
     duel = make_duel(game=_home(GameSpec.of(id, **game), ally, opponent))
     names = {"ally": player_name(ally), "opponent": player_name(opponent)}

@@ -95,7 +95,7 @@ def train(
     out: str | Path,
     *,
     evaluations: int = EVALUATIONS,
-    progress: bool = True,
+    progress: bool | str = True,
     restart: bool = False,
     resume: bool = False,
     log_rounds: bool = False,
@@ -124,7 +124,8 @@ def train(
         config: the run.
         out: the run's folder.
         evaluations: number of evaluations during training; 0 for none.
-        progress: show a progress bar, or log lines if standard output is not a terminal.
+        progress: show a progress bar, or log lines if standard output is not a terminal; as a name, print
+            lines that begin with it, as one of several runs.
         restart: discard an unfinished run in the folder and start over.
         resume: continue an unfinished run in the folder, or start one if there is none.
         log_rounds: log a picture and a film of a round at each evaluation, for TensorBoard; needs the extra
@@ -303,7 +304,7 @@ def train_seeds(
             evaluations=evaluations,
             restart=restart,
             resume=not restart,
-            progress=False,
+            progress=folder.name,
             curve=False,
             log_rounds=log_rounds,
         )
@@ -511,7 +512,7 @@ class _Run:
     def learn(
         self,
         evaluators: Mapping[str, PolicyEvaluator],
-        progress: bool,
+        progress: bool | str,
         log_rounds: bool = False,
         rival: tuple[_Run, tuple[ActorPlayer, ActorPlayer]] | None = None,
     ) -> None:
@@ -536,7 +537,8 @@ class _Run:
                 RivalCallback(cast(OnPolicyAlgorithm, other.model), other.about.training_steps, players)
             )
             sides += other.sides
-        bars = [ProgressCallback(budget)] if progress else []
+        name = (progress,) if isinstance(progress, str) else ()
+        bars = [ProgressCallback(budget, *name)] if progress else []
         clock = Clock(self._seconds_before)
         with StopRequest(_STOPPING) as stop:
             self._imitate(stop)
@@ -578,7 +580,7 @@ class _Run:
             (output,) = self.model.logger.output_formats
             assert isinstance(output, TensorBoardOutputFormat)
             restart = Event(step=kept + 1, session_log=SessionLog(status=SessionLog.START))
-            output.writer._get_file_writer().add_event(restart)
+            output.writer._get_file_writer().add_event(restart)  # type: ignore[no-untyped-call]
         return started
 
     def _divergence(self) -> UserError:

@@ -83,9 +83,9 @@ def record_team(
         batches.append(batch)
 
     play_teams(allies, opponents, scenario, team or TeamRules(), 1, seeds=seed, on_step=keep)
-    frames, batch = (np.stack(each) for each in zip(*kept, strict=True)), batches[0]
-    curve = batch.allies[0, 0]["control_points"].copy()
-    return TeamRecording(scenario, seed, curve, *frames, batch.measures(0))
+    frames, jammers, jams = (np.stack(each) for each in zip(*kept, strict=True))
+    curve = batches[0].allies[0, 0]["control_points"].copy()
+    return TeamRecording(scenario, seed, curve, frames, jammers, jams, batches[0].measures(0))
 
 
 def print_team(
