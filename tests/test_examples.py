@@ -23,10 +23,29 @@ NEEDS = {
     "ppo_single_file": "torch",
     "rllib_ppo": "ormsgpack",  # ray is here without what RLlib needs
     "sbx_ppo": "sbx",
+    "team_ppo": "torch",
     "tianshou_ppo": "tianshou",
     "torchrl_dqn": "torchrl",
     "torchrl_ppo": "torchrl",
 }
+COUNTING = """
+import atexit, os, runpy, sys
+from fpg_bench.game.batch import GameBatch
+from fpg_bench.products.teams.batch import TeamBatch
+
+ended = []
+for kind in (GameBatch, TeamBatch):
+    def step(batch, *actions, step=kind.step):
+        before = batch.games["truncated"].sum()
+        result = step(batch, *actions)
+        ended.append(batch.games["truncated"].sum() - before)
+        return result
+    kind.step = step
+atexit.register(lambda: print(sum(ended), "rounds ended"))
+sys.argv.pop(0)
+sys.path.insert(0, os.path.dirname(sys.argv[0]))  # as a script's own folder is
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
 DISCRETE = ("benchmarl_qmix", "dqn_single_file", "torchrl_dqn")
 
 
@@ -36,15 +55,20 @@ DISCRETE = ("benchmarl_qmix", "dqn_single_file", "torchrl_dqn")
 def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
     if importlib.util.find_spec(needs) is None:
         pytest.skip(f"{needs} is not installed")
-    words = ["--steps", 1300, "--envs", 4, "--out", tmp_path / "agent"]  # past the end of a round
+    words = ["--steps", 1300, "--envs", 4, "--out", tmp_path / "agent"]
     if name != "dqn_single_file":  # it learns in each step
         words += ["--rollout", 64]
-    run = python(ROOT / "examples" / f"{name}.py", *words)
+    run = python("-c", COUNTING, ROOT / "examples" / f"{name}.py", *words)
     assert run.returncode == 0, run.stderr
     assert re.search(r"\d+ steps per CPU second", run.stdout)
+    if name != "rllib_ppo":  # its games are in other processes
+        assert int(re.search(r"(\d+) rounds ended", run.stdout)[1]) >= 4
     agent = fpg_bench.load_agent(tmp_path / "agent")
-    actions, _ = agent.predict(np.random.default_rng(0).uniform(-1, 1, (3, 15)).astype(np.float32))
+    actions, _ = agent.predict(np.random.default_rng(0).uniform(-1, 1, (3, agent.size)).astype(np.float32))
     assert actions.shape == (3, 9)
+    if name == "team_ppo":
+        (row,) = fpg_bench.evaluate({name: str(tmp_path / "agent")}, "team-ally-link-v1", matches=1)
+        assert (row.entry, row.training.steps) == (name, 6 * 4 * 64 * 3)
     if name in DISCRETE:
         rows = Choices("ally", "discrete", STANDARD).lists[0].rows
         assert agent.card.game.actions == "discrete"

@@ -14,6 +14,7 @@ import typer
 from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import (
+    GAME,
     OUTPUT,
     AllowOption,
     JsonOption,
@@ -28,8 +29,10 @@ from fpg_bench.cli.options import (
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
+from fpg_bench.common.ids import DUEL
 from fpg_bench.common.output import is_terminal
 from fpg_bench.common.parallel import Workers
+from fpg_bench.common.products import offered
 
 
 def play(
@@ -37,6 +40,14 @@ def play(
     opponent: PlayerOption = "adaptive",
     *,
     game: Annotated[Given, game_options("scenario", "path", "planner")],
+    env_id: Annotated[
+        str,
+        typer.Option(
+            "--id",
+            help=f"The game: {' or '.join((DUEL, *offered('game')))}; agents of another play theirs.",
+            rich_help_panel=GAME,
+        ),
+    ] = DUEL,
     seed: Annotated[int, typer.Option(help="Seed of the match.")] = 0,
     every: Annotated[
         int, typer.Option(min=1, help="Print only every n-th step.", rich_help_panel=OUTPUT)
@@ -44,7 +55,8 @@ def play(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Write a video (.gif, .mp4) or a page (.html) instead of text.", rich_help_panel=OUTPUT
+            help="Write a video (.gif, .mp4) or a page (.html; of teams a picture, .png) instead of text.",
+            rich_help_panel=OUTPUT,
         ),
     ] = None,
     overwrite: Annotated[
@@ -57,7 +69,7 @@ def play(
     """
     from fpg_bench.evaluation.watching import watch
 
-    watch(ally, opponent, seed=seed, out=out, every=every, overwrite=overwrite, **game)
+    watch(ally, opponent, id=env_id, seed=seed, out=out, every=every, overwrite=overwrite, **game)
 
 
 def evaluate(

@@ -11,6 +11,7 @@ problem and how to fix it::
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
@@ -19,17 +20,22 @@ import gymnasium
 import numpy as np
 import pettingzoo
 
+from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.products import offered
+from fpg_bench.envs.core import Core
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.evaluation.suite import seated_player
 from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.game.spec import GameSpec, OtherGame, game_product, observation_size, other_game
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.planning import Limits, Planner, Request, as_planner, plan_all
 from fpg_bench.planning.planner import check_described
 from fpg_bench.planning.registry import resolve
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player, Prediction
 from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.registry import ModelPlayer, as_player, player_name
+from fpg_bench.players.registry import ModelPlayer, player_name, trained_game
 from fpg_bench.players.scripted import Scripted, player_seeds
 
 __all__ = ["check_env", "check_planner", "check_player", "check_scenario"]
@@ -55,7 +61,12 @@ def _as_assertions() -> Iterator[None]:
         raise AssertionError(str(error)) from error
 
 
-def check_player(player: Player | str, side: str, scenario: Scenario | str | None = None) -> None:
+def check_player(
+    player: Player | str,
+    side: str,
+    scenario: Scenario | str | None = None,
+    game: str | GameSpec | None = None,
+) -> None:
     """Check that a player keeps the contract of :class:`fpg_bench.players.player.Player`.
 
     Its actions must be floats ``(n, 9)``, finite and in [-1, 1], and equal for equal seeds, whatever the
@@ -65,16 +76,26 @@ def check_player(player: Player | str, side: str, scenario: Scenario | str | Non
     Args:
         player: a player, or its name.
         side: ``ally`` or ``opponent``.
-        scenario: a scenario, a preset's name or a YAML file; None: ``standard``.
+        scenario: a scenario, a preset's name or a YAML file; None: that of ``game``.
+        game: a product's game, as ``FPG/team_v0``; None: that of the agent's training, or else the duel.
 
     Raises:
         AssertionError: the first problem, and how to fix it.
-        UserError: no such player or scenario.
+        UserError: no such player, scenario or game.
     """
     _require(side in SIDES, f"side: expected 'ally' or 'opponent', got {side!r}")
-    played = as_scenario(scenario)
-    name, player = player_name(player), as_player(player, side, played)
-    observations, seeds = _record_observations(player, side, played)
+    other = trained_game(player, side)
+    if game is not None:
+        one_of(game if isinstance(game, str) else game.id, "game", offered("game"))
+        other = other_game(GameSpec.of(game, side=side))
+    if other is not None:  # against its scripts
+        changes: dict[str, Any] = {"ally": None, "opponent": None, "actions": None, "untrusted": frozenset()}
+        other = dataclasses.replace(
+            other, **changes if scenario is None else changes | {"scenario": scenario}
+        )
+    played = as_scenario(scenario) if other is None else other.resolve()
+    name, player = player_name(player), seated_player(player, side, played, other)
+    observations, seeds = _record_observations(player, side, played, other)
     tolerance = _TORCH_TOLERANCE if _holds_torch(player) else 0.0
 
     def equal(x: np.ndarray, y: np.ndarray) -> bool:
@@ -86,14 +107,15 @@ def check_player(player: Player | str, side: str, scenario: Scenario | str | Non
         "player: the same observations and seeds gave other actions; "
         "draw from the seeds of reset(mask, seeds), and keep memory in the returned state",
     )
-    for game in (slice(0, 1), slice(_GAMES - 1, _GAMES)):
+    count = len(seeds)
+    for row in (slice(0, 1), slice(count - 1, count)):
         _require(
-            equal(first[:, game], _replay(player, observations[:, game], seeds[game])),
-            f"player: game {game.start} of a batch of {_GAMES} gets other actions than alone; "
+            equal(first[:, row], _replay(player, observations[:, row], seeds[row])),
+            f"player: game {row.start} of a batch of {count} gets other actions than alone; "
             "let each row depend on its own observation, memory and seed only",
         )
     # The second half repeats the observations of the first, so that an empty memory repeats its actions.
-    half, restarted = len(observations) // 2, np.arange(_GAMES) % 2 == 0
+    half, restarted = len(observations) // 2, np.arange(count) % 2 == 0
     twice = np.concatenate([observations[:half], observations[:half]])
     broken = _replay(player, twice, seeds, restart=(half, restarted))
     _require(
@@ -107,25 +129,46 @@ def check_player(player: Player | str, side: str, scenario: Scenario | str | Non
     print(f"{name}: keeps to the contract of players")
 
 
-def _record_observations(player: Player, side: str, scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
-    """Return the observations ``(steps, games, size)`` of games against a script, and the player's seeds."""
-    duel = _duel_of(scenario, _GAMES)
-    other_side, script = _SPARRING[side]
-    other = PolicyRunner(other_side, [Scripted(other_side, script, scenario)], duel.batch)
-    other.begin(duel.reset(seeds=1))
-    seeds = player_seeds(np.ascontiguousarray(duel.batch.games["round_key"]), side)
-    start = np.ones(_GAMES, bool)
+def _record_observations(
+    player: Player, side: str, scenario: Scenario, game: OtherGame | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the observations ``(steps, games, size)`` of games against scripts, and the player's seeds."""
+    core = _Sparring(side, scenario) if game is None else game_product(game.id).make_core(game, _GAMES)
+    size = observation_size(game if getattr(player, "sees", "") == getattr(game, "sees", "") else None)
+    core.reset(seeds=1)
+    seeds = player_seeds(np.ascontiguousarray(core.batch.games["round_key"]), side)
+    start = np.ones(len(seeds), bool)
     _reset(player, start, seeds)
     state, observations = None, []
     sees_state = Abilities.of(player).sees_state
     for _ in range(min(_STEPS, scenario.steps_per_round)):
-        seen = duel.state() if sees_state else getattr(duel.present(), f"{side}_observations")
+        seen = core.duel.state() if sees_state else core.observations[:, :size].copy()
         observations.append(seen)
         actions, state = _predict(player, seen, state, start)
-        start = np.zeros(_GAMES, bool)
-        both = {side: actions, other_side: other.act()}
-        duel.step(both["ally"], both["opponent"])
+        start = np.zeros(len(seeds), bool)
+        core.step(actions)
     return np.array(observations), seeds
+
+
+class _Sparring(Core):
+    """Games of the duel of which one side meets a script."""
+
+    def __init__(self, side: str, scenario: Scenario) -> None:
+        self.duel, self._is_ally = _duel_of(scenario, _GAMES), side == "ally"
+        other, script = _SPARRING[side]
+        self._other = PolicyRunner(other, [Scripted(other, script, scenario)], self.duel.batch)
+
+    def _begin(self, mask: np.ndarray) -> None:
+        self._other.begin(mask)
+
+    @property
+    def observations(self) -> np.ndarray:
+        batch = self.duel.batch
+        return batch.ally_observations if self._is_ally else batch.opponent_observations
+
+    def step(self, actions: np.ndarray) -> None:
+        both = actions, self._other.act()
+        self.duel.step(*both[:: 1 if self._is_ally else -1])
 
 
 def _predict(player: Player, observation: np.ndarray, state: Memory, start: np.ndarray) -> Prediction:

@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.checks import integer
+from fpg_bench.common.checks import integer, one_of
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
 from fpg_bench.common.ids import DUEL
-from fpg_bench.common.products import load
+from fpg_bench.common.products import load, offered
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, make_match
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import STANDARD, Scenario
-from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.spec import GameSpec, game_product, other_game
 from fpg_bench.players.player import PlayerSpec
-from fpg_bench.players.registry import named_card, player_name
+from fpg_bench.players.registry import named_card, player_name, trained_game
 
 _logger = logging.getLogger(__name__)
 SUFFIXES = (".html", ".gif", ".mp4")
@@ -49,6 +49,7 @@ def watch(
     ally: PlayerSpec = "expert",
     opponent: PlayerSpec = "adaptive",
     *,
+    id: str = DUEL,
     seed: int = 0,
     rounds: int = 1,
     out: str | Path | None = None,
@@ -56,21 +57,24 @@ def watch(
     overwrite: bool = False,
     **game: Any,
 ) -> list[dict[str, float | None]]:
-    """Play a game of two players and print or film it.
+    """Play a game of two players, or of two teams of them, and print or film it.
 
     Without ``out`` every step is printed as a line of text, and each round ends with a line of measures. With
     it the rounds are written to a file: ``.html`` is an interactive replay, ``.gif`` and ``.mp4`` are films,
-    which need the extra ``video``. Then only the lines of measures and the file's name are printed.
+    which need the extra ``video``. Then only the lines of measures and the file's name are printed. Teams are
+    shown for one round, also as a picture (``.png``, ``.svg``, ``.pdf``), and not as a page.
 
     Args:
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
+        id: the duel, or a product's game of both sides, as ``FPG/team_v0``; an agent that was trained in one
+            plays that game, whatever is given.
         seed: seed of the match, a whole number in [0, 2^63).
         rounds: number of consecutive rounds; a match's last round is followed by the next match of its seed.
         out: the file to write, or None for text.
         every: show every n-th line or frame, and the last; a replay keeps all steps.
         overwrite: allow an existing file to be replaced.
         **game: ``scenario``, ``path``, ``planner``, ``knowledge``, ``jamming_types``: those of
-            :func:`fpg_bench.envs.two_player.make_duel`.
+            :func:`fpg_bench.envs.two_player.make_duel`; of a product's game, its options.
 
     Returns:
         The measures of each round, by the names of :func:`fpg_bench.game.metrics.measures`.
@@ -82,8 +86,15 @@ def watch(
     """
     for name, value in (("rounds", rounds), ("every", every)):
         integer(value, name)
+    one_of(id, "id", (DUEL, *offered("game")))
+    home = trained_game(ally, "ally") or trained_game(opponent, "opponent")
+    if other := other_game(GameSpec.of(home or id, **game)):
+        if rounds > 1:
+            raise UserError(f"rounds: {other.id} is shown for one round, got {rounds}")
+        product = game_product(other.id)
+        return [product.watch(ally, opponent, out, game=other, seed=seed, every=every, overwrite=overwrite)]
     target = None if out is None else checked_target(Path(out), overwrite)
-    duel = make_duel(game=_home(GameSpec.of(DUEL, **game), ally, opponent))
+    duel = make_duel(game=_home(GameSpec.of(id, **game), ally, opponent))
     names = {"ally": player_name(ally), "opponent": player_name(opponent)}
     match = make_match(duel, ally, opponent)
     recordings, measures = [], []
@@ -193,11 +204,16 @@ def _step_line(frame: np.void, scenario: Scenario) -> str:
 
 
 def _closing_line(recording: Recording, measures: dict[str, float | None]) -> str:
+    return f"{_which(recording)}: {shown_measures(measures)}"
+
+
+def shown_measures(measures: dict[str, float | None]) -> str:
+    """Return the measures of a round as a line of text."""
     values = (
         f"{name} {'none' if measures[key] is None else format(measures[key], style)}"
         for key, name, style in _CLOSING
     )
-    return f"{_which(recording)}: {', '.join(values)}"
+    return ", ".join(values)
 
 
 def _write(recordings: Sequence[Recording], path: Path, names: dict[str, str], every: int) -> None:

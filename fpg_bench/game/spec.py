@@ -284,9 +284,11 @@ class OtherGame(GameSpec, abc.ABC):
 
     Attributes:
         sees: what its players have as attribute ``sees``; the duel refuses such players.
+        samples: whether exported agents draw their actions; else they play their mode.
     """
 
     sees: ClassVar[str]
+    samples: ClassVar[bool]
 
     @property
     @abc.abstractmethod
@@ -338,6 +340,11 @@ class GameProduct(Protocol):
 
     def make_match(self, player: Any, suite: Any, rival: Any, count: int) -> Any:
         """Return the :class:`fpg_bench.evaluation.rounds.MatchBatch` in which a player meets a rival."""
+
+    def watch(
+        self, ally: Any, opponent: Any, out: Any, *, game: Any, seed: int, every: int, overwrite: bool
+    ) -> dict[str, float | None]:
+        """Play a round of two players, print or draw it, and return its measures."""
 
 
 def game_product(env_id: str) -> GameProduct:

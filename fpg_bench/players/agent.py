@@ -17,8 +17,7 @@ from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_bounded, read_json
 from fpg_bench.common.products import load
 from fpg_bench.common.strict_json import JsonObject
-from fpg_bench.game.scenario import STANDARD
-from fpg_bench.game.spec import GameSpec, OtherGame, observation_size
+from fpg_bench.game.spec import GameSpec, OtherGame, kind_of, observation_size, option_names
 from fpg_bench.players.card import FILE, AgentCard
 from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise, unplayable
 from fpg_bench.players.player import SIDES, Memory, Player, Prediction
@@ -332,9 +331,10 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
         model: the policy as ONNX, its bytes or its file, with the inputs and outputs of
             :class:`fpg_bench.players.agent.OnnxPlayer`. Notes of the exporter on this machine are removed;
             weights in files beside the given one are put into it.
-        **about: attributes of :class:`fpg_bench.players.card.AgentCard`, with ``id`` in place of ``game`` if
-            you like: ``algorithm``, ``id``, ``training_seed`` and ``training_steps`` at least; ``scenario``
-            (its hash) where it was not ``standard``; of ``FPG/duel_v0`` also ``side``.
+        **about: attributes of :class:`fpg_bench.players.card.AgentCard`: ``algorithm``, ``game``,
+            ``training_seed`` and ``training_steps`` at least; of ``FPG/duel_v0`` also ``side``. In place of
+            ``game`` its ``id``, with ``actions``, and of a product's game, as ``FPG/team_v0``, all options
+            that only such games have (``side``, ``allies``). ``scenario`` is by default that of the game.
 
     Raises:
         UserError: a field missing, a policy with other inputs or outputs, one that fails or whose rows depend
@@ -346,12 +346,17 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
         if isinstance(model, bytes)
         else stripped(Path(model).read_bytes(), Path(model).parent)
     )
-    content: JsonObject = {"scenario": STANDARD.hash, **about}
-    content["policy_sha256"] = hashlib.sha256(data).hexdigest()
+    content: JsonObject = {**about, "policy_sha256": hashlib.sha256(data).hexdigest()}
     if "id" in content:
-        content["game"] = GameSpec(content.pop("id"), actions=content.pop("actions", None))
+        own = {*option_names(kind_of(content["id"]))} - {*option_names()} | {"actions"}
+        options = {name: content.pop(name) for name in own & content.keys()}
+        content["game"] = GameSpec.of(content.pop("id"), **options)
     elif "game" not in content:
         raise UserError(f"{where}: lacks id")
+    if "scenario" not in content:
+        game = content["game"]
+        played = (game if isinstance(game, GameSpec) else GameSpec.from_dict(game, "game")).resolve()
+        content |= {"scenario": played.hash, "scenario_fields": played.to_dict()}
     card = AgentCard.parse(content, where)
     try:
         OnnxPlayer(data, card).check_answers()

@@ -17,7 +17,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.choices import Choices
-from fpg_bench.game.spec import observation_size
+from fpg_bench.game.spec import GameSpec, observation_size
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
 from fpg_bench.planning.planner import asks_language_model
@@ -82,12 +82,15 @@ class Preprocessing:
         return shown
 
 
-def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preprocessing:
+def preprocessing_of(
+    model: Any, waterfall: Waterfall | None = None, game: GameSpec | None = None
+) -> Preprocessing:
     """Return what stands between a game and the policy of a model, but for the wrappers of :func:`unknown`.
 
     Args:
         model: a model of Stable-Baselines3, or anything else with ``predict``.
         waterfall: the waterfall that it sees; None for the 15 numbers.
+        game: the game of a model without games; None: the duel.
 
     Raises:
         UserError: wrappers that no player can have, observations of another size, statistics that are lost,
@@ -95,7 +98,7 @@ def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preproce
     """
     name, env, core = type(model).__name__, games_of(model), core_of(model)
     _check_weights(name, model)
-    size = observation_size(None if core is None else core.game_spec)
+    size = observation_size(game if core is None else core.game_spec)
     frames, before, after = 1, [], []
     for wrapper in reversed(list(_vec_wrappers(env))):
         kinds = {kind.__name__ for kind in type(wrapper).__mro__}
@@ -111,9 +114,9 @@ def preprocessing_of(model: Any, waterfall: Waterfall | None = None) -> Preproce
         _check_not_normalized(name, model)
     space = getattr(model, "observation_space", None)
     if isinstance(space, gymnasium.spaces.Box):
-        rest = space.shape[0] % OBSERVATION_SIZE if len(space.shape) == 1 else 1
+        rest = space.shape[0] % size if len(space.shape) == 1 else 1
         if core is None and frames == 1 and waterfall is None and not rest:
-            frames = space.shape[0] // OBSERVATION_SIZE  # all that is known of a model without its games
+            frames = space.shape[0] // size  # all that is known of a model without its games
         expected = (frames * size,) if waterfall is None else waterfall.shape
         if space.shape != expected:
             behind = f" behind {', '.join(unknown(model))}" if unknown(model) else ""

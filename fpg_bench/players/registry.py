@@ -16,6 +16,7 @@ from fpg_bench.common.ids import ALL_TACTICS, NAMED, SCRIPTS, action_modes, othe
 from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.spec import OtherGame, other_game
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
 from fpg_bench.players.card import AgentCard
@@ -152,6 +153,12 @@ def named_card(spec: PlayerSpec, side: str) -> AgentCard | None:
     from fpg_bench.players.agent import read_card
 
     return read_card(name)
+
+
+def trained_game(spec: PlayerSpec, side: str) -> OtherGame | None:
+    """Return the game that an agent was trained in, if it is not the duel; raises as :func:`named_card`."""
+    card = named_card(spec, side)
+    return None if card is None else other_game(card.game)
 
 
 def _is_agent(name: str, side: str) -> bool:

@@ -65,6 +65,7 @@ class Actor(nn.Module):
         choices: the choices of a discrete model; None takes those of its games.
         samples: whether it draws its actions, as a seat of a team and a learner in self-play do; None: as
             the model's games say.
+        game: the game of a model without games, if it is not the duel.
 
     Attributes:
         choices: None where actions are continuous.
@@ -81,7 +82,11 @@ class Actor(nn.Module):
     """
 
     def __init__(
-        self, model: BaseAlgorithm, choices: Choices | None = None, samples: bool | None = None
+        self,
+        model: BaseAlgorithm,
+        choices: Choices | None = None,
+        samples: bool | None = None,
+        game: OtherGame | None = None,
     ) -> None:
         super().__init__()
         policy = model.policy
@@ -90,7 +95,7 @@ class Actor(nn.Module):
             penalty = np.where(self.choices.mask, np.float32(0), FORBIDDEN)
             self.penalty = nn.Buffer(torch.as_tensor(penalty))
             self.tables = [torch.from_numpy(each.rows) for each in self.choices.lists]
-        self.samples = getattr(core_of(model), "samples", False) if samples is None else samples
+        self.samples = getattr(core_of(model) or game, "samples", False) if samples is None else samples
         self.noise_size = int(self.choices is not None and self.choices.is_drawn)
         if self.samples:
             self.noise_size += ACTION_SIZE if self.choices is None else len(self.choices.sizes)
@@ -100,7 +105,7 @@ class Actor(nn.Module):
         has_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
         self.squash = self.choices is None and bool(policy.squash_output) and not has_tanh
         self.waterfall = waterfall_of(model)
-        preprocessing = preprocessing_of(model, self.waterfall)
+        preprocessing = preprocessing_of(model, self.waterfall, game)
         self.before = nn.Sequential(*map(Normalization, preprocessing.before))
         self.after = nn.Sequential(*map(Normalization, preprocessing.after))
         self.size = self.frame_size = preprocessing.size

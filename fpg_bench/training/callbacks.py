@@ -86,15 +86,17 @@ def score_tag(side: str, name: str, sides: Sequence[str]) -> str:
 class ProgressCallback(BaseCallback):
     """A progress bar with steps, rate, time left and the mean return of the last rounds.
 
-    Without a terminal, a line is logged after each tenth of the budget, and after 30 s without a line.
+    Without a terminal, a line is logged after each tenth of the budget, and after 30 s without a line. One of
+    several runs prints a line after each 30 s, from whichever process it is in.
 
     Args:
         total: the budget in steps.
+        name: of one of several runs.
     """
 
-    def __init__(self, total: int) -> None:
+    def __init__(self, total: int, name: str = "") -> None:
         super().__init__()
-        self._total = total
+        self._total, self._name = total, name
         self._tenths = 0  # of the budget that a line was logged for
         self._progress = Progress(
             TextColumn("training"),
@@ -102,7 +104,7 @@ class ProgressCallback(BaseCallback):
             MofNCompleteColumn(),
             TextColumn("{task.fields[status]}"),
             TimeRemainingColumn(),
-            disable=not is_terminal(sys.stdout),
+            disable=bool(name) or not is_terminal(sys.stdout),
         )
 
     def _on_training_start(self) -> None:
@@ -123,7 +125,8 @@ class ProgressCallback(BaseCallback):
         tenths = 10 * self.num_timesteps // self._total
         if tenths > self._tenths:
             self._tenths = tenths
-            self._log()
+            if not self._name:
+                self._log()
 
     def _status(self) -> str:
         rate = (self.num_timesteps - self._first) / (time.monotonic() - self._start)
@@ -138,8 +141,11 @@ class ProgressCallback(BaseCallback):
         """Log the progress if no bar is drawn."""
         self._logged_at = time.monotonic()
         if self._progress.disable:
-            done = f"{self.num_timesteps:,} of {self._total:,} steps"
-            _logger.info(f"training: {done}, {self._status()}")
+            line = f"{self.num_timesteps:,} of {self._total:,} steps, {self._status()}"
+            if self._name:  # a worker logs nothing
+                print(f"{self._name}: {line}", file=sys.stderr, flush=True)
+            else:
+                _logger.info(f"training: {line}")
 
     def close(self) -> None:
         """Remove the bar, also after an error."""

@@ -14,6 +14,7 @@ require_libraries()
 import contextlib
 import hashlib
 import logging
+import math
 import os
 import tempfile
 import threading
@@ -34,11 +35,12 @@ from torch.distributions import Distribution
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import reason
+from fpg_bench.common.products import offered
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.actions import PREFERENCE
 from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.sensing import RELATIVE_POSITION
-from fpg_bench.game.spec import GameSpec
+from fpg_bench.game.spec import GameSpec, OtherGame, kind_of, observation_size, other_game
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.agent import OnnxPlayer, stripped
 from fpg_bench.players.card import AgentCard
@@ -176,7 +178,7 @@ def export_agent(
     if spec is None or spec.is_duel or (core is None and spec.scenario is None):
         raise UserError(
             "export: the model has no games of fpg_bench of one side; give the game that it was trained in, "
-            "as game=GameSpec('FPG/AllyVsScripted-v0', scenario='standard')"
+            f"as game={_example(model)}"
         )
     scenario = spec.resolve() if core is None else core.scenario
     choices = action_choices(spec.config.side, spec.action_mode, scenario) if core is None else None
@@ -188,11 +190,24 @@ def export_agent(
         "training_seed": training_seed,
         "training_steps": model.num_timesteps,
     }
-    return write_exported(model, Path(folder), description | about, choices)
+    return write_exported(model, Path(folder), description | about, choices, other_game(spec))
+
+
+def _example(model: BaseAlgorithm) -> str:
+    """Return the Python expression of a game whose players observe what a model does."""
+    size = math.prod(model.observation_space.shape or ())
+    for env_id in offered("game"):
+        if size % observation_size(kind_of(env_id)(env_id)) == 0:
+            return f"GameSpec.of({env_id!r}, side='ally')"
+    return "GameSpec('FPG/AllyVsScripted-v0', scenario='standard')"
 
 
 def write_exported(
-    model: BaseAlgorithm, folder: Path, about: JsonObject, choices: Choices | None = None
+    model: BaseAlgorithm,
+    folder: Path,
+    about: JsonObject,
+    choices: Choices | None = None,
+    game: OtherGame | None = None,
 ) -> float:
     """Write an agent folder: ``policy.onnx`` and ``agent.json``.
 
@@ -201,6 +216,7 @@ def write_exported(
         folder: the agent's folder.
         about: attributes of the agent's card; the action mode is added where actions are discrete.
         choices: the choices of a discrete model without games.
+        game: the game of a model without games, if it is not the duel.
 
     Returns:
         The largest difference of any action from the model's own ``predict``; of a policy that draws its
@@ -209,16 +225,16 @@ def write_exported(
     Raises:
         UserError: an unsupported policy, or one that plays differently once exported.
     """
-    actor = Actor(model, choices)
+    actor = Actor(model, choices, game=game)
     data = _onnx_of(actor, model)
-    game = dict(about["game"])
+    played = dict(about["game"])
     if actor.choices is not None:
-        game.setdefault("actions", actor.choices.mode)
-    content = {**about, "game": game, "policy_sha256": hashlib.sha256(data).hexdigest()}
+        played.setdefault("actions", actor.choices.mode)
+    content = {**about, "game": played, "policy_sha256": hashlib.sha256(data).hexdigest()}
     if actor.samples:
         content["sample"] = True
     card = AgentCard.parse(content, f"agent {folder}")
-    difference = _difference(actor, model)
+    difference = _difference(actor, model, game=game)
     remember_exported(card.policy_sha256)
     card.model_copy(update={"largest_difference": difference}).write(folder, data)
     return difference
@@ -229,11 +245,11 @@ def check_exportable(model: BaseAlgorithm) -> None:
     _difference(Actor(model), model, steps=20)
 
 
-def _difference(actor: Actor, model: BaseAlgorithm, steps: int = 200) -> float:
+def _difference(actor: Actor, model: BaseAlgorithm, steps: int = 200, game: OtherGame | None = None) -> float:
     """Return how far the export of an actor, playing its mode, plays from the model; refuse too far."""
-    mode = Actor(model, actor.choices, samples=False) if actor.samples else actor
+    mode = Actor(model, actor.choices, samples=False, game=game) if actor.samples else actor
     player = OnnxPlayer(_onnx_of(mode, model), size=mode.size)
-    difference = largest_difference(model, player, mode.choices, steps)
+    difference = largest_difference(model, player, mode.choices, steps, game)
     if not difference <= GREATEST_DIFFERENCE:
         kind = type(model.policy).__name__
         raise UserError(
@@ -244,7 +260,11 @@ def _difference(actor: Actor, model: BaseAlgorithm, steps: int = 200) -> float:
 
 
 def largest_difference(
-    model: BaseAlgorithm, player: Player, choices: Choices | None = None, steps: int = 200
+    model: BaseAlgorithm,
+    player: Player,
+    choices: Choices | None = None,
+    steps: int = 200,
+    game: OtherGame | None = None,
 ) -> float:
     """Return the largest difference of any action entry between a model and a player.
 
@@ -256,6 +276,7 @@ def largest_difference(
         player: what plays in its place; its ``predict`` gets the numbers of the game.
         choices: the choices of a discrete model; None for continuous actions.
         steps: number of steps.
+        game: as of :func:`write_exported`.
 
     Raises:
         UserError: wrappers of the games change what the model sees or does, or cannot be looked into.
@@ -265,7 +286,7 @@ def largest_difference(
     if difference is not None:
         return difference
     games, rng = 5, np.random.default_rng(0)
-    preprocessing = preprocessing_of(model, waterfall_of(model))
+    preprocessing = preprocessing_of(model, waterfall_of(model), game)
     stack = model_state = player_state = None
     starts, differences = np.ones(games, bool), []
     steps_of_round, keys = np.zeros(games, np.int64), np.arange(games, dtype=np.uint64)

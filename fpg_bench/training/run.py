@@ -135,8 +135,11 @@ def export_runs(source: str | Path, out: str | Path, side: str | None = None) ->
     source, out = Path(source), Path(out)
     seeds = seed_folders(source)
     targets = [out / seed.name for seed in seeds] or [out]
-    check_free(*targets)
     agents = [agent_of(run, side) for run in seeds or [source]]
+    for agent in agents:
+        if agent.resolve() in (out.resolve(), *out.resolve().parents):
+            raise UserError(f"export: --out {out} lies in the agent {agent}; name a folder outside of it")
+    check_free(*targets)
     for agent, target in zip(agents, targets, strict=True):
         for name in ("policy.onnx", "agent.json"):
             write_whole(target / name, (agent / name).read_bytes())

@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.logger import configure
+from stable_baselines3.common.logger import TensorBoardOutputFormat, configure
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 from torch.distributions import Distribution
 
 from fpg_bench.common.canvas import write_figure
@@ -94,7 +95,7 @@ def train(
     out: str | Path,
     *,
     evaluations: int = EVALUATIONS,
-    progress: bool = True,
+    progress: bool | str = True,
     restart: bool = False,
     resume: bool = False,
     log_rounds: bool = False,
@@ -123,7 +124,8 @@ def train(
         config: the run.
         out: the run's folder.
         evaluations: number of evaluations during training; 0 for none.
-        progress: show a progress bar, or log lines if standard output is not a terminal.
+        progress: show a progress bar, or log lines if standard output is not a terminal; as a name, print
+            lines that begin with it, as one of several runs.
         restart: discard an unfinished run in the folder and start over.
         resume: continue an unfinished run in the folder, or start one if there is none.
         log_rounds: log a picture and a film of a round at each evaluation, for TensorBoard; needs the extra
@@ -302,7 +304,7 @@ def train_seeds(
             evaluations=evaluations,
             restart=restart,
             resume=not restart,
-            progress=False,
+            progress=folder.name,
             curve=False,
             log_rounds=log_rounds,
         )
@@ -510,7 +512,7 @@ class _Run:
     def learn(
         self,
         evaluators: Mapping[str, PolicyEvaluator],
-        progress: bool,
+        progress: bool | str,
         log_rounds: bool = False,
         rival: tuple[_Run, tuple[ActorPlayer, ActorPlayer]] | None = None,
     ) -> None:
@@ -535,7 +537,8 @@ class _Run:
                 RivalCallback(cast(OnPolicyAlgorithm, other.model), other.about.training_steps, players)
             )
             sides += other.sides
-        bars = [ProgressCallback(budget)] if progress else []
+        name = (progress,) if isinstance(progress, str) else ()
+        bars = [ProgressCallback(budget, *name)] if progress else []
         clock = Clock(self._seconds_before)
         with StopRequest(_STOPPING) as stop:
             self._imitate(stop)
@@ -573,6 +576,11 @@ class _Run:
         started = self.about.model_copy(update={"finished": False, "part": self._part})
         started.write(self.folder.path)
         self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
+        if kept := self.model.num_timesteps:  # TensorBoard drops what a killed process logged behind it
+            (output,) = self.model.logger.output_formats
+            assert isinstance(output, TensorBoardOutputFormat)
+            restart = Event(step=kept + 1, session_log=SessionLog(status=SessionLog.START))
+            output.writer._get_file_writer().add_event(restart)  # type: ignore[no-untyped-call]
         return started
 
     def _divergence(self) -> UserError:

@@ -21,6 +21,7 @@ from fpg_bench.training.export import export_agent
 from fpg_bench.training.sb3_zip import load_zip
 from tests.training.tiny import ALLY, train_tiny
 
+OF_AN_AGENT = ["agent.json", "policy.onnx"]
 ID = "FPG/OpponentVsScripted-v0"
 export_verb = partial(export, game={})
 SMALL = {"net_arch": [16, 8]}
@@ -48,9 +49,11 @@ def saved(kind, folder, frames=1, **options):
 )
 def test_a_zip_is_read_without_its_pickles(kind, algorithm, frames, options, tmp_path, monkeypatch):
     model = saved(kind, tmp_path, frames, **options)
-    monkeypatch.setattr(pickle, "loads", None)
-    monkeypatch.setattr("cloudpickle.loads", None)
-    found = load_zip(tmp_path / "model.zip", algorithm, ID)
+    load_zip(tmp_path / "model.zip", algorithm, ID)  # compiles the game, whose cache is pickled
+    with monkeypatch.context() as without:
+        without.setattr(pickle, "loads", None)
+        without.setattr("cloudpickle.loads", None)
+        found = load_zip(tmp_path / "model.zip", algorithm, ID)
     assert export_agent(found, tmp_path / "seed_0", training_seed=0) < 1e-5
     seen = np.zeros((5, 15 * frames), np.float32)
     seen[:, -15:] = SEEN
@@ -175,5 +178,10 @@ def test_export_of_a_folder_of_runs_is_one_agent_for_each_seed(tmp_path):
         export_verb(tmp_path / "runs", tmp_path / "mine")
     assert not (tmp_path / "mine").exists()
     (tmp_path / "runs/seed_2").rmdir()
+    with pytest.raises(UserError, match=r"lies in the agent .*seed_0/agent; name a folder outside of it"):
+        export_verb(tmp_path / "runs", tmp_path / "runs/seed_0/agent")
+    assert sorted(path.name for path in (tmp_path / "runs/seed_0/agent").iterdir()) == OF_AN_AGENT
+    with pytest.raises(UserError, match="name a folder outside of it"):
+        export_verb(tmp_path / "runs/seed_0", tmp_path / "runs/seed_0/agent")
     export_verb(tmp_path / "runs", tmp_path / "mine")
     assert [load_agent(tmp_path / f"mine/seed_{k}").card.training_seed for k in (0, 1)] == [0, 1]

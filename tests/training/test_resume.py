@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch.utils.tensorboard import SummaryWriter
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
@@ -237,6 +239,22 @@ def test_a_resumed_run_has_each_evaluation_once(tmp_path, monkeypatch):
     rows = RowFile(tmp_path / "run" / "evaluations.jsonl").read()
     assert [row["steps"] for row in rows] == [0, 400, 800, 1200]
     assert [row["seconds"] for row in rows] == sorted(row["seconds"] for row in rows)
+
+
+@pytest.mark.slow
+def test_tensorboard_does_not_go_back_behind_a_kill(tmp_path, monkeypatch):
+    """What a killed process logged behind its last checkpoint is dropped."""
+    stopped("ppo", tmp_path / "run", monkeypatch, at=800)
+    with SummaryWriter(tmp_path / "run") as killed:
+        for step in (700, 800, 1000, 5000):
+            killed.add_scalar("killed", 0, step)
+    train_tiny("ppo", tmp_path / "run", resume=True)
+    events = EventAccumulator(str(tmp_path / "run"))
+    events.Reload()
+    assert [event.step for event in events.Scalars("killed")] == [700, 800]
+    steps = [event.step for event in events.Scalars("time/fps")]
+    assert steps == sorted(steps)
+    assert steps[-1] == 1200
 
 
 @pytest.mark.slow

@@ -285,6 +285,13 @@ def train_several(out, seeds, *, workers=2, evaluations=0, **options):
     return messages
 
 
+def test_several_seeds_say_how_far_each_is(tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(callbacks, "LINE_EVERY_S", 0.0)
+    train_several(tmp_path, [0, 2], workers=1)
+    said = capfd.readouterr().err
+    assert all(f"seed_{seed}: 1,200 of 1,200 steps, " in said for seed in (0, 2))
+
+
 @pytest.mark.process
 def test_each_seed_is_trained_once_and_a_failure_does_not_hold_up_the_others(tmp_path):
     (tmp_path / "seed_2").mkdir()

@@ -335,7 +335,8 @@ def _training_problems(
         yield f"seeds: listed but missing: {missing}; found: {_folder_names(present)}"
     if unlisted := _folder_names(present - listed):
         yield f"seeds: found but not listed: {unlisted}"
-    steps = [max(1, policy.card.training_steps) for policy in policies if policy.card is not None]
+    cards = [policy.card for policy in policies if policy.card is not None]
+    steps = [max(1, of) for card in cards for of in (card.training_steps, card.played_steps)]
     if steps and not min(steps) / _OVERSHOOT <= training.steps <= max(steps) * _OVERSHOOT:
         trained = f"{min(steps):,}" + (f" to {max(steps):,}" if min(steps) < max(steps) else "")
         yield f"steps: states {training.steps:,}, but agent.json has training_steps {trained}"

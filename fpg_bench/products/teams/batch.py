@@ -10,7 +10,7 @@ from fpg_bench.common.checks import check_keys, integer, one_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.batch import Seeds, load_actions, number_rounds, read_only
 from fpg_bench.game.flight import LEARNED, PURSUIT
-from fpg_bench.game.metrics import CLEAN
+from fpg_bench.game.metrics import CLEAN, measures, pool
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE, GAME, TALLY
@@ -216,6 +216,14 @@ class TeamBatch:
             seats: an index into ``(G, N)``.
         """
         return {CLEAN: float(self.allies["clean_mbit"][seats].sum())}
+
+    def measures(self, game: int, seat: int | None = None) -> dict[str, float | None]:
+        """Return the measures of one game's present round; see ``TeamGame.measures``."""
+        of = slice(None) if seat is None else slice(seat, seat + 1)
+        tally = pool(self.tallies[game, of]) | self.clean_sum((game, of))
+        allies = 1 if seat is not None else self.counts[game, 0]
+        tally |= {f"{side}_return": tally[f"{side}_return"] / allies for side in SIDES}
+        return measures(tally, self.histograms[game, of].sum(axis=0))
 
     def pursue(self, mask: np.ndarray) -> None:
         """Make jammers pursue their allies in this round instead of flying themselves (path ``learned``).

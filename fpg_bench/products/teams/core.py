@@ -11,7 +11,6 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.envs.core import action_space
 from fpg_bench.game.batch import ActionError, Seeds, described
 from fpg_bench.game.choices import action_choices
-from fpg_bench.game.metrics import measures, pool
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.population import expand_suites
 from fpg_bench.players.scripted import player_noise, player_seeds
@@ -164,11 +163,7 @@ class TeamGame:
 
         Returns are means over these allies; ``opponent_return`` is that of the reward ``team``.
         """
-        of = slice(None) if seat is None else slice(seat, seat + 1)
-        tally = pool(self.batch.tallies[game, of]) | self.batch.clean_sum((game, of))
-        allies = 1 if seat is not None else self.batch.counts[game, 0]
-        tally |= {f"{side}_return": tally[f"{side}_return"] / allies for side in SIDES}
-        return measures(tally, self.batch.histograms[game, of].sum(axis=0))
+        return self.batch.measures(game, seat)
 
     def state(self) -> np.ndarray:
         """Return the full state, ``(G, 607)``; see :meth:`fpg_bench.products.teams.batch.TeamBatch.state`."""

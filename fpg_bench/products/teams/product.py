@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fpg_bench.game.scenario import Scenario
@@ -39,6 +40,26 @@ class _Teams:
         from fpg_bench.products.teams.match import suite_match
 
         return suite_match(player, suite, rival, count)
+
+    def watch(
+        self,
+        ally: PlayerSpec,
+        opponent: PlayerSpec,
+        out: str | Path | None,
+        *,
+        game: TeamSpec,
+        **options: Any,
+    ) -> dict[str, float | None]:
+        from fpg_bench.evaluation.watching import shown_measures
+        from fpg_bench.products.teams.watching import print_team, watch_team
+
+        options |= {"scenario": game.resolve(), "team": game.team}
+        if out is None:
+            del options["overwrite"]
+            return print_team([ally], [opponent], **options).measures
+        recording = watch_team([ally], [opponent], out, **options)
+        print(shown_measures(recording.measures), f"wrote {out}", sep="\n")
+        return recording.measures
 
 
 TEAMS = _Teams()

@@ -37,7 +37,7 @@ class TeamRows(Core):
     """
 
     waterfall = None
-    samples = True  # equal policies that play their mode choose equal points
+    samples = TeamSpec.samples
 
     def __init__(self, game_spec: TeamSpec, games: int = 1) -> None:
         self.game_spec, self.side = game_spec, game_spec.config.side

@@ -74,6 +74,7 @@ class TeamSpec(TeamRules, OtherGame):
     """
 
     sees = "team"
+    samples = True  # equal policies that play their mode choose equal points
 
     id: str = TEAM_ID
     scenario: Scenario | str = "link"

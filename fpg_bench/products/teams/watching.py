@@ -1,10 +1,11 @@
-"""Watching a round of teams: as a picture or as a film."""
+"""Watching a round of teams: as text, as a picture or as a film."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from fpg_bench.common.canvas import FIGURES, write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.products import load
-from fpg_bench.evaluation.watching import checked_target
+from fpg_bench.evaluation.watching import checked_target, shown_measures
 from fpg_bench.game.jamming import covers
+from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import FIELDS, FRAME
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -24,6 +26,8 @@ from fpg_bench.products.teams.match import play_teams
 from fpg_bench.products.teams.picture import TeamPicture
 from fpg_bench.products.teams.rules import TeamRules, check_playable
 
+_FLAGS = "flags: C covered, H hop, S spreading"
+_WIDTH = 23  # of a cell of text
 SUFFIXES = (*FIGURES, ".gif", ".mp4")  # pictures and films
 
 
@@ -38,6 +42,7 @@ class TeamRecording:
         frames: ``(steps + 1, N)`` records of dtype ``recording.FRAME``, the allies'.
         jammers: ``(steps + 1, M)`` of them.
         jams: ``(steps + 1, M, N)`` bool: whether a jammer covers a part of an ally's channel.
+        measures: those of the round.
     """
 
     scenario: Scenario
@@ -46,6 +51,7 @@ class TeamRecording:
     frames: np.ndarray
     jammers: np.ndarray
     jams: np.ndarray
+    measures: dict[str, float | None]
 
 
 def record_team(
@@ -59,7 +65,7 @@ def record_team(
     scenario = as_scenario(scenario)
     check_playable(scenario)
     rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]  # type: ignore[index]
-    kept, curves = [], []
+    kept, batches = [], []
 
     def keep(batch: TeamBatch) -> None:
         n, m = batch.counts[0]
@@ -74,10 +80,44 @@ def record_team(
             for kind, mhz in jammers[["jamming_type", "jamming_mhz"]]
         ]
         kept.append((*(seats[list(FIELDS)].astype(FRAME) for seats in (allies, jammers)), np.array(jams)))
-        curves.append(allies[0]["control_points"].copy())
+        batches.append(batch)
 
     play_teams(allies, opponents, scenario, team or TeamRules(), 1, seeds=seed, on_step=keep)
-    return TeamRecording(scenario, seed, curves[0], *(np.stack(each) for each in zip(*kept, strict=True)))
+    frames, jammers, jams = (np.stack(each) for each in zip(*kept, strict=True))
+    curve = batches[0].allies[0, 0]["control_points"].copy()
+    return TeamRecording(scenario, seed, curve, frames, jammers, jams, batches[0].measures(0))
+
+
+def print_team(
+    allies: Sequence[PlayerSpec],
+    opponents: Sequence[PlayerSpec],
+    every: int = 1,
+    **options: Any,
+) -> TeamRecording:
+    """Play a round, and print each n-th step and the last; further arguments as in :func:`record_team`."""
+    integer(every, "every")
+    recording = record_team(allies, opponents, **options)
+    steps, n = len(recording.frames) - 1, recording.frames.shape[1]
+    print(f"{_names(allies)} against {_names(opponents)}", f"seed {recording.seed}", _FLAGS, sep="\n")
+    heads = [f"ally_{k} MHz, reward" for k in range(n)]
+    heads += [f"opponent_{k}, centre MHz" for k in range(recording.jammers.shape[1])]
+    print(" step", *(f"{head:>{_WIDTH}}" for head in heads))
+    for step in (k for k in range(1, steps + 1) if k % every == 0 or k == steps):
+        cells = [_ally_cell(recording, step, k) for k in range(n)]
+        cells += [
+            f"{JAMMING_TYPES[of['jamming_type']]:>13}{of['jamming_mhz']:9.2f}"
+            for of in recording.jammers[step]
+        ]
+        print(f"{step:5d}", *(f"{cell:>{_WIDTH}}" for cell in cells))
+    print(f"seed {recording.seed}: {shown_measures(recording.measures)}")
+    return recording
+
+
+def _ally_cell(recording: TeamRecording, step: int, seat: int) -> str:
+    frame, is_covered = recording.frames[step, seat], recording.jams[step, :, seat].any()
+    flags = ((is_covered, "C"), (frame["hopped"], "H"), (frame["spreading"], "S"))
+    shown = "".join(sign if on else "." for on, sign in flags)
+    return f"{frame['frequency_mhz']:.2f} {shown}{frame['ally_reward']:7.2f}"
 
 
 def watch_team(

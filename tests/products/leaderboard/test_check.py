@@ -253,6 +253,14 @@ def test_steps_may_end_a_little_after_the_budget_and_lie_between_those_of_the_se
     assert only(folder).endswith("steps: states 7,000, but agent.json has training_steps 1,000 to 6,500")
 
 
+def test_steps_may_be_those_that_were_played(tmp_path):
+    """Tables show them: whole rollouts, and those of the run that a training started from."""
+    folder = write_submission(tmp_path / "mine", training=TRAINED | {"steps": 2048})
+    for seed in (0, 1):
+        write_seed(folder / f"seed_{seed}", seed, policy(seed), training_steps=1000, steps_done=2048)
+    assert problems(folder) == []
+
+
 def test_a_policy_twice_or_off_the_contract_is_named_with_its_seed(tmp_path):
     folder = write_submission(tmp_path / "mine")
     write_seed(folder / "seed_1", 1, policy(0))

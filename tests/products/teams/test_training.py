@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
 import torch
+from stable_baselines3 import PPO
 
 import fpg_bench
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.suite import Scale
-from fpg_bench.game.scenario import preset
+from fpg_bench.evaluation.watching import watch
+from fpg_bench.game.scenario import as_scenario, preset
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent, read_card, write_agent
 from fpg_bench.products.teams.core import make_team
 from fpg_bench.products.teams.match import play_teams
-from fpg_bench.products.teams.rules import TeamRules
+from fpg_bench.products.teams.pettingzoo_env import TeamParallelEnv
+from fpg_bench.products.teams.rules import TEAM_SCRIPTS, TeamRules
 from fpg_bench.products.teams.sb3_vec_env import make_sb3_team
 from fpg_bench.products.teams.scripts import as_team_player
 from fpg_bench.products.teams.spec import TeamSpec
@@ -24,11 +30,15 @@ from fpg_bench.training.actor import ActorPlayer, draw_choices
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
 from fpg_bench.training.run import Run
+from tests.policies import model, node, value, weights
+from tests.programs import fpg
 from tests.training.tiny import settings, train_tiny
 
 TEAM = "FPG/team_v0"
 SHORT = {"scenario": "link", "side": "ally", "opponent": "tone"}
 LINK = preset("link")
+SHORT_ROUND = as_scenario("link", steps_per_round=20)
+ABOUT = {"algorithm": "mine", "training_seed": 0, "training_steps": 10}
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +119,8 @@ def test_an_agent_of_other_sizes_of_teams_is_refused_in_one_line(blind, options,
 
 @pytest.mark.slow
 def test_an_agent_whose_mates_told_it_more_is_refused_in_one_line(blind, tmp_path):
-    card = read_card(blind / "agent").to_dict() | {"mates": "full"}
+    card = read_card(blind / "agent").to_dict()
+    card["skills"]["mates"] = "full"
     write_agent(tmp_path / "told", blind / "agent" / "policy.onnx", **card)
     with pytest.raises(UserError, match="trained with mates='full', here they tell 'place'"):
         make_team(1, side="opponent", rivals=str(tmp_path / "told"), mates={"ally": "place"})
@@ -126,8 +137,79 @@ def test_a_team_agent_is_refused_in_a_duel_and_by_the_other_side(blind):
 
 @pytest.mark.slow
 def test_a_team_agent_of_others_is_refused_in_one_line(blind):
-    with pytest.raises(UserError, match="plays a seat of a team, and agents of others play the duel alone"):
+    with pytest.raises(UserError, match="plays FPG/team_v0, and agents of others play the duel alone"):
         load_agent(blind / "agent", trusted=False)
+
+
+def seats_policy() -> bytes:
+    """A policy of another framework for a seat: a product with constant weights, and drawn noise."""
+    nodes = [
+        node("MatMul", ["observation", "w"], ["mean"]),
+        node("Add", ["mean", "noise"], ["drawn"]),
+        node("Tanh", ["drawn"], ["action"]),
+    ]
+    return model(nodes, [weights(rows=67, scale=0.1)], [value("observation", 67), value("noise", 9)])
+
+
+def test_a_policy_of_another_framework_plays_the_seats_of_a_team(tmp_path, capsys):
+    write_agent(tmp_path / "three", seats_policy(), id=TEAM, side="ally", sample=True, **ABOUT)
+    card = read_card(tmp_path / "three")
+    assert (card.side, card.scenario) == ("ally", LINK.hash)
+    assert card.skills == {"seats": {"allies": [3, 3], "jammers": [2, 2]}, "mates": "full"}
+    check_player(tmp_path / "three", "ally")
+    suite = "team-ally-link-v1"
+    (row,) = fpg_bench.evaluate({"mine": str(tmp_path / "three")}, suite, matches=1)
+    assert (row.entry, row.training.steps) == ("mine", 10)
+    write_agent(tmp_path / "two", seats_policy(), id=TEAM, side="ally", allies=2, jammers=1, **ABOUT)
+    capsys.readouterr()
+    (measures,) = watch(tmp_path / "two", "watchful", every=100, seed=3)  # in its own game
+    played = play_teams([tmp_path / "two"], ["watchful"], LINK, TeamRules(2, 1), 1, seeds=3)
+    assert measures["ally_return"] == pytest.approx(played.rewards[0] * 300)
+    heads = capsys.readouterr().out.splitlines()[3]
+    assert re.findall(r"\w+_\d", heads) == ["ally_0", "ally_1", "opponent_0"]
+
+
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+def test_scripts_of_teams_keep_to_the_contract_and_those_that_do_not_are_named(side, capsys):
+    for name in TEAM_SCRIPTS[side]:
+        check_player(name, side, game=TEAM)
+    assert capsys.readouterr().out.count("keeps to the contract") == len(TEAM_SCRIPTS[side])
+    script = as_team_player(TEAM_SCRIPTS[side][-1], side, LINK, TeamRules())
+    script.predict = lambda seen, *_: (np.full((len(seen), 9), 2.0), None)
+    with pytest.raises(AssertionError, match=r"actions reach 2; clip them"):
+        check_player(script, side, game=TEAM)
+
+
+def test_a_round_of_teams_is_played_by_the_verb_and_drawn(tmp_path):
+    run = fpg("play", "--id", TEAM, "--ally", "cdma", "--opponent", "combs", "--every", "150")
+    assert run.returncode == 0, run.stderr
+    lines = run.stdout.splitlines()
+    assert [line.split()[0] for line in lines[4:6]] == ["150", "300"]
+    assert "spreading 100.0%" in lines[-1]
+    out = tmp_path / "round.png"
+    watch("cdma", "combs", id=TEAM, out=out)
+    assert out.read_bytes()[1:4] == b"PNG"
+    refused = {"id": TEAM, "rounds": 2}, {"id": TEAM, "out": "round.html"}, {"id": "FPG/AllyVsScripted-v0"}
+    for options in refused:
+        with pytest.raises(UserError):
+            watch("cdma", "combs", **options)
+
+
+def test_a_model_of_supersuits_games_is_exported_for_the_seats_of_a_team(tmp_path):
+    supersuit = pytest.importorskip("supersuit")
+    for actions in ("continuous", "discrete"):
+        env = supersuit.pettingzoo_env_to_vec_env_v1(TeamParallelEnv(side="ally", actions=actions))
+        env = supersuit.concat_vec_envs_v1(env, 1, base_class="stable_baselines3")
+        trained = PPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu")
+        with pytest.raises(UserError, match=r"game=(GameSpec.of\('FPG/team_v0', side='ally'\))$") as refused:
+            fpg_bench.export_agent(trained, tmp_path / actions, training_seed=0)
+        assert GameSpec.of("FPG/team_v0", side="ally") == eval(str(refused.value).partition("game=")[2])
+        game = TeamSpec.of(side="ally", actions=actions)
+        assert fpg_bench.export_agent(trained, tmp_path / actions, training_seed=0, game=game) < 1e-4
+        agent = load_agent(tmp_path / actions)
+        assert agent.card.sample
+        assert agent.noise_size == (9 if actions == "continuous" else 1)
+        assert play_teams([agent], ["tone"], SHORT_ROUND, TeamRules(), 1).rewards.size == 1
 
 
 def test_a_live_model_of_a_team_is_exported_before_it_plays():
