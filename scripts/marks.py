@@ -1,4 +1,7 @@
-"""Parts of pages between marks, ``<!-- title -->`` and ``<!-- end -->``, that a script writes."""
+"""Parts of pages between marks, ``<!-- title -->`` and ``<!-- end -->``, that a script writes.
+
+Marks on one line hold a few words in the midst of a sentence; others have lines of their own.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +18,19 @@ def fill(path: Path, parts: Mapping[str, str]) -> None:
     Raises:
         UserError: the page lacks a mark; nothing is written then.
     """
-    page = path.read_text(encoding="utf-8")
+    try:
+        write_whole(path, filled(path.read_text(encoding="utf-8"), parts))
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
+
+
+def filled(page: str, parts: Mapping[str, str]) -> str:
+    """Return the text of a page with texts between its marks; raises UserError if it lacks a mark."""
     for title, text in parts.items():
-        head, mark, rest = page.partition(f"<!-- {title} -->\n")
-        _, end, rest = rest.partition("<!-- end -->")
+        head, mark, rest = page.partition(f"<!-- {title} -->")
+        inside, end, rest = rest.partition("<!-- end -->")
         if not (mark and end):
-            raise UserError(f"{path}: there are no marks {title!r}")
-        page = f"{head}{mark}\n{text.strip()}\n\n{end}{rest}"
-    write_whole(path, page)
+            raise UserError(f"there are no marks {title!r}")
+        around = "\n\n" if "\n" in inside else ""
+        page = f"{head}{mark}{around}{text.strip()}{around}{end}{rest}"
+    return page
