@@ -18,7 +18,7 @@ from marks import fill
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.evaluation.statistics import MATCHES, Interval
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table, number
@@ -124,7 +124,9 @@ def top(suite: str) -> str:
 def planner_scores() -> Mapping[str, str]:
     """Return the scores of planners by their names."""
     with (ROOT / PLANNER_SCORES).open(encoding="utf-8", newline="") as file:
-        return {row["planner"]: row["score, last 3 rounds"] for row in csv.DictReader(file)}
+        rows = list(csv.DictReader(file))
+    keys = ("score", "score_low", "score_high")
+    return {row["entry"]: score(Interval(*(float(row[key]) for key in keys), MATCHES)) for row in rows}
 
 
 def quotes() -> Mapping[str, Mapping[str, str]]:
