@@ -3,7 +3,7 @@
 var SOUGHT = {
   "start/install": /\b(install|pip|requirements)/,
   "start/first-game": /\b(quick ?start|tutorial|getting started|first)/,
-  "environments/index": /\b(gymnasium|environment)/,
+  "environments/index": /\b(gymnasium|pettingzoo|environment)/,
   "environments/discrete-actions": /\b(discrete|action mask|dqn)/,
   "environments/scenario": /\b(scenario|custom|own rules)/,
   "environments/teams": /\b(team|convoy|multi-agent)/,
@@ -17,11 +17,13 @@ var SOUGHT = {
   "guides/planners": /\b(planner|language model|llm)/,
   "guides/selfplay": /\b(self-?play|best response|double oracle|psro)/,
   "guides/training": /\b(train|training|learning curve|ppo|sac|algorithm)/,
-  "guides/tuning": /\b(tune|tuning|optuna|hyper-?parameter)/,
+  "guides/tuning": /\b(tun(e|ing)|optuna|hyper-?parameter)/,
   "benchmark/leaderboard": /\b(leaderboard|ranking)\b/,
   "benchmark/protocol": /\b(score|confidence interval|suite|protocol|rank)\b/,
   "benchmark/seasons": /\b(season|held-?out)/,
   "benchmark/submitting": /\b(submit|submission|enter|entry|onnx|export)/,
+  "results/champions": /\b(champion|exploit|lowest known)/,
+  "results/paper": /\b(paper|reproduc)/,
   "reference/measures": /\b(measure|overlap|jamming success)/,
   "reference/rules": /\b(reward|observation|rules?|step)\b/,
 };

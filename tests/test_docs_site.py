@@ -91,6 +91,11 @@ def test_axe_finds_nothing_on_the_pages(visit, name):
         ("discrete actions", "environments/discrete-actions"),
         ("own scenario", "environments/scenario"),
         ("cluster", "guides/cluster"),
+        ("pettingzoo", "environments/index"),
+        ("quick start", "start/first-game"),
+        ("hyperparameters", "guides/tuning"),
+        ("exploitability", "results/champions"),
+        ("paper", "results/paper"),
     ],
 )
 def test_the_search_shows_what_people_look_for_first(visit, words, page):
