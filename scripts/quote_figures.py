@@ -14,8 +14,10 @@ from functools import cache, partial
 import numpy as np
 from lineage import ROOT
 from marks import fill
+from train_best_responses import ROWS_ALONE, TARGETS, tables, targets
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.statistics import MATCHES, Interval
@@ -50,15 +52,25 @@ def verified(key: str) -> list[PerEntry]:
     return list(track.verified())
 
 
-def lowest(figures: Figures) -> float:
+@cache
+def search_tables() -> tuple[list[str], Mapping[str, float]]:
+    """Return the tables of the full searches, and the lowest return per step that each found, by entry."""
+    folder, lowest = ROOT / "leaderboard", {}
+    file = RowFile(folder / "results/best_responses.jsonl")
+    for target in targets(folder, (*TARGETS, *ROWS_ALONE)):
+        lowest[target.slug] = min(row["return"] for row in target.rows(file))
+    return list(tables(folder, file)), lowest
+
+
+def lowest(entry: BoardEntry, figures: Figures) -> float:
     """Return the lowest known return per step of an entry, with responses that were trained to beat it."""
-    known = figures.worst.return_per_step.value
-    return min(known, figures.exploited.return_per_step.value) if figures.exploited else known
+    known = [figures.worst.return_per_step.value, search_tables()[1].get(entry.slug, np.inf)]
+    return min(*known, figures.exploited.return_per_step.value if figures.exploited else np.inf)
 
 
 def attacked(key: str) -> list[PerEntry]:
     """Return the entries that responses were trained to beat; the first is the champion."""
-    return sorted((each for each in verified(key) if each[1].exploited), key=lambda each: -lowest(each[1]))
+    return sorted((each for each in verified(key) if each[1].exploited), key=lambda each: -lowest(*each))
 
 
 def score(interval: Interval) -> str:
@@ -87,7 +99,7 @@ def headline() -> str:
     lines = [["`oracle`", "sees the full state", *(score(of.score) for of in oracle), per_step(reward)]]
     for what, (entry, figures) in rows.items():
         scores = [score(figures.scores[role]) for role in (PUBLIC, UNSEEN)]
-        lines.append([player(entry), what, *scores, per_step(lowest(figures))])
+        lines.append([player(entry), what, *scores, per_step(lowest(entry, figures))])
     return markdown_table([HEADLINE, *lines])
 
 
@@ -99,13 +111,13 @@ def track_table(key: str) -> str:
         rank = "-".join(map(str, dict.fromkeys(figures.rank or ())))
         seeds = str(figures.training_seeds or "-")
         held_out = score(figures.scores[UNSEEN])
-        lines.append([player(entry), seeds, held_out, rank, *scores, per_step(lowest(figures))])
+        lines.append([player(entry), seeds, held_out, rank, *scores, per_step(lowest(entry, figures))])
     return markdown_table([ENTRIES, *lines])
 
 
 def lowest_of(slug: str) -> str:
     """Return the lowest known return per step of an ally."""
-    return per_step(next(lowest(figures) for entry, figures in verified("ally") if entry.slug == slug))
+    return per_step(next(lowest(entry, figures) for entry, figures in verified("ally") if entry.slug == slug))
 
 
 def most_against(opponent: str) -> str:
@@ -140,7 +152,10 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
             "allies in link": track_table("ally-link"),
             "opponents that fly themselves": track_table("opponent-learned"),
             "opponents in pursuit": track_table("opponent-pursuit"),
+            "search allies": search_tables()[0][0],
+            "search opponents": search_tables()[0][1],
         },
+        "docs/results/link.md": {"search": "\n\n".join(search_tables()[0][2:])},
         "docs/results/findings.md": {
             "most against hunter": most_against("hunter"),
             "lowest of the first": lowest_of("ally-discrete-ppo-stack8"),
