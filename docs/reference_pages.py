@@ -131,7 +131,8 @@ def connect(app: Any) -> None:
     app.connect("builder-inited", lambda app: import_documented())
     app.connect("source-read", lead_inside)
     app.connect("source-read", show_on_site)
-    app.connect("build-finished", lambda app, failure: failure or name_regions(Path(app.outdir)))
+    for finish in (name_regions, mend_links_of_sources):
+        app.connect("build-finished", lambda app, failure, done=finish: failure or done(Path(app.outdir)))
 
 
 def write_pages(folder: Path, pictures: bool = True) -> None:
@@ -262,6 +263,21 @@ def name_regions(site: Path) -> None:
             text = re.sub(pattern, named, text)
         if text != old:
             file.write_text(text)
+
+
+def mend_links_of_sources(site: Path) -> None:
+    """Lead the sources to what the reference documents.
+
+    Sphinx names all objects of a module as the first one is named: ``TwoPlayerBatch`` as
+    ``fpg_bench.make_duel``.
+    """
+    known = set(re.findall(r'id="(fpg_bench[\w.]+)"', (site / "reference/api.html").read_text()))
+    for file in (site / "_modules/fpg_bench").rglob("*.html"):
+        module = ".".join(file.relative_to(site / "_modules").with_suffix("").parts)
+        text = file.read_text()
+        for name in set(re.findall(r'/api\.html#(fpg_bench[\w.]+)"', text)) - known:
+            text = text.replace(f'#{name}"', f'#{module}.{name.removeprefix("fpg_bench.")}"')
+        file.write_text(text)
 
 
 def show_on_site(app: Any, page: str, source: list[str]) -> None:

@@ -165,17 +165,27 @@ def _code(text: str) -> str:
 def fill(path: Path, parts: Mapping[str, str]) -> None:
     """Put texts between the marks of a page, ``<!-- title -->`` and ``<!-- end -->``.
 
+    Marks on one line hold a few words in the midst of a sentence; others have lines of their own.
+
     Raises:
         UserError: the page lacks a mark; nothing is written then.
     """
-    page = path.read_text(encoding="utf-8")
+    try:
+        write_whole(path, filled(path.read_text(encoding="utf-8"), parts))
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
+
+
+def filled(page: str, parts: Mapping[str, str]) -> str:
+    """Return the text of a page with texts between its marks; raises UserError if it lacks a mark."""
     for title, text in parts.items():
-        head, mark, rest = page.partition(f"<!-- {title} -->\n")
-        _, end, rest = rest.partition("<!-- end -->")
+        head, mark, rest = page.partition(f"<!-- {title} -->")
+        inside, end, rest = rest.partition("<!-- end -->")
         if not (mark and end):
-            raise UserError(f"{path}: there are no marks {title!r}")
-        page = f"{head}{mark}\n{text.strip()}\n\n{end}{rest}"
-    write_whole(path, page)
+            raise UserError(f"there are no marks {title!r}")
+        around = "\n\n" if "\n" in inside else ""
+        page = f"{head}{mark}{around}{text.strip()}{around}{end}{rest}"
+    return page
 
 
 def hashes_of(stage: Stage, root: Path = ROOT) -> Hashes:

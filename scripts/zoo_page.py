@@ -52,16 +52,13 @@ over matches. † marks fewer than three training seeds. Time is that of trainin
 evaluations, at the speed of the fastest training seed, because other work slowed down the others on a
 shared machine. The last column says after how many minutes of such time a training
 reached the score of the best script; it is the median over training seeds.
+
+Below a table stand the **learning curves** (score on tuning seeds, mean and range over training seeds; grey:
+the best script), the **performance profiles** (the share of runs, a training seed against a rival, with a
+return above τ per step; thin: single training seeds) and the **probability of improvement** (how likely a new
+training of one algorithm has a higher return against a rival than one of the other, Agarwal et al. 2021; too
+narrow where nearly all seeds agree).
 """
-_CAPTIONS = (
-    "Learning curves: the score on tuning seeds of `{suite}`, mean and range over training seeds, while all "
-    "of them train; the grey line is the best script on its evaluation seeds.",
-    "Performance profiles: the share of runs (a training seed against a rival) with a return above τ per "
-    "step; thin lines are single training seeds, the grey one is the best script.",
-    "Probability of improvement: how likely a new training of one algorithm has a higher return against a "
-    "rival than one of the other (Agarwal et al. 2021), over training seeds. Where nearly all seeds agree "
-    "(an interval of no width), the interval is too narrow.",
-)
 
 
 # Learning curves
@@ -99,7 +96,17 @@ def write_page(zoo: Zoo) -> Path:
 
 def page(zoo: Zoo) -> str:
     """Return the text of the page, from the records and agents of the zoo's folder."""
-    return "\n".join([_HEAD, *(_section(zoo, group) for group in zoo.groups)])
+    return "\n".join([_HEAD, _suites(zoo), "", *(_section(zoo, group) for group in zoo.groups)])
+
+
+def _suites(zoo: Zoo) -> str:
+    """Return the table of all suites."""
+    names = dict.fromkeys(name for group in zoo.groups for name in group.suites)
+    lines = []
+    for suite in map(load_suite, names):
+        scale = suite.scale.description.removeprefix("score: ")
+        lines.append([f"`{suite.name}`", suite.hash[:12], str(len(suite.rivals)), str(suite.matches), scale])
+    return markdown_table([["suite", "hash", "rivals", "matches each", "score"], *lines])
 
 
 def _summaries(zoo: Zoo, group: ZooGroup) -> list[list[Summary]]:
@@ -114,21 +121,16 @@ def _section(zoo: Zoo, group: ZooGroup) -> str:
         return "\n".join([*head, "Not trained yet.", ""])
     body = [_table(zoo, group, public, others), ""]
     if any(summary.trained for summary in public):
-        for name, caption in zip(PICTURES, _CAPTIONS, strict=True):
+        for name in PICTURES:
             if name == PICTURES[0] and not curve_file(zoo, group).read():
                 continue  # agents whose training was scored on another scale have no curves
-            caption = caption.format(suite=group.training_suite)
-            body += [caption, "", f"![{name} of {group.name}](scores/{group.name}/{name}.svg)", ""]
+            body += [f"![{name} of {group.name}](scores/{group.name}/{name}.svg)", ""]
     return "\n".join([*head, *body])
 
 
 def _description(group: ZooGroup, suites: Sequence[Suite]) -> str:
     options = "".join(f", {key} {_option(value)}" for key, value in group.options.items())
-    evaluated = "; ".join(
-        f"`{suite.name}` ({suite.hash[:12]}): {len(suite.rivals)} rivals, {suite.matches} matches each, "
-        f"{suite.scale.description}"
-        for suite in suites
-    )
+    evaluated = ", ".join(f"`{suite.name}`" for suite in suites)
     note = f" {group.note}" if group.note else ""
     return f"Trained on `{group.id}`{options}; evaluated on {evaluated}.{note}"
 

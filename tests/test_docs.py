@@ -8,14 +8,14 @@ import subprocess
 
 import gymnasium
 import pytest
+import quote_figures
 import reference_pages
 import typer
+from lineage import filled
 
 from fpg_bench.cli.main import app
-from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS, SCRIPTED, action_modes
-from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.evaluation.summary import summarise
-from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS, action_modes
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.planning import LLM_CONTROLS, PLANNERS
@@ -32,6 +32,7 @@ PLANNERS_PAGE = DOCS / "guides/planners.md"
 # Pages whose blocks do something for a reader who runs them in their order
 RUN = [
     README,
+    DOCS / "index.md",
     DOCS / "start/first-game.md",
     DOCS / "start/train-compare-enter.md",
     DOCS / "environments/discrete-actions.md",
@@ -185,19 +186,19 @@ def test_commands_of_a_page_have_their_options(page):
         assert {word.partition("=")[0] for word in words if word.startswith("--")} <= known, command
 
 
-def test_the_table_of_the_readme_has_the_committed_scores_of_the_scripts():
-    zoo, suite = load_zoo(), load_suite("ally-v1")
-    (group,) = (group for group in zoo.groups if group.name == "ally-scripted")
-    rows = [line for line in README.read_text().splitlines() if line.startswith("|") and " | - | " in line]
-    assert len(rows) == len(SCRIPTED["ally"])
-    for summary in summarise(zoo.read_records(group, suite), suite):
-        if summary.entry in SCRIPTED["ally"]:
-            score, worst = summary.score, summary.by_rival[summary.worst].value
-            scores = f"{score.value:z.1f} | [{score.low:.1f}, {score.high:.1f}]"
-            shares = [100 * summary.measures[name] for name in ("overlap_ratio", "jamming_success_rate")]
-            begins = f"| {summary.entry} | - | {scores} | "
-            ends = f" | {shares[0]:.1f} | {shares[1]:.1f} | {worst:.2f} |"
-            assert any(row.startswith(begins) and row.endswith(ends) for row in rows)
+@pytest.mark.slow
+def test_the_figures_that_pages_quote_are_those_of_the_data():
+    for page, figures in quote_figures.quotes().items():
+        assert filled((ROOT / page).read_text(), figures) == (ROOT / page).read_text(), page
+
+
+def test_a_figure_stands_in_the_midst_of_a_sentence_and_a_table_on_lines_of_its_own():
+    page = "It earns <!-- most -->1<!-- end --> a step.\n\n<!-- table -->\n<!-- end -->\n"
+    table = "| a |\n| --- |"
+    wanted = f"It earns <!-- most -->2<!-- end --> a step.\n\n<!-- table -->\n\n{table}\n\n<!-- end -->\n"
+    assert filled(page, {"most": "2", "table": table}) == wanted
+    with pytest.raises(UserError, match="there are no marks 'least'"):
+        filled(page, {"least": "2"})
 
 
 @pytest.mark.llama

@@ -165,7 +165,7 @@ def _respond(
     }
     folder = RunFolder(out / response_folder(made))
     run = _response_run(config, target, seed, lambda: _teacher(folder) or _strongest_player(result, out))
-    made["hyperparameters"] = as_json(run.hyperparams)
+    made["hyperparameters"] = as_json(cast("Mapping[str, object]", run.hyperparams))
     same = [row for row in result["responses"] if row.get("actions") == made.get("actions")]
     if any(made.items() <= row.items() for row in same):
         return None

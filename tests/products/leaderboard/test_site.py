@@ -388,7 +388,13 @@ def test_the_page_on_submitting_shows_the_commands_of_the_docs(pages):
     docs = (ROOT / "docs/benchmark/submitting.md").read_text()
     lines = [line for text in pages["submit.html"].texts for line in text.splitlines()]
     commands = [line for line in lines if line.startswith("fpg-bench ") and line in docs]
-    assert [command.split()[1] for command in commands] == ["train", "export", "submit", "submit"]
+    assert [command.split()[1] for command in commands] == [
+        "train",
+        "export",
+        "submit",
+        "submit",
+        "leaderboard",
+    ]
 
 
 def test_pages_link_to_the_documentation_where_its_address_is_known(plain_site, pages):

@@ -1,0 +1,177 @@
+"""Write the figures that pages quote: ``python scripts/quote_figures.py``.
+
+A figure or a table stands in a page between ``<!-- NAME -->`` and ``<!-- end -->``, also in
+the midst of a sentence. All are read from committed data; the oracle, which is in no suite, is played.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Mapping
+from functools import cache, partial
+
+import numpy as np
+from lineage import ROOT, fill
+from train_best_responses import ROWS_ALONE, TARGETS, tables, targets
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.statistics import MATCHES, Interval
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.summary import Summary, summary_of
+from fpg_bench.evaluation.table import bounds, markdown_table, number
+from fpg_bench.products.leaderboard.board import Board, BoardEntry, Figures, make_board
+from fpg_bench.products.leaderboard.entries import load_entries
+from fpg_bench.products.leaderboard.tracks import PUBLIC, SHIFTED, TRACKS, UNSEEN
+
+FIRST = 8  # entries of each side in docs/pictures/crossplay.svg
+PLANNER_SCORES = "docs/guides/planner-v1.csv"
+HEADLINE = ("player", "", "public score", "held-out score", "lowest known return")
+ENTRIES = ("entry", "seeds", "held-out score", "rank", "public", "shifted", "lowest known return")
+PerEntry = tuple[BoardEntry, Figures]
+per_step = partial(number, digits=2)
+
+
+@cache
+def board() -> tuple[Board, Mapping[str, Summary]]:
+    """Return the board, and the oracle's summaries as an ally by role of the suite."""
+    entries, oracle = load_entries(ROOT / "leaderboard"), player_entry("oracle")
+    suites, summaries = entries.suites.of(TRACKS["ally"]), {}
+    for suite in (suites[role] for role in (PUBLIC, UNSEEN)):
+        summaries[suite.name] = summary_of([play(oracle, suite, rival) for rival in suite.rivals], suite)
+    return make_board(entries), summaries
+
+
+def verified(key: str) -> list[PerEntry]:
+    """Return the verified entries of a track, best first."""
+    (track,) = (track for track in board()[0].tracks if track.key == key)
+    return list(track.verified())
+
+
+@cache
+def search_tables() -> tuple[list[str], Mapping[str, float]]:
+    """Return the tables of the full searches, and the lowest return per step that each found, by entry."""
+    folder, lowest = ROOT / "leaderboard", {}
+    file = RowFile(folder / "results/best_responses.jsonl")
+    for target in targets(folder, (*TARGETS, *ROWS_ALONE)):
+        lowest[target.slug] = min(row["return"] for row in target.rows(file))
+    return list(tables(folder, file)), lowest
+
+
+def lowest(entry: BoardEntry, figures: Figures) -> float:
+    """Return the lowest known return per step of an entry, with responses that were trained to beat it."""
+    known = [figures.worst.return_per_step.value, search_tables()[1].get(entry.slug, np.inf)]
+    return min(*known, figures.exploited.return_per_step.value if figures.exploited else np.inf)
+
+
+def attacked(key: str) -> list[PerEntry]:
+    """Return the entries that responses were trained to beat; the first is the champion."""
+    return sorted((each for each in verified(key) if each[1].exploited), key=lambda each: -lowest(*each))
+
+
+def score(interval: Interval) -> str:
+    """Return a score with its interval."""
+    return f"{number(interval.value)} {bounds(interval)}"
+
+
+def player(entry: BoardEntry) -> str:
+    """Return what commands call an entry."""
+    return f"`{entry.plays or entry.slug}`"
+
+
+def headline() -> str:
+    """Return the table of the front page: who leads by what, between an oracle and random play."""
+    entries, oracle = verified("ally"), list(board()[1].values())
+    of_slug = {each[0].slug: each for each in entries}
+    first = entries[0]
+    rows = {
+        f"{first[0].algorithm}, first by held-out score": first,
+        "the champion, first by lowest known return": attacked("ally")[0],
+        "the best script by held-out score": next(each for each in entries if each[0].kind == "script"),
+        "stays on its frequency": of_slug["idle"],
+        "": of_slug["random"],
+    }
+    reward = min(summary.by_rival[summary.worst].value for summary in oracle)
+    lines = [["`oracle`", "sees the full state", *(score(of.score) for of in oracle), per_step(reward)]]
+    for what, (entry, figures) in rows.items():
+        scores = [score(figures.scores[role]) for role in (PUBLIC, UNSEEN)]
+        lines.append([player(entry), what, *scores, per_step(lowest(entry, figures))])
+    return markdown_table([HEADLINE, *lines])
+
+
+def track_table(key: str) -> str:
+    """Return the table of the entries of a track that responses were trained to beat."""
+    lines = []
+    for entry, figures in attacked(key):
+        scores = [number(figures.scores[role].value) for role in (PUBLIC, SHIFTED)]
+        rank = "-".join(map(str, dict.fromkeys(figures.rank or ())))
+        seeds = str(figures.training_seeds or "-")
+        held_out = score(figures.scores[UNSEEN])
+        lines.append([player(entry), seeds, held_out, rank, *scores, per_step(lowest(entry, figures))])
+    return markdown_table([ENTRIES, *lines])
+
+
+def lowest_of(slug: str) -> str:
+    """Return the lowest known return per step of an ally."""
+    return per_step(next(lowest(entry, figures) for entry, figures in verified("ally") if entry.slug == slug))
+
+
+def most_against(opponent: str) -> str:
+    """Return the most that any of the best allies of the cross-play earns per step from an opponent."""
+    played = board()[0].crossplay["standard"]
+    returns = np.array(played.returns["ally"])
+    best = np.argsort(-returns.mean(1))[:FIRST]
+    return per_step(returns[best, played.opponents.index(opponent)].max())
+
+
+def top(suite: str) -> str:
+    """Return the reward per step that scores 100 in a suite."""
+    return f"{load_suite(suite).scale.top:g}"
+
+
+def planner_scores() -> Mapping[str, str]:
+    """Return the scores of planners by their names."""
+    with (ROOT / PLANNER_SCORES).open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    keys = ("score", "score_low", "score_high")
+    return {row["entry"]: score(Interval(*(float(row[key]) for key in keys), MATCHES)) for row in rows}
+
+
+def quotes() -> Mapping[str, Mapping[str, str]]:
+    """Return the figures by page and mark."""
+    return {
+        "README.md": {"headline": headline()},
+        "docs/benchmark/protocol.md": {"top": top("ally-v2"), "top in link": top("ally-link-v1")},
+        "docs/guides/planners.md": {f"score of {name}": text for name, text in planner_scores().items()},
+        "docs/results/champions.md": {
+            "allies": track_table("ally"),
+            "allies in link": track_table("ally-link"),
+            "opponents that fly themselves": track_table("opponent-learned"),
+            "opponents in pursuit": track_table("opponent-pursuit"),
+            "search allies": search_tables()[0][0],
+            "search opponents": search_tables()[0][1],
+        },
+        "docs/results/link.md": {"search": "\n\n".join(search_tables()[0][2:])},
+        "docs/results/findings.md": {
+            "most against hunter": most_against("hunter"),
+            "lowest of the first": lowest_of("ally-discrete-ppo-stack8"),
+            "lowest of a double oracle": lowest_of("ally-champion-2"),
+            "lowest of self-play": lowest_of("ally-champion-3"),
+        },
+    }
+
+
+def main() -> None:
+    """Write all figures."""
+    for page, figures in quotes().items():
+        fill(ROOT / page, figures)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except UserError as error:
+        sys.exit(f"quote_figures: {error}")
