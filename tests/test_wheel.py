@@ -162,6 +162,7 @@ PLAYS = (
     ),
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "leaderboard init own",
+    "leaderboard season season-3",
 )
 REFUSES = ("llm fetch --wheel agent.whl", "scenario check match.jsonl")
 COMMANDS = [verb.removeprefix("fpg-bench ") for verb in VERBS]

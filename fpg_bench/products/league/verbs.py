@@ -82,7 +82,7 @@ def best_response(
     from fpg_bench.products.league.best_responses import best_responses, full_search, response_label
 
     if search is not None:
-        asked = {name: options[name] for name in ("side", "reward", "actions", "allow")}
+        asked = {name: options.get(name) for name in ("side", "reward", "actions", "allow")}
         _search_response(search, agent, out, budget, **asked, **game)
         return
     find = full_search if full else best_responses
@@ -109,7 +109,7 @@ def _search_response(search: str, agent: str, out: Path, budget: float, **option
     one_of(search, "search", ("tabular", "portfolio"))
     if options.pop("actions", None) is not None:
         raise UserError("actions: --search decides the actions of its responses; omit it")
-    allowed = options.pop("allow")
+    allowed = options.pop("allow") or ()
     result: Any
     if search == "tabular":
         from fpg_bench.products.league.tabular import tabular_response

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.options import LLM, TRAINING, WorkersOption
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
 
@@ -59,6 +60,7 @@ def reproduce(
 
     Example: fpg-bench reproduce fig7 --budget quick --out reproduced
     """
+    require_extra("train", "torch", "stable_baselines3", "matplotlib", "jinja2", "markdown_it")
     from fpg_bench.products.paper.reproduce import reproduce as run
 
     written = run(

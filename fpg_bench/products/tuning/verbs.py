@@ -73,6 +73,8 @@ def run(
     """
     require_extra("tune", "optuna")
     from fpg_bench.game.spec import GameSpec
+
+    require_extra("tune", "optuna")
     from fpg_bench.products.tuning.tune import tune
 
     tune(
@@ -101,6 +103,7 @@ def report(out: Folder, storage: StorageOption = None, study_name: StudyNameOpti
     Example: fpg-bench tune report runs/tune/ppo
     """
     require_extra("tune", "optuna")
+    require_extra("tune", "optuna")
     from fpg_bench.products.tuning.report import write_report
 
     typer.echo(f"written: {write_report(out, storage=storage, study_name=study_name)}")
@@ -128,6 +131,7 @@ def export(
 
     Example: fpg-bench tune export runs/tune/ppo my_ppo.yml
     """
+    require_extra("tune", "optuna")
     require_extra("tune", "optuna")
     from fpg_bench.products.tuning.export import export_values
 

@@ -36,7 +36,7 @@ def entered(board, in_process, kept):
     if kept.exists():
         shutil.copytree(kept, board, dirs_exist_ok=True)
         return board
-    enter(board, "ally", "wise", script="expert", name="<b>Wise</b>")
+    enter(board, "ally", "wise", script="expert", name="Wise <b>it</b>")
     enter(board, "ally", "still", script="idle")
     enter(board, "ally", "linear", seeds=(0, 10, 2))
     few = enter(board, "ally", "few", seeds=(0,), algorithm="few")
@@ -68,7 +68,7 @@ def test_entries_are_ranked_and_marked(entered):
     assert scores == sorted(scores, reverse=True)
     entries = {entry.slug: entry for entry in ally.entries}
     wise = figures["wise"]
-    assert entries["wise"].name == "<b>Wise</b>"
+    assert entries["wise"].name == "Wise <b>it</b>"
     assert (entries["wise"].kind, entries["wise"].training, wise.training_seeds) == ("script", None, 0)
     assert (ally.ranked_by, wise.score) == (PUBLIC, wise.scores[PUBLIC])
     assert tuple(wise.by_rival[PUBLIC]) == ally.suites[0].rivals

@@ -211,11 +211,11 @@ def test_the_features_of_later_tables_are_drawn_by_the_seed():
 
 @pytest.mark.slow
 def test_the_verb_says_what_each_training_seed_keeps(tmp_path, capsys, local):
-    best_response("idle", tmp_path / "out", side="ally", search="tabular", budget=0.2, game={})
+    best_response("idle", tmp_path / "out", {"side": "ally"}, {}, search="tabular", budget=0.2)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("idle: -")
     assert lines[1].startswith("lowest: -")
     with pytest.raises(UserError, match="search: expected one of tabular, portfolio, got 'table'"):
-        best_response("idle", tmp_path / "other", search="table", game={})
+        best_response("idle", tmp_path / "other", {}, {}, search="table")
     with pytest.raises(UserError, match="actions: --search decides the actions of its responses"):
-        best_response("idle", tmp_path / "other", search="tabular", game={"actions": "discrete"})
+        best_response("idle", tmp_path / "other", {"actions": "discrete"}, {}, search="tabular")

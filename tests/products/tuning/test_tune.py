@@ -84,7 +84,9 @@ def test_the_same_command_goes_on_and_another_space_is_refused(study, files, wor
     assert len(study.trials) == 3
     assert caplog.messages[0] == "this study was already finished; nothing was trained"
     best = study.best_trial
-    expected = f"3 finished (2 pruned), best: {best.value:.1f} (trial {best.number}): learning_rate "
+    pruned = sum(trial.state == TrialState.PRUNED for trial in study.trials)
+    counted = f"3 finished ({pruned} pruned)" if pruned else "3 finished"
+    expected = f"{counted}, best: {best.value:.1f} (trial {best.number}): learning_rate "
     assert caplog.messages[1].startswith(expected)
     (files / "other.yml").write_text(SPACE.replace("[16]", "[32]"))
     other = words | {"space": files / "other.yml"}
