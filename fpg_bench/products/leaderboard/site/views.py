@@ -321,7 +321,7 @@ class TrackView:
         ranking: the suite that ranks it.
         mission: presentations of the two measures of the mission by name, as far as they were measured.
         heat_suites: suites of the heat map; ``heat_rows`` have a score and a tint, 0 to 8, per rival.
-        leaders: names of entries that may be first.
+        leaders: names of the entries that may be best, the first one first.
     """
 
     track: BoardTrack
@@ -367,7 +367,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
         heat_rows=[
             (row, _heat_cells(row.figures, heat_suites, top)) for row in rows if row.figures is not None
         ],
-        leaders=[e.name for e, figures in verified if figures.rank is not None and figures.rank[0] == 1],
+        leaders=[entry.name for entry, figures in verified if figures.may_be_best],
     )
 
 
