@@ -324,7 +324,7 @@ class Results(list[Summary]):
 
 _JAMMING = (("overlap ratio %", "overlap_ratio"), ("jamming success rate %", "jamming_success_rate"))
 _MEASURES = (
-    ("rate kept %", "rate_kept", 100),
+    ("delivered %", "delivered_share", 100),
     ("hops %", "hop_rate", 100),
     ("spread %", "spread_ratio", 100),
     ("within 30 m %", "near_ratio", 100),
@@ -354,7 +354,6 @@ def columns(suite: Suite, placed: Mapping[str, Standing]) -> list[Column]:
     measures = [
         Column(heading, _measure(name, factor), spare)
         for spare, (heading, name, factor) in enumerate(_MEASURES, _FIRST_MEASURE)
-        if name != "rate_kept" or suite.scenario.snr_model == "link"
     ]
     own = _of_planners(suite) if suite.side == PLANNER else _OF_PLAYERS
     after = 1 + next(k for k, column in enumerate(own) if column.heading == _INTERVAL)

@@ -526,7 +526,7 @@ def _seeds_gaps(verified: Iterable[VerifiedEntry]) -> dict[str, SeedsGap]:
 
 
 def _seeds_gap(on_public_seeds: Summary, on_season_seeds: Summary) -> tuple[float, float]:
-    """Return the difference of two scores, and the lower end of its 95 % interval over matches (Welch's t)."""
+    """Return the difference of two scores, and the lower end of its 95 % interval over matches, by Welch."""
     one, other = (
         summary.suite.scale.score(summary.rewards.mean(axis=(0, 1)))
         for summary in (on_public_seeds, on_season_seeds)

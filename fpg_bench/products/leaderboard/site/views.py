@@ -49,7 +49,14 @@ MEASURES = {
     "spectrum_overlap": Measure("Spectrum overlap", "share", "similarity of both sides' use of frequencies"),
     "outage": Measure("Outage", "share", "time in which the link is broken, jammed or not"),
     "capacity_mbit_s": Measure("Capacity", "Mbit/s", "mean rate of the link"),
-    "rate_kept": Measure("Rate kept", "share", "share of the rate that the jamming leaves, on a radio link"),
+    "delivered_share": Measure(
+        "Delivered share",
+        "share",
+        "what was delivered of the rate of a link without jamming, spreading and hops",
+    ),
+    "survived_share": Measure(
+        "Survived share", "share", "what jamming left of the rate of the same waveform, on a radio link"
+    ),
     "snr_db": Measure("SNR", "dB", "mean quality of the link"),
     "hop_rate": Measure("Hops", "share", "time steps in which the ally pays for a hop"),
     "frequency_changes": Measure(
