@@ -57,7 +57,7 @@ class Payoffs:
                 raise UserError(
                     f"pay-offs: {' against '.join(pair)} is missing, or one of its training seeds"
                 )
-        samples = [np.moveaxis([cells[one, rival] for rival in rivals], 0, -1) for one in players]
+        samples = [np.moveaxis(np.array([cells[one, rival] for rival in rivals]), 0, -1) for one in players]
         return cls(players, rivals, tuple(samples))
 
     @cached_property

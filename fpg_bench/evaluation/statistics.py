@@ -130,7 +130,7 @@ def may_be_best(samples: Sequence[np.ndarray]) -> list[bool]:
     if len(samples) < 2:
         return [True] * len(samples)
     apart, half = differences(samples, 2 * 0.05 / (len(samples) - 1))
-    return [not is_beaten for is_beaten in (apart > half).any(axis=0)]
+    return np.logical_not(np.any(apart > half, axis=0)).tolist()
 
 
 def rank_ranges(samples: Sequence[np.ndarray]) -> list[tuple[int, int]]:

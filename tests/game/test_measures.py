@@ -137,7 +137,7 @@ def test_the_survived_share_is_what_jamming_leaves_of_the_rate():
 
 @pytest.mark.parametrize("name", ["standard", "link"])
 def test_what_is_delivered_is_a_share_of_the_same_flight_unjammed_unspread_and_unhopped(name):
-    """The yardstick is the rate without jamming of a twin that flies alike, on the same points, and never spreads."""
+    """The yardstick is the rate without jamming of a twin on the same points that never spreads."""
     scenario, (allies, opponents) = preset(name), wander(4, 60)
     points = scenario.frequency_points
     batch, twin = begin(scenario), begin(scenario)
