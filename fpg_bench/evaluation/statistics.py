@@ -130,7 +130,8 @@ def may_be_best(samples: Sequence[np.ndarray]) -> list[bool]:
     if len(samples) < 2:
         return [True] * len(samples)
     apart, half = differences(samples, 2 * 0.05 / (len(samples) - 1))
-    return np.logical_not(np.any(apart > half, axis=0)).tolist()
+    is_beaten: list[bool] = np.any(apart > half, axis=0).tolist()
+    return [not beaten for beaten in is_beaten]
 
 
 def rank_ranges(samples: Sequence[np.ndarray]) -> list[tuple[int, int]]:

@@ -61,7 +61,7 @@ class Summary:
 
     @property
     def over(self) -> str:
-        """What intervals are over: ``matches``, and the training seeds where it has several."""
+        """The units of intervals: ``matches``, and ``training seeds`` where it has several."""
         return self.score.over
 
     @cached_property
