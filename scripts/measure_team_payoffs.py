@@ -102,10 +102,10 @@ class Results:
     def payoffs(self, game: str, allies: Mapping[str, str], opponents: Mapping[str, str]) -> Payoffs:
         """Return the pay-offs of players by their labels."""
         samples = tuple(
-            np.array([self.of(game, ally, name).rewards for name in opponents.values()]).T
+            np.array([self.of(game, ally, name).rewards for name in opponents.values()]).T[None]
             for ally in allies.values()
         )
-        return Payoffs(tuple(allies), tuple(opponents), samples, (MATCHES,) * len(allies))
+        return Payoffs(tuple(allies), tuple(opponents), samples)
 
     def csv(self, labels: Mapping[str, str]) -> str:
         """Return all pairs, players by their labels, with half of the 95 % interval of each reward."""
@@ -140,10 +140,8 @@ def payoff_table(payoffs: Payoffs) -> str:
 def without_bounds(payoffs: Payoffs) -> Payoffs:
     """Return the pay-offs of players that know what an ally may."""
     kept = [k for k, name in enumerate(payoffs.players) if name not in BOUNDS]
-    players, samples, over = (
-        tuple(of[k] for k in kept) for of in (payoffs.players, payoffs.samples, payoffs.over)
-    )
-    return Payoffs(players, payoffs.rivals, samples, over)
+    players, samples = (tuple(of[k] for k in kept) for of in (payoffs.players, payoffs.samples))
+    return Payoffs(players, payoffs.rivals, samples)
 
 
 def clone_table(results: Results, opponents: Mapping[str, str]) -> str:

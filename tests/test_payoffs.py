@@ -36,14 +36,14 @@ SUITE = dataclasses.replace(
 
 
 def test_the_note_names_the_equilibrium_of_the_payoffs():
-    rows = tuple(np.array([row, row]) for row in ([3.0, -1.0], [-2.0, 1.0]))
-    note = equilibrium_note(Payoffs(("a", "b"), ("x", "y"), rows, ("matches",) * 2))
+    rows = tuple(np.array([[row, row]]) for row in ([3.0, -1.0], [-2.0, 1.0]))
+    note = equilibrium_note(Payoffs(("a", "b"), ("x", "y"), rows))
     assert note == "equilibrium worth 0.14 to the ally. Allies: a 0.43, b 0.57. Opponents: x 0.29, y 0.71."
 
 
 def test_the_note_counts_whom_each_player_is_the_best_answer_to():
-    rows = tuple(np.array([row, row]) for row in ([3.0, -1.0, 2.0], [-2.0, 1.0, 0.0]))
-    note = answers_note(Payoffs(("a", "b"), ("x", "y", "z"), rows, ("matches",) * 2))
+    rows = tuple(np.array([[row, row]]) for row in ([3.0, -1.0, 2.0], [-2.0, 1.0, 0.0]))
+    note = answers_note(Payoffs(("a", "b"), ("x", "y", "z"), rows))
     assert note == "Best answers to the 3 opponents: a to 2, b to 1. The first earns least from y: -1.00."
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
+from fpg_bench.evaluation.statistics import Interval, crossed_interval
 from fpg_bench.evaluation.store import Pairing, Store
 
 
@@ -19,8 +19,8 @@ from fpg_bench.evaluation.store import Pairing, Store
 class Payoffs:
     """Rewards per step of players against rivals.
 
-    >>> tone, sweep = np.array([[9.0, 2.0]]), np.array([[4.0, 5.0], [4.0, 7.0]])
-    >>> payoffs = Payoffs(("tone", "sweep"), ("idle", "expert"), (tone, sweep), ("matches",) * 2)
+    >>> tone, sweep = np.array([[[9.0, 2.0]]]), np.array([[[4.0, 5.0], [4.0, 7.0]]])
+    >>> payoffs = Payoffs(("tone", "sweep"), ("idle", "expert"), (tone, sweep))
     >>> payoffs.values.tolist()
     [[9.0, 2.0], [4.0, 6.0]]
     >>> payoffs.worst("tone")[0], payoffs.best_answer("expert")[0]
@@ -31,15 +31,12 @@ class Payoffs:
     Attributes:
         players: names of the players, the rows.
         rivals: names of the rivals, the columns.
-        samples: of each player ``(units, rivals)``: the reward of each training seed or, of a script and a
-            single training seed, of each match.
-        over: the units of each player, which its intervals are over.
+        samples: of each player ``(training seeds, matches, rivals)``.
     """
 
     players: tuple[str, ...]
     rivals: tuple[str, ...]
     samples: tuple[np.ndarray, ...]
-    over: tuple[str, ...]
 
     @classmethod
     def of(cls, store: Store, wanted: Sequence[Pairing]) -> Payoffs:
@@ -60,17 +57,13 @@ class Payoffs:
                 raise UserError(
                     f"pay-offs: {' against '.join(pair)} is missing, or one of its training seeds"
                 )
-        over = tuple(TRAINING_SEEDS if runs[player] > 1 else MATCHES for player in players)
-        samples = [
-            [np.mean(cells[one, rival], axis=1 if unit == TRAINING_SEEDS else 0) for rival in rivals]
-            for one, unit in zip(players, over, strict=True)
-        ]
-        return cls(players, rivals, tuple(np.array(of).T for of in samples), over)
+        samples = [np.moveaxis(np.array([cells[one, rival] for rival in rivals]), 0, -1) for one in players]
+        return cls(players, rivals, tuple(samples))
 
     @cached_property
     def values(self) -> np.ndarray:
         """The mean rewards ``(players, rivals)``."""
-        return np.array([[column.mean() for column in of.T] for of in self.samples])
+        return np.array([of.mean(axis=(0, 1)) for of in self.samples])
 
     def interval(self, player: str, rivals: str | Mapping[str, float]) -> Interval:
         """Return what a player earns from a rival, or from a mixture of rivals by their shares.
@@ -81,7 +74,7 @@ class Payoffs:
         row = _index(player, self.players, "player")
         shares = {rivals: 1.0} if isinstance(rivals, str) else rivals
         columns = [_index(name, self.rivals, "rival") for name in shares]
-        return mean_interval(self.samples[row][:, columns] @ np.array(list(shares.values())), self.over[row])
+        return crossed_interval(self.samples[row][..., columns] @ np.array(list(shares.values())))
 
     def worst(self, player: str) -> tuple[str, Interval]:
         """Return the rival that a player earns least from, and what it earns there."""

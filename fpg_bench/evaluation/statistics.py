@@ -1,7 +1,8 @@
-"""Means with 95 % intervals by Student's t over the units that were sampled, and ranks over all pairs.
+"""Means with 95 % intervals by Student's t over what was sampled, and comparisons on the matches shared.
 
-Trained agents: over training seeds. One training seed, scripts and planners: over matches, the same ones
-for every rival. Rivals of a suite are never resampled: they are fixed, not drawn.
+Scripts and planners vary over matches, which all entries of a suite share, trained agents over training
+seeds, too. Halves of both intervals add as squares, which never covers too little (Banerjee 1960). Rivals of
+a suite are never resampled: they are fixed, not drawn.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Interval:
 
     Attributes:
         low, high: NaN if there is a single unit.
-        over: the units that the interval is computed over: training seeds or matches.
+        over: what the interval is over: ``matches``, ``training seeds``, or ``training seeds and matches``.
     """
 
     value: float
@@ -54,20 +55,20 @@ class Interval:
         return (self.high - self.low) / 2
 
 
-def student_t(count: int) -> float:
-    """Return the two-sided 95 % quantile of Student's t for the mean of ``count`` units, two at least."""
-    if count - 1 in _QUANTILES:
+def student_t(count: int, error: float = 0.05) -> float:
+    """Return the two-sided quantile of Student's t for the mean of ``count`` units, two at least."""
+    if error == 0.05 and count - 1 in _QUANTILES:
         return _QUANTILES[count - 1]
     from scipy.special import stdtrit
 
-    return float(stdtrit(count - 1, 0.975))
+    return float(stdtrit(count - 1, 1 - error / 2))
 
 
-def student_half(values: np.ndarray) -> float:
-    """Return half of the 95 % interval of the mean of values ``(n,)``; NaN for a single value."""
+def student_half(values: np.ndarray, error: float = 0.05) -> float:
+    """Return half of the interval of the mean of values ``(n,)``; NaN for a single value."""
     if len(values) < 2:
         return math.nan
-    return student_t(len(values)) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    return student_t(len(values), error) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
 
 
 def mean_interval(values: np.ndarray, over: str) -> Interval:
@@ -76,55 +77,84 @@ def mean_interval(values: np.ndarray, over: str) -> Interval:
     return Interval(value, value - half, value + half, over)
 
 
+def crossed_interval(values: np.ndarray) -> Interval:
+    """Return the mean of values ``(training seeds, matches)`` with its interval over both.
+
+    A single seed or match adds nothing, as its variation is unknown; the ends are NaN if both are single.
+    """
+    units = {TRAINING_SEEDS: values.mean(axis=1), MATCHES: values.mean(axis=0)}
+    known = {name: student_half(of) for name, of in units.items() if len(of) > 1}
+    value = float(np.mean(units[TRAINING_SEEDS if len(values) > 1 else MATCHES]))
+    half = math.hypot(*known.values()) if known else math.nan
+    return Interval(value, value - half, value + half, " and ".join(known) or MATCHES)
+
+
+def differences(samples: Sequence[np.ndarray], error: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
+    """Return the differences of all pairs ``(n, n)``, row - column, and half of their intervals.
+
+    Training seeds of two entries are independent; matches are paired.
+
+    Args:
+        samples: of each entry ``(training seeds, matches)``, over the same matches.
+        error: the share of intervals that may miss.
+    """
+    means = np.array([np.mean(sample) for sample in samples])
+    seeds = np.array([student_half(s.mean(axis=1), error) ** 2 if len(s) > 1 else 0.0 for s in samples])
+    squares, matches = seeds[:, None] + seeds, len(samples[0].T)
+    if matches > 1:
+        covariance = np.atleast_2d(np.cov([sample.mean(axis=0) for sample in samples]))
+        own = np.diag(covariance)
+        paired = np.maximum(own[:, None] + own - 2 * covariance, 0)
+        squares = squares + student_t(matches, error) ** 2 * paired / matches
+    elif not squares.any():
+        squares = np.full_like(squares, np.nan)
+    return means[:, None] - means, np.sqrt(squares)
+
+
+def difference(one: np.ndarray, other: np.ndarray) -> Interval:
+    """Return the difference of two entries' means with its interval; see :func:`differences`."""
+    value, half = (float(matrix[0, 1]) for matrix in differences([one, other]))
+    over = f"{TRAINING_SEEDS} and {MATCHES}" if len(one) + len(other) > 2 else MATCHES
+    return Interval(value, value - half, value + half, over)
+
+
+def may_be_best(samples: Sequence[np.ndarray]) -> list[bool]:
+    """Return for each entry whether it may be the best: no other one is better than it.
+
+    Each entry is compared with the n - 1 others at once, one-sided (Hsu's multiple comparisons with the best,
+    1984, by Bonferroni). The true best is among them with a probability of 95 % or more.
+
+    Args:
+        samples: see :func:`differences`.
+    """
+    if len(samples) < 2:
+        return [True] * len(samples)
+    apart, half = differences(samples, 2 * 0.05 / (len(samples) - 1))
+    is_beaten: list[bool] = np.any(apart > half, axis=0).tolist()
+    return [not beaten for beaten in is_beaten]
+
+
 def rank_ranges(samples: Sequence[np.ndarray]) -> list[tuple[int, int]]:
     """Return the best and the worst rank of each entry.
 
     They are 1 plus the number of better entries, and n minus the number of worse ones. An entry is better
-    than another if the interval of their difference lies above 0. The intervals of all pairs have 95 %
-    simultaneous coverage (Tamhane's T2, 1979: Welch's t for each pair, at Sidak's level). With 16 equal
-    entries of five seeds, 2 to 3 % of the lists hold any false "better"; by the range of Games and Howell it
-    would be 9 to 10 %.
+    than another if the interval of their difference lies above 0, at a level at which any false "better"
+    has a probability of at most 5 % (Holm's step-down over all pairs, 1979). Who may be
+    the best is never ranked below the first.
 
     Args:
-        samples: per entry its units ``(n,)``, two at least.
+        samples: see :func:`differences`.
     """
     count = len(samples)
-    better = _better(samples) if count > 1 else np.zeros((count, count), bool)
+    if count < 2:
+        return [(1, 1)] * count
+    better, told = np.zeros((count, count), bool), -1
+    while better.sum() > told:
+        told = int(better.sum())
+        apart, half = differences(samples, 0.05 / max(count * (count - 1) // 2 - told, count - 1))
+        better = apart > half
     low, high = 1 + better.sum(axis=0), count - better.sum(axis=1)
     return [(int(a), int(b)) for a, b in zip(low, high, strict=True)]
-
-
-def difference(one: np.ndarray, other: np.ndarray) -> Interval:
-    """Return the difference of two means with its 95 % interval (Welch's t).
-
-    Args:
-        one, other: the units of each, ``(n,)`` and ``(m,)``; the interval is not a number with a single one.
-    """
-    from scipy.special import stdtrit
-
-    value, samples = float(np.mean(one) - np.mean(other)), (one, other)
-    if min(map(len, samples)) < 2:
-        return Interval(value, np.nan, np.nan, MATCHES)
-    errors = [np.var(sample, ddof=1) / len(sample) for sample in samples]  # squared
-    if not sum(errors):
-        return Interval(value, value, value, MATCHES)
-    each = [error**2 / (len(sample) - 1) for error, sample in zip(errors, samples, strict=True)]
-    half = float(stdtrit(sum(errors) ** 2 / sum(each), 0.975) * np.sqrt(sum(errors)))
-    return Interval(value, value - half, value + half, MATCHES)
-
-
-def _better(samples: Sequence[np.ndarray]) -> np.ndarray:
-    """Return ``(n, n)`` bool: true if the row's mean is significantly above the column's."""
-    from scipy.special import stdtr
-
-    means = np.array([np.mean(sample) for sample in samples])
-    errors = np.array([np.var(sample, ddof=1) / len(sample) for sample in samples])  # squared
-    apart, error = means[:, None] - means, errors[:, None] + errors
-    each = errors**2 / np.array([len(sample) - 1 for sample in samples])
-    level = 1 - 0.95 ** (2 / (len(samples) * (len(samples) - 1)))
-    with np.errstate(divide="ignore", invalid="ignore"):  # two samples without any spread
-        p = 2 * stdtr(error**2 / (each[:, None] + each), -np.abs(apart) / np.sqrt(error))
-    return np.asarray((apart > 0) & ((error == 0) | (p < level)))
 
 
 def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.record import Pooled, Record, pool
-from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
+from fpg_bench.evaluation.statistics import Interval, crossed_interval
 from fpg_bench.evaluation.suite import Suite
 
 
@@ -61,46 +61,36 @@ class Summary:
 
     @property
     def over(self) -> str:
-        """The units that intervals are over."""
-        return TRAINING_SEEDS if self.training_seeds > 1 else MATCHES
-
-    def units(self, rewards: np.ndarray) -> np.ndarray:
-        """Return the units over which a mean of rewards ``(training seeds, n, matches)`` varies."""
-        axes = (1, 2) if self.training_seeds > 1 else (0, 1)
-        units: np.ndarray = rewards.mean(axis=axes)
-        return units
+        """The units of intervals: ``matches``, and ``training seeds`` where it has several."""
+        return self.score.over
 
     @cached_property
     def samples(self) -> np.ndarray:
-        """The score of each unit; their mean is the score."""
-        return self.suite.scale.score(self.units(self.rewards))
+        """The score of each training seed in each match, ``(training seeds, matches)``."""
+        return self.suite.scale.score(self.rewards.mean(axis=1))
 
     @cached_property
     def score(self) -> Interval:
         """The score: the mean over rivals on the suite's scale, with its interval."""
-        return mean_interval(self.samples, self.over)
+        return crossed_interval(self.samples)
 
     @cached_property
     def reward(self) -> Interval:
         """The reward per step, mean over rivals, with its interval."""
-        return mean_interval(self.units(self.rewards), self.over)
+        return crossed_interval(self.rewards.mean(axis=1))
 
     @cached_property
     def by_rival(self) -> dict[str, Interval]:
         """The reward per step against each rival, with its interval."""
-        return {
-            rival.name: mean_interval(self.units(self.rewards[:, k : k + 1]), self.over)
-            for k, rival in enumerate(self.suite.rivals)
-        }
+        return {rival.name: crossed_interval(self.rewards[:, k]) for k, rival in enumerate(self.suite.rivals)}
 
     @cached_property
     def by_group(self) -> dict[str, Interval]:
         """The score over each group of rivals, with its interval; empty where the suite has no groups."""
         names = [rival.name for rival in self.suite.rivals]
         return {
-            group: mean_interval(
-                self.suite.scale.score(self.units(self.rewards[:, [names.index(name) for name in members]])),
-                self.over,
+            group: crossed_interval(
+                self.suite.scale.score(self.rewards[:, [*map(names.index, members)]].mean(axis=1))
             )
             for group, members in self.suite.groups.items()
         }

@@ -16,7 +16,14 @@ from fpg_bench.common.canvas import Style, blank_figure, literal, write_figure
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, wrapped
-from fpg_bench.evaluation.statistics import FEW_SEEDS, Interval, difference, mean_interval, rank_ranges
+from fpg_bench.evaluation.statistics import (
+    FEW_SEEDS,
+    Interval,
+    crossed_interval,
+    difference,
+    may_be_best,
+    rank_ranges,
+)
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary
 
@@ -85,7 +92,8 @@ def caption(summaries: Sequence[Summary], suite: Suite) -> str:
         f"rivals; {suite.scale.description}; worst: the lowest return per step, against one of them. "
         "Rank 1-3: no better than first, no worse than third, over all pairs of the table. "
         f"{'' if suite.side == PLANNER else _COSTS}"
-        "Intervals: 95 %, over training seeds; for scripts, planners and single training seeds over matches. "
+        "Intervals: 95 %, over training seeds and matches; for scripts, planners and single training seeds "
+        "over matches. From the first: on the same matches. "
         f"† fewer than three training seeds.{note}"
     )
 
@@ -142,7 +150,8 @@ def flat_lines(summaries: Sequence[Summary]) -> list[Line]:
     lines = []
     for summary, standing in zip(summaries, standings(summaries).values(), strict=True):
         low, high = standing.rank or (None, None)
-        lines.append(flat(summary) | {"rank_low": low, "rank_high": high})
+        is_best = standing.may_be_best
+        lines.append(flat(summary) | {"rank_low": low, "rank_high": high, "may_be_best": is_best})
         lines[-1] |= _ends("behind_first", standing.behind)
     return lines
 
@@ -154,10 +163,12 @@ class Standing:
     Attributes:
         rank: best and worst rank; None where an entry of the table has a single unit, or the table more than
             ``MOST_RANKED`` entries.
+        may_be_best: see :func:`fpg_bench.evaluation.statistics.may_be_best`; None as for the rank.
         behind: its score minus that of the first.
     """
 
     rank: tuple[int, int] | None
+    may_be_best: bool | None
     behind: Interval
 
 
@@ -168,12 +179,12 @@ def standings(summaries: Sequence[Summary]) -> dict[str, Standing]:
         summaries: best first.
     """
     samples = [summary.samples for summary in summaries]
-    has_ranks = len(samples) <= MOST_RANKED and all(len(sample) > 1 for sample in samples)
-    ranks = rank_ranges(samples) if has_ranks else [None] * len(samples)
-    return {
-        summary.entry: Standing(rank, difference(sample, samples[0]))
-        for summary, sample, rank in zip(summaries, samples, ranks, strict=True)
-    }
+    is_compared = len(samples) <= MOST_RANKED and all(sample.size > 1 for sample in samples)
+    none = [None] * len(samples)
+    ranks, best = (rank_ranges(samples), may_be_best(samples)) if is_compared else (none, none)
+    behind = [Interval(0.0, 0.0, 0.0), *(difference(sample, samples[0]) for sample in samples[1:])]
+    placed = map(Standing, ranks, best, behind)  # of nobody: none
+    return dict(zip((summary.entry for summary in summaries), placed, strict=False))
 
 
 def flat(s: Summary) -> Line:
@@ -313,7 +324,7 @@ class Results(list[Summary]):
 
 _JAMMING = (("overlap ratio %", "overlap_ratio"), ("jamming success rate %", "jamming_success_rate"))
 _MEASURES = (
-    ("rate kept %", "rate_kept", 100),
+    ("delivered %", "delivered_share", 100),
     ("hops %", "hop_rate", 100),
     ("spread %", "spread_ratio", 100),
     ("within 30 m %", "near_ratio", 100),
@@ -343,7 +354,6 @@ def columns(suite: Suite, placed: Mapping[str, Standing]) -> list[Column]:
     measures = [
         Column(heading, _measure(name, factor), spare)
         for spare, (heading, name, factor) in enumerate(_MEASURES, _FIRST_MEASURE)
-        if name != "rate_kept" or suite.scenario.snr_model == "link"
     ]
     own = _of_planners(suite) if suite.side == PLANNER else _OF_PLAYERS
     after = 1 + next(k for k, column in enumerate(own) if column.heading == _INTERVAL)
@@ -383,7 +393,7 @@ def over_rounds(summary: Summary, window: slice) -> Interval:
     returns = np.array([record.returns for record in summary.records])
     by_match = returns.reshape(len(summary.records), -1, summary.suite.rounds_per_match)
     rewards = by_match[:, :, window].mean(axis=(0, 2)) / summary.suite.scenario.steps_per_round
-    return mean_interval(summary.suite.scale.score(rewards), summary.over)
+    return crossed_interval(summary.suite.scale.score(rewards[None]))
 
 
 def learning_curve(summary: Summary) -> list[Interval]:

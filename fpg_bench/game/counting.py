@@ -28,6 +28,7 @@ def count_step(game: Record, tally: Record, histogram: np.ndarray, point_before:
     tally.comb += game.jamming_type == 3
     tally.snr_db += game.snr_db
     tally.capacity_mbit_s += game.rate_mbit_s
+    tally.open_mbit_s += game.open_mbit_s
     tally.ally_return += game.ally_reward
     tally.opponent_return += game.opponent_reward
     histogram[0, game.point] += 1

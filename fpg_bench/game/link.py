@@ -219,6 +219,15 @@ def rate_mbit_s(snr: float, spreading: bool, rules: Record, radio: Record) -> fl
 
 
 @compiled
+def open_rate_mbit_s(game: Record, clean_rate: float, rules: Record, radio: Record) -> float:
+    """Return the rate of the last step without jamming, spreading and lost airtime."""
+    if not game.spreading:
+        return clean_rate
+    lost_db = DB * log(radio.noise_mw[1] / radio.noise_mw[0])
+    return rate_mbit_s(game.clean_snr_db + lost_db, False, rules, radio)
+
+
+@compiled
 def utility(rate_mbit_s: float, radio: Record) -> float:
     """Return the utility of a rate: the logarithm of 1 + rate / reference, ``reward_scale`` at the top."""
     for i in range(2):  # most steps have one of the two highest rates

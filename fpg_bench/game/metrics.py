@@ -60,7 +60,8 @@ def measures(tally: Mapping[str, float], histogram: np.ndarray) -> dict[str, flo
         "near_ratio": share("near"),
         "snr_db": share("snr_db"),
         "capacity_mbit_s": share("capacity_mbit_s"),
-        "rate_kept": share("capacity_mbit_s", CLEAN),
+        "delivered_share": share("capacity_mbit_s", "open_mbit_s"),
+        "survived_share": share("capacity_mbit_s", CLEAN),
         "ally_return": tally["ally_return"],
         "opponent_return": tally["opponent_return"],
     }

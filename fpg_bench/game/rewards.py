@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.flight import rotary_wing_w
-from fpg_bench.game.link import rate_mbit_s, utility
-from fpg_bench.game.radio import capacity_mbit_s
+from fpg_bench.game.link import open_rate_mbit_s, rate_mbit_s, utility
+from fpg_bench.game.radio import capacity_mbit_s, noise_dbm
 from fpg_bench.game.state import SPREAD_PIECES, Record
 
 
@@ -44,12 +44,16 @@ def reward(game: Record, speed_m_s: float, rules: Record, radio: Record | None) 
     near = rules.distance_reward if game.distance_m < rules.distance_reward_m else 0.0
     if radio is None:
         snr, clean = min(game.snr_db, rules.snr_cap), min(game.clean_snr_db, rules.snr_cap)
-        game.rate_mbit_s = capacity_mbit_s(game.snr_db, game.spreading, rules)
+        game.rate_mbit_s = game.open_mbit_s = capacity_mbit_s(game.snr_db, game.spreading, rules)
+        if game.spreading or game.covered:
+            lost_db = noise_dbm(game.spreading, rules) - rules.noise
+            game.open_mbit_s = capacity_mbit_s(game.clean_snr_db + lost_db, False, rules)
         game.ally_value, drop, airtime = snr - rules.threshold, clean - snr, 1.0
     else:
         airtime = game.airtime
         rate = rate_mbit_s(game.snr_db, game.spreading, rules, radio)
         clean_rate = rate_mbit_s(game.clean_snr_db, game.spreading, rules, radio)
+        game.open_mbit_s = open_rate_mbit_s(game, clean_rate, rules, radio)
         value, clean_value = utility(rate, radio), utility(clean_rate, radio)
         if radio.look_through > 0.0 and game.step + 1 == game.next_check:
             rate += radio.look_through * (clean_rate - rate)

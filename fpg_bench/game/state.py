@@ -66,6 +66,7 @@ GAME = np.dtype(
         ("snr_db", "f8"),
         ("clean_snr_db", "f8"),  # without jamming, same fading
         ("rate_mbit_s", "f8"),
+        ("open_mbit_s", "f8"),  # rate without jamming, spreading and lost airtime
         ("clean_mbit", "f8"),  # sum of the round's rates without jamming; in the model link
         ("sensed_type", "i8"),  # -1: nothing sensed yet
         ("sensed_mhz", "f8"),
@@ -107,6 +108,7 @@ TALLY = np.dtype(
         ("capacity_mbit_s", "f8"),
         ("ally_return", "f8"),
         ("opponent_return", "f8"),
+        ("open_mbit_s", "f8"),
     ],
     align=True,
 )

@@ -331,6 +331,6 @@ def begin_round(
         game.clean_snr_db = game.snr_db
     game.fading, _ = rng.gaussians(key, 0, rng.FADING_START)
     game.jamming_fading, _ = rng.gaussians(key, 0, rng.JAMMING_FADING_START)
-    game.rate_mbit_s, game.clean_mbit, game.ally_value = 0.0, 0.0, 0.0
+    game.rate_mbit_s, game.open_mbit_s, game.clean_mbit, game.ally_value = 0.0, 0.0, 0.0, 0.0
     game.ally_reward, game.opponent_reward = 0.0, 0.0
     game.outage_run, game.watching, game.recovering = 0, False, 0

@@ -19,8 +19,7 @@ from fpg_bench.evaluation.summary import summarise
 HAND = Payoffs(
     ("seeds", "script"),
     ("one", "two"),
-    (np.array([[1.0, 8.0], [3.0, 8.0], [5.0, 2.0]]), np.array([[4.0, 5.0], [4.0, 7.0]])),
-    ("training seeds", "matches"),
+    (np.array([[[1.0, 8.0]], [[3.0, 8.0]], [[5.0, 2.0]]]), np.array([[[4.0, 5.0], [4.0, 7.0]]])),
 )
 
 
@@ -53,14 +52,12 @@ def test_an_unknown_name_is_refused():
 
 
 def test_matching_pennies_are_played_evenly_and_nobody_gains_by_another_answer():
-    samples = tuple(np.array([row, row], float) for row in ([1, -1], [-1, 1]))
-    pennies = Payoffs(("heads", "tails"), ("heads", "tails"), samples, ("matches",) * 2)
+    samples = tuple(np.array([[row, row]], float) for row in ([1, -1], [-1, 1]))
+    pennies = Payoffs(("heads", "tails"), ("heads", "tails"), samples)
     players, rivals, value = pennies.equilibrium()
     assert players == rivals == pytest.approx({"heads": 0.5, "tails": 0.5})
     assert value == pytest.approx(0)
-    uneven = Payoffs(
-        ("a", "b"), ("x", "y"), (np.array([[3.0, 0.0]] * 2), np.array([[1.0, 2.0]] * 2)), ("matches",) * 2
-    )
+    uneven = Payoffs(("a", "b"), ("x", "y"), (np.array([[[3.0, 0.0]] * 2]), np.array([[[1.0, 2.0]] * 2])))
     found = uneven.equilibrium()
     assert found.players == pytest.approx({"a": 0.25, "b": 0.75})
     assert found.rivals == pytest.approx({"x": 0.5, "y": 0.5})
@@ -80,9 +77,9 @@ def test_they_are_what_the_summaries_of_the_records_say(suite):
     store, wanted = Store(), pairings([script, *seeds], suite)
     records = store.fill(wanted)
     payoffs = Payoffs.of(store, wanted)
-    assert (payoffs.players, payoffs.over) == (("expert", "ppo"), ("matches", "training seeds"))
+    assert payoffs.players == ("expert", "ppo")
     assert payoffs.rivals == tuple(rival.name for rival in suite.rivals)
-    assert [len(of) for of in payoffs.samples] == [3, 2]
+    assert [of.shape for of in payoffs.samples] == [(1, 3, 3), (2, 3, 3)]
     for summary in summarise(records, suite):
         assert payoffs.worst(summary.entry)[0] == summary.worst
         for rival, interval in summary.by_rival.items():

@@ -87,8 +87,8 @@ def test_a_record_without_the_clean_rates_of_later_versions_is_read_and_is_the_s
     later, earlier = record(tally=rates | {"clean_mbit_s": 100.0}), record(tally=rates)
     assert read_record(json.loads(json.dumps(later.row())), "here") == later
     assert RECORD.is_same(later, earlier)
-    assert pool([later, later]).measures["rate_kept"] == 0.5
-    assert pool([later, earlier]).measures["rate_kept"] is None
+    assert pool([later, later]).measures["survived_share"] == 0.5
+    assert pool([later, earlier]).measures["survived_share"] is None
 
 
 def test_a_measure_that_is_counted_later_leaves_older_records_as_they_are(monkeypatch):

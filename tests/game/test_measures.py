@@ -12,11 +12,12 @@ import pytest
 from fpg_bench.game.link import rate_mbit_s
 from fpg_bench.game.metrics import measures, pool
 from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.radio import capacity_mbit_s
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import PAPER, STANDARD, preset
 from fpg_bench.game.state import TALLY
 
-from .playing import begin, play, wander
+from .playing import EXPERT, HOP, PREFERENCE, SPREAD, begin, play, to_point, wander
 
 
 def runs_of(flags: list[bool]) -> list[tuple[int, int]]:
@@ -37,6 +38,12 @@ def recoveries(records, outage: list[bool]) -> list[tuple[int, bool]]:
             start, end = begun[0]
             found.append((end - start, end == len(records)))
     return found
+
+
+def open_rate(scenario, game):
+    """The rate without jamming and spreading, whose noise is as wide as the band in use."""
+    wider = scenario.spread_bandwidth_mhz / scenario.bandwidth_mhz if game["spreading"] else 1
+    return scenario.bandwidth_mhz * math.log2(1 + wider * 10 ** (game["clean_snr_db"] / 10))
 
 
 def slow_measures(scenario, records, point_before: int) -> dict[str, float | None]:
@@ -74,7 +81,8 @@ def slow_measures(scenario, records, point_before: int) -> dict[str, float | Non
         "near_ratio": sum(game["distance_m"] < s.distance_reward_m for game in records) / steps,
         "snr_db": sum(game["snr_db"] for game in records) / steps,
         "capacity_mbit_s": sum(rates) / steps,
-        "rate_kept": None,
+        "delivered_share": sum(rates) / sum(open_rate(s, game) for game in records),
+        "survived_share": None,
         "ally_return": sum(game["ally_reward"] for game in records),
         "opponent_return": sum(game["opponent_reward"] for game in records),
     }
@@ -110,14 +118,14 @@ def test_before_the_first_step_nothing_exists():
     assert set(measures(pool(batch.tallies[0]), batch.histograms[0]).values()) == {None}
 
 
-def test_the_rate_kept_is_what_jamming_leaves_of_the_rate():
+def test_the_survived_share_is_what_jamming_leaves_of_the_rate():
     """Of the same steps, so hops and spreading take nothing from it; models without such rates have none."""
     records, scenario = [], preset("link")
     batch = begin(scenario)
     for actions in zip(*wander(4, 60), strict=True):
         batch.step(*actions)
         records.append(batch.games[0].copy())
-    found = measures(pool(batch.tallies[0]) | batch.clean_sum([0]), batch.histograms[0])["rate_kept"]
+    found = measures(pool(batch.tallies[0]) | batch.clean_sum([0]), batch.histograms[0])["survived_share"]
     rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]
     clean = sum(r["airtime"] * rate_mbit_s(r["clean_snr_db"], r["spreading"], rules, radio) for r in records)
     assert found == pytest.approx(sum(r["rate_mbit_s"] for r in records) / clean)
@@ -125,6 +133,34 @@ def test_the_rate_kept_is_what_jamming_leaves_of_the_rate():
     batch.reset()
     assert batch.games["clean_mbit"][0] == 0
     assert begin(STANDARD).clean_sum() == {}
+
+
+@pytest.mark.parametrize("name", ["standard", "link"])
+def test_what_is_delivered_is_a_share_of_the_same_flight_unjammed_unspread_and_unhopped(name):
+    """The yardstick is the rate without jamming of a twin on the same points that never spreads."""
+    scenario, (allies, opponents) = preset(name), wander(4, 60)
+    points = scenario.frequency_points
+    batch, twin = begin(scenario), begin(scenario)
+    rules, expected, spread = rules_record(scenario)[0], 0.0, 0
+    for ally, opponent in zip(allies, opponents, strict=True):
+        batch.step(ally, opponent)
+        game, calm = batch.games[0], ally.copy()
+        calm[:, [HOP, SPREAD, EXPERT]] = (1 if game["point"] != twin.games[0]["point"] else -1), -1, -1
+        calm[:, PREFERENCE] = to_point(game["point"], points)
+        twin.step(calm, opponent)
+        snr = twin.games[0]["clean_snr_db"]
+        if name == "link":
+            rate = rate_mbit_s(snr, False, rules, radio_record(scenario)[0])
+        else:
+            rate = capacity_mbit_s(snr, False, rules)
+        assert game["open_mbit_s"] == pytest.approx(rate, rel=1e-9)
+        expected += rate
+        spread += game["spreading"]
+    tally = pool(batch.tallies[0])
+    assert 5 < spread < 55
+    found = measures(tally, batch.histograms[0])["delivered_share"]
+    assert found == pytest.approx(tally["capacity_mbit_s"] / expected)
+    assert 0.1 < found < 0.98
 
 
 def test_rounds_are_pooled_and_never_averaged():

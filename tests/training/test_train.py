@@ -148,7 +148,7 @@ def test_tensorboard_shows_the_game(run):
     tags = set(events.Tags()["scalars"])
     measured = measures(dict.fromkeys(TALLY.names, 0), np.zeros((2, 15)))
     assert {"rollout/ep_rew_mean", "score/score", "score/overlap_ratio"} <= tags
-    may_lack = {"rate_kept", "time_to_recover_s", "outage_mean_s", "success_given_overlap"}
+    may_lack = {"survived_share", "time_to_recover_s", "outage_mean_s", "success_given_overlap"}
     logged = {tag.removeprefix("game/") for tag in tags if tag.startswith("game/")}
     assert set(measured) - may_lack <= logged <= set(measured)
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))

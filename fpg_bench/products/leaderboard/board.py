@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 from pydantic import TypeAdapter
+from scipy.stats import ttest_ind
 
 from fpg_bench.common.ids import other_side
 from fpg_bench.evaluation.payoffs import nash
@@ -17,14 +18,12 @@ from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
     TRAINING_SEEDS,
     Interval,
-    difference,
     mean_interval,
-    rank_ranges,
     student_half,
 )
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
-from fpg_bench.evaluation.table import learning_curve, over_rounds
+from fpg_bench.evaluation.table import Standing, learning_curve, over_rounds, standings
 from fpg_bench.planning import TIERS
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.about import Training, board_name
@@ -121,15 +120,15 @@ class WorstCase:
 
 @dataclass(frozen=True)
 class UnitScores:
-    """Scores behind the intervals of an entry over a suite.
+    """Scores behind the intervals of an entry over a suite, by rival in the suite's order.
 
     Attributes:
-        over: the units: training seeds or matches.
-        scores: the score of each unit, by rival in the suite's order.
+        seeds: the score of each training seed, a mean over matches; a script and a planner have one.
+        matches: the score in each match, a mean over training seeds.
     """
 
-    over: str
-    scores: tuple[tuple[float, ...], ...]
+    seeds: tuple[tuple[float, ...], ...]
+    matches: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -177,8 +176,10 @@ class Figures:
     """The figures of a verified result.
 
     Attributes:
-        rank: best and worst rank; None where the entry has not played the suite that ranks its track, and for
-            a reference.
+        rank: best and worst rank over all pairs; None where the entry has not played the suite that ranks its
+            track, and for a reference.
+        may_be_best: no other entry with a rank is better.
+        behind: its score minus that of the leader, on the same matches; None without a rank.
         score: over the suite that ranks the track, else over the public one.
         scores: by role of the suite.
         exploited: lowest return against responses that were trained to lower it; None: not searched.
@@ -200,6 +201,8 @@ class Figures:
     """
 
     rank: tuple[int, int] | None
+    may_be_best: bool
+    behind: Interval | None
     score: Interval
     scores: Mapping[str, Interval]
     worst: WorstCase
@@ -427,9 +430,7 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
         (item for item in verified if role in item.summaries),
         key=lambda item: (-item.summaries[role].score.value, item.slug),
     )
-    compared = [item for item in ranked if not _is_reference(item)]
-    ranges = rank_ranges([item.summaries[role].samples for item in compared])
-    ranks = {item.slug: rank for item, rank in zip(compared, ranges, strict=True)}
+    placed = standings([item.summaries[role] for item in ranked if not _is_reference(item)])
     ranking = [item.summaries[role] for item in ranked]
     gaps = _seeds_gaps(verified)
     entries = [
@@ -445,7 +446,7 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
                     every.pairs.results.values(),
                     [policy.seed for policy in item.submission.policies],
                 ),
-                rank=ranks.get(item.slug),
+                placed.get(item.slug),
                 seeds_gap=gaps.get(item.slug),
                 is_late=_is_late(item.submission, every.suites.season(track)),
                 exploited=every.exploited.get(f"{item.submission.track}/{item.slug}"),
@@ -526,13 +527,13 @@ def _seeds_gaps(verified: Iterable[VerifiedEntry]) -> dict[str, SeedsGap]:
 
 
 def _seeds_gap(on_public_seeds: Summary, on_season_seeds: Summary) -> tuple[float, float]:
-    """Return the difference of two scores, and the lower end of its 95 % interval over matches."""
+    """Return the difference of two scores, and the lower end of its 95 % interval over matches, by Welch."""
     one, other = (
         summary.suite.scale.score(summary.rewards.mean(axis=(0, 1)))
         for summary in (on_public_seeds, on_season_seeds)
     )
-    gap = difference(one, other)
-    return gap.value, gap.low
+    low = ttest_ind(one, other, equal_var=False).confidence_interval().low
+    return float(one.mean() - other.mean()), float(low)
 
 
 def _make_entry(
@@ -568,7 +569,7 @@ def _make_figures(
     item: VerifiedEntry,
     ranking: Summary,
     worst: WorstCase,
-    rank: tuple[int, int] | None,
+    placed: Standing | None,
     seeds_gap: SeedsGap | None,
     is_late: bool,
     exploited: Exploited | None,
@@ -577,7 +578,9 @@ def _make_figures(
     public = summaries[PUBLIC]
     played = [record for summary in summaries.values() for record in summary.records]
     return Figures(
-        rank=rank,
+        rank=None if placed is None else placed.rank,
+        may_be_best=placed is not None and bool(placed.may_be_best),
+        behind=None if placed is None else _score(placed.behind),
         score=_score(ranking.score),
         scores={role: _score(summary.score) for role, summary in summaries.items()},
         worst=worst,
@@ -611,9 +614,9 @@ def _make_figures(
 
 
 def _make_units(summary: Summary) -> UnitScores:
-    by_rival = [summary.units(summary.rewards[:, k : k + 1]) for k in range(summary.rewards.shape[1])]
-    scores = [np.round(summary.suite.scale.score(rewards), 1).tolist() for rewards in by_rival]
-    return UnitScores(summary.over, tuple(map(tuple, scores)))
+    scores = summary.suite.scale.score(summary.rewards)
+    seeds, matches = (np.round(scores.mean(axis=axis), 1) for axis in (2, 0))
+    return UnitScores(tuple(map(tuple, seeds.T.tolist())), tuple(map(tuple, matches.tolist())))
 
 
 def _make_planner_figures(public: Summary, result: Result) -> PlannerFigures | None:

@@ -15,7 +15,7 @@ from fpg_bench.game.counting import count_step
 from fpg_bench.game.elementary import DB, log
 from fpg_bench.game.flight import begin_curve, distance_m, fly_curve, keep_inside
 from fpg_bench.game.jamming import covers
-from fpg_bench.game.link import beam
+from fpg_bench.game.link import beam, open_rate_mbit_s
 from fpg_bench.game.rewards import costs
 from fpg_bench.game.sensing import (
     clip,
@@ -177,6 +177,7 @@ def _transmit(i: int, silent: int, credits: np.ndarray, has_credits: bool, seats
     airtime, nearest = ally.airtime, nearest_jammer(i, seats, book)
     ally.rate_mbit_s, ally.ally_value = airtime * rate, value
     ally.clean_mbit += airtime * clean_rate
+    ally.open_mbit_s = open_rate_mbit_s(ally, clean_rate, rules, radio)
     hop = rules.hop_cost if ally.hopped else 0.0
     ally.ally_reward = airtime * value - costs(ally, work.speed[i], rules, radio) - hop
     work.drop[i] = rules.snr_drop_weight * (airtime * (clean_value - value))

@@ -16,7 +16,7 @@ from fpg_bench.common.imports import reason
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import training_seed
-from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
+from fpg_bench.evaluation.statistics import Interval, crossed_interval
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import Player
 from fpg_bench.products.tuning.space import format_values, merge_values, suggest
@@ -94,7 +94,7 @@ class Objective:
             report: called with the score so far and the number of evaluations so far; may raise to stop.
 
         Returns:
-            The score with its interval over training seeds, or over matches for a single seed.
+            The score with its interval over training seeds and matches, or over matches for a single seed.
 
         Raises:
             Diverged: training diverged.
@@ -109,9 +109,7 @@ class Objective:
             scores.append(self._train_seed(values, seed, evaluate))
             if index + 1 < len(seeds):
                 report(_mean(scores), (index + 1) * N_EVALS)
-        if len(scores) == 1:
-            return mean_interval(scores[0].mean(axis=0), MATCHES)
-        return mean_interval(np.array([matches.mean() for matches in scores]), TRAINING_SEEDS)
+        return crossed_interval(np.mean(scores, axis=1))
 
     def _train_seed(
         self, values: Entry, seed: int, evaluate: Callable[[int, np.ndarray], None]

@@ -48,7 +48,7 @@ TRACKS = {
     "opponent-pursuit": ("Opponents in pursuit", "opponent", ["idle", "expert"]),
 }
 CHANGED_RULES = ("checks every 3 s", "slower ally")
-SEEDS = "training seeds"
+SEEDS = "training seeds and matches"
 
 
 @contextmanager
@@ -73,7 +73,12 @@ def example_board(
         ranked = [
             dataclasses.replace(
                 row,
-                figures=dataclasses.replace(row.figures, rank=(place // 2 * 2 + 1, place // 2 * 2 + 2)),
+                figures=dataclasses.replace(
+                    row.figures,
+                    rank=(place // 2 * 2 + 1, place // 2 * 2 + 2),
+                    may_be_best=place < 2,
+                    behind=_score(row.figures.score.value - ordered[0].figures.score.value, 4),
+                ),
             )
             for place, row in enumerate(ordered)
         ]
@@ -213,6 +218,8 @@ def _figures(
     score = scores.get(UNSEEN, scores[PUBLIC])
     return Figures(
         rank=None,
+        may_be_best=False,
+        behind=None,
         score=_score(score, 6, SEEDS),
         scores={role: _score(value, 6, SEEDS) for role, value in scores.items()},
         worst=_worst(index, by_rival[PUBLIC]),
@@ -242,11 +249,15 @@ def _figures(
 
 
 def _units(by_rival: dict[str, dict[str, Interval]], kind: str) -> dict[str, UnitScores]:
-    """Return five training seeds around each score; of scripts, ten matches."""
-    spread = (-1, 0, 1) * 3 + (0,) if kind == "script" else (-2, -1, 0, 1, 2)
-    over = "matches" if kind == "script" else SEEDS
+    """Return ten matches around each score, and five training seeds; of scripts, one."""
+    seeds, matches = (0,) if kind == "script" else (-2, -1, 0, 1, 2), (-1, 0, 1) * 3 + (0,)
     return {
-        role: UnitScores(over, tuple(tuple(score.value + k for k in spread) for score in scores.values()))
+        role: UnitScores(
+            *(
+                tuple(tuple(score.value + k for k in of) for score in scores.values())
+                for of in (seeds, matches)
+            )
+        )
         for role, scores in by_rival.items()
     }
 

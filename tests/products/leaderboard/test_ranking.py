@@ -72,12 +72,12 @@ def test_the_lowest_training_seed_is_named_beside_the_mean():
     assert seed_of([uneven]) == SeedCase(7, "uneven", CROSSPLAY, -14.7)
 
 
-def test_its_interval_is_over_training_seeds():
+def test_its_interval_is_over_training_seeds_and_matches_where_these_are_known():
     reward, crossed, single = (
         worst_case("own", "ally", SUMMARIES, pairs).return_per_step
         for pairs in ((), [HARD], [pair("own", "hard", [0])])
     )
-    assert reward.over == "training seeds"
+    assert (reward.over, crossed.over) == ("training seeds and matches", "training seeds")
     assert reward.low < 2 < reward.high
     assert (crossed.low - 1, crossed.high - 1) == pytest.approx((reward.low - 2, reward.high - 2), rel=1e-5)
     assert np.isnan([single.low, single.high]).all()

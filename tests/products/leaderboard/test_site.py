@@ -99,9 +99,11 @@ def plain_site(tmp_path_factory):
     verified = {entry.slug: figures for entry, figures in board.tracks[0].verified()}
     figures = verified.pop("player-2")  # has not played the unseen suite
     changes = {name: {PUBLIC: getattr(figures, name)[PUBLIC]} for name in ("scores", "by_rival", "units")}
-    board = with_figures(board, "player-2", rank=None, score=figures.scores[PUBLIC], **changes)
-    for slug, rank in zip(verified, [(1, 2), (1, 3), (3, 3)], strict=True):
-        board = with_figures(board, slug, rank=rank)
+    board = with_figures(
+        board, "player-2", rank=None, may_be_best=False, behind=None, score=figures.scores[PUBLIC], **changes
+    )
+    for slug, is_best in zip(verified, (True, True, False), strict=True):
+        board = with_figures(board, slug, may_be_best=is_best)
     board = with_figures(board, "player-1", scores={PUBLIC: Interval(60.25), UNSEEN: Interval(20.0)})
     played = dataclasses.replace(board.crossplay["standard"], same_player={"player-1": "player-0"})
     build_site(dataclasses.replace(board, crossplay={"standard": played}), folder, docs="../site")
@@ -146,14 +148,14 @@ def columns(site, kind='[^"]*'):
 
 def test_tables_have_columns_for_what_was_played(site, tmp_path):
     mission = ["Overlap ratio", "Jamming success rate"]  # right after the score, in the default columns
-    scores = ["Score, unseen", *mission, "Public", "Gap", "Herders", "Aimers", "Shifted"]
-    assert columns(site) == ["Rank", "Entry", *scores, "Worst", "Exploited", "Return per step"]
-    shown = [c for c in columns(site, "num") if c not in ("Rank", "Worst", "Exploited")]
+    scores = ["Score, unseen", "From the leader", *mission, "Public", "Gap", "Herders", "Aimers", "Shifted"]
+    assert columns(site) == ["Entry", *scores, "Worst", "Exploited", "Return per step"]
+    shown = [c for c in columns(site, "num") if c not in ("From the leader", "Worst", "Exploited")]
     assert shown == ["Score, unseen", *mission, "Public"]
     assert "Against herders" in (site / "entries/ally/player-1.html").read_text()
     build_site(example_board(3, season=None), tmp_path)
     last = ["Worst", "Exploited", "Return per step"]
-    assert columns(tmp_path) == ["Rank", "Entry", "Score, public", *mission, *last]
+    assert columns(tmp_path) == ["Entry", "Score, public", "From the leader", *mission, *last]
     assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
     unchanged = (tmp_path / "submit.html").stat().st_mtime_ns
@@ -163,7 +165,7 @@ def test_tables_have_columns_for_what_was_played(site, tmp_path):
 
 
 def test_the_best_and_its_gap_are_named(plain_site):
-    leader = "Player 3 has the highest score; 1 other may be first as well. Ranked by"  # of those with a rank
+    leader = "Player 3 has the highest score; 1 other may be best as well. Ranked by"  # of those with a rank
     assert leader in Page(plain_site / "ranking.html").text
     gap = '<td class="extra">+40.2</td>'  # public minus unseen
     assert gap in (plain_site / "ranking.html").read_text()
@@ -246,9 +248,9 @@ def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, page
     assert rows == [(t.key, entry.slug) for t, (entry, _) in zip(board.tracks, leaders, strict=True)]
     cells = re.findall(r'<td class="num[^>]*>(?:<b>)?([^<]*)<', (site / "index.html").read_text())
     for k, (_, figures) in enumerate(leaders):
-        score, rank = views.format_number(figures.score.value), views.format_rank(figures.rank)
+        score = views.format_number(figures.score.value)
         mission = [views.format_number(figures.measures[name], "share") for name in views.MISSION]
-        assert cells[5 * k : 5 * k + 5] == [score, *mission, rank, "6 of 7" if k == 0 else "2"]
+        assert cells[5 * k : 5 * k + 5] == [score, *mission, "2", "6 of 7" if k == 0 else "2"]
         assert f"<small>{views.format_interval(figures.score)}</small>" in (site / "index.html").read_text()
     assert "9 agents and scripts" in text
     assert "8 of 9 entries are verified: their 400 records, 40,000 rounds" in text

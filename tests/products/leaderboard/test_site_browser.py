@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from scipy import stats
 
+from fpg_bench.evaluation.statistics import difference
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.site.serve import make_server
@@ -59,21 +59,21 @@ def test_tables_need_no_javascript(visit):
 
 def test_a_column_is_sorted_both_ways_by_its_button(visit):
     page = visit()
-    header = page.locator("#ally thead th").nth(2)
+    header = page.locator("#ally thead th").nth(1)
     first = page.locator("#ally thead th").first
-    scores = [float(value) for value in column(page, 2)]
+    scores = [float(value) for value in column(page, 1)]
     assert (header.get_attribute("aria-sort"), scores) == ("descending", sorted(scores, reverse=True))
     header.locator("button").focus()
     page.keyboard.press("Enter")
-    scores = [float(value) for value in column(page, 2)]
+    scores = [float(value) for value in column(page, 1)]
     assert (header.get_attribute("aria-sort"), scores) == ("ascending", sorted(scores))
     first.locator("button").click()
     assert (first.get_attribute("aria-sort"), header.get_attribute("aria-sort")) == ("ascending", "none")
-    assert [float(value) for value in column(page, 0)[:3]] == [1, 1, 3]
+    assert column(page, 0)[:2] == ["player 1", "player 10"]
     assert len(column(page, 0)) == 25
     page.get_by_role("button", name=f"Show all {ENTRIES}").click()
     assert len(column(page, 0)) == ENTRIES
-    assert column(page, 2)[-1] == ""  # what has no score is last, whichever way
+    assert column(page, 1)[-1] == ""  # what has no score is last, whichever way
     row = page.locator("#ally tr[data-unverified]")
     assert "not verified: seed_0: outran the limit" in row.inner_text()
     assert row.locator("td").first.inner_text() == "–"
@@ -102,10 +102,10 @@ def test_the_address_keeps_how_a_table_is_shown(visit):
     page.locator("#ally thead th").nth(0).locator("button").click()
     page.locator("#ally .filter").fill("player 1")
     page.locator('#ally .kind[value="zoo"]').uncheck()
-    shown, address = column(page, 1), page.url
+    shown, address = column(page, 0), page.url
     page.goto("about:blank")
     page.goto(address)
-    assert column(page, 1) == shown
+    assert column(page, 0) == shown
     expect(page.locator("#ally .filter")).to_have_value("player 1")
     expect(page.locator("#ally thead th.extra").first).to_be_visible()
 
@@ -150,28 +150,32 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
     assert page.locator("#comparison svg").count() == 3 + 4 + 3  # all rivals, then each of them
 
 
-# The page's difference of two lists of scores.
+# The page's difference of two entries.
 DIFFERENCE = """([one, two]) => fpgDifferences.between(one, two, fpgData.student)"""
 
 
-def test_differences_and_their_intervals_are_those_of_scipy(visit):
+def test_differences_and_their_intervals_are_those_of_the_tables(visit):
     page, rng = visit("compare.html"), np.random.default_rng(1)
-    one, two = rng.normal(50, 9, 40), rng.normal(48, 9, 40)
+    chance = rng.normal(50, 9, 40)
+    one, two = (
+        chance + rng.normal(0, 3, (seeds, 1)) + rng.normal(mean, 2, (seeds, 40))
+        for seeds, mean in ((5, 2), (3, 0))
+    )
 
-    def difference(*lists):
-        return page.evaluate(DIFFERENCE, [{"over": over, "scores": list(scores)} for over, scores in lists])
+    def found(*entries):
+        lists = [{"seeds": of.mean(axis=1).tolist(), "matches": of.mean(axis=0).tolist()} for of in entries]
+        return page.evaluate(DIFFERENCE, lists)
 
-    value, half, how = difference(("matches", one), ("matches", two))
-    interval = stats.ttest_rel(one, two).confidence_interval()
-    assert (value - half, value + half) == pytest.approx((interval.low, interval.high), abs=1e-3)
-    assert how == "match by match"
-    value, half, _ = difference(("training seeds", one[:5]), ("training seeds", two[:3]))
-    interval = stats.ttest_ind(one[:5], two[:3], equal_var=False).confidence_interval()
-    assert (value - half, value + half) == pytest.approx((interval.low, interval.high), rel=0.02)
-    _, half, _ = difference(("training seeds", one[:5]), ("matches", two))
-    interval = stats.ttest_1samp(one[:5], two.mean()).confidence_interval()
-    assert half == pytest.approx((interval.high - interval.low) / 2, rel=1e-3)
-    assert difference(("matches", one[:1]), ("matches", two[:1]))[1] is None
+    for pair, how in (
+        ((one, two), "over training seeds and matches"),
+        ((one, two[:1]), "over training seeds and matches"),
+        ((one[:1], two[:1]), "match by match"),
+    ):
+        expected = difference(*pair)
+        value, half, over = found(*pair)
+        assert (value, half) == pytest.approx((expected.value, expected.half), rel=1e-4)
+        assert over == how
+    assert found(one[:1, :1], two[:1, :1])[1] is None
 
 
 def test_a_round_is_played_paused_and_scrubbed(visit):

@@ -17,7 +17,7 @@ JAMMERS = {"tone": "tone"}
 def test_pairs_are_played_once_and_kept(tmp_path, monkeypatch):
     results = Results(tmp_path / "rows.jsonl", 2)
     first = results.payoffs("3 v 1", {"all spread": "cdma"}, JAMMERS)
-    assert first.samples[0].shape == (2, 1)
+    assert first.samples[0].shape == (1, 2, 1)
     monkeypatch.delattr(measure_team_payoffs, "play_teams")
     again = Results(tmp_path / "rows.jsonl", 2)
     assert np.array_equal(again.payoffs("3 v 1", {"all spread": "cdma"}, JAMMERS).values, first.values)
@@ -28,8 +28,8 @@ def test_pairs_are_played_once_and_kept(tmp_path, monkeypatch):
 
 
 def test_bounds_are_shown_and_stay_out_of_the_equilibrium():
-    samples = tuple(np.array([[reward, 1.0], [reward, 3.0]]) for reward in (4.0, 6.0, 9.0))
-    payoffs = Payoffs(("greedy", "cdma", "genie"), ("tone", "combs"), samples, ("matches",) * 3)
+    samples = tuple(np.array([[[reward, 1.0], [reward, 3.0]]]) for reward in (4.0, 6.0, 9.0))
+    payoffs = Payoffs(("greedy", "cdma", "genie"), ("tone", "combs"), samples)
     assert "| genie (a bound) | 9.00 | 2.00 | 2.00 | 5.50 |" in payoff_table(payoffs)
     assert without_bounds(payoffs).players == ("greedy", "cdma")
 

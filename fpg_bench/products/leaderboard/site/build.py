@@ -151,7 +151,6 @@ def _environment(board: Board, docs: str) -> Environment:
         "sort_key": views.sort_key,
         "interval": views.format_interval,
         "signed": views.format_signed,
-        "rank": views.format_rank,
     }
     environment.globals |= {
         "board": board,

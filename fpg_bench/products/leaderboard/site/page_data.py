@@ -152,7 +152,7 @@ def _rounded(value: float | None, digits: int) -> float | None:
 
 
 def statistics_data(board: Board) -> Row:
-    """Return the performance profiles and probabilities of improvement of each track."""
+    """Return the ranks, performance profiles and probabilities of improvement of each track."""
     return {"tracks": [_track_statistics(track) for track in board.tracks]}
 
 
@@ -164,6 +164,7 @@ def _track_statistics(track: BoardTrack) -> Row:
         "title": track.title,
         "names": {entry.slug: entry.name for entry in track.entries},
         "order": order,
+        "ranks": {entry.slug: format_rank(of.rank) for entry, of in track.verified() if of.rank},
         "thresholds": [round(threshold, 1) for threshold in profiles.thresholds],
         "share": {
             slug: [round(share, 3) for share in profiles.share[slug]]

@@ -50,7 +50,14 @@ MEASURES = {
     "spectrum_overlap": Measure("Spectrum overlap", "share", "similarity of both sides' use of frequencies"),
     "outage": Measure("Outage", "share", "time in which the link is broken, jammed or not"),
     "capacity_mbit_s": Measure("Capacity", "Mbit/s", "mean rate of the link"),
-    "rate_kept": Measure("Rate kept", "share", "share of the rate that the jamming leaves, on a radio link"),
+    "delivered_share": Measure(
+        "Delivered share",
+        "share",
+        "what was delivered of the rate of a link without jamming, spreading and hops",
+    ),
+    "survived_share": Measure(
+        "Survived share", "share", "what jamming left of the rate of the same waveform, on a radio link"
+    ),
     "snr_db": Measure("SNR", "dB", "mean quality of the link"),
     "hop_rate": Measure("Hops", "share", "time steps in which the ally pays for a hop"),
     "frequency_changes": Measure(
@@ -322,7 +329,7 @@ class TrackView:
         ranking: the suite that ranks it.
         mission: presentations of the two measures of the mission by name, as far as they were measured.
         heat_suites: suites of the heat map; ``heat_rows`` have a score and a tint, 0 to 8, per rival.
-        leaders: names of entries that may be first.
+        leaders: names of the entries that may be best, the first one first.
     """
 
     track: BoardTrack
@@ -368,7 +375,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
         heat_rows=[
             (row, _heat_cells(row.figures, heat_suites, top)) for row in rows if row.figures is not None
         ],
-        leaders=[e.name for e, figures in verified if figures.rank is not None and figures.rank[0] == 1],
+        leaders=[entry.name for entry, figures in verified if figures.may_be_best],
     )
 
 

@@ -5,7 +5,7 @@
   const NS = "http://www.w3.org/2000/svg";
   const { measures, student } = window.fpgData;
   const parts = {}, loads = {}; // what is loaded by name, TRACK or TRACK/ENTRY, and its promise
-  const { between, overall } = fpgDifferences;
+  const { between, against } = fpgDifferences;
   const select = Object.fromEntries(["track", "a", "b"].map((id) => [id, document.getElementById(id)]));
   const number = (value) => (value === null || value === undefined ? "–" : value.toFixed(1).replace("-", "−"));
   const percent = (share) => (share === null || share === undefined ? "–" : `${(100 * share).toFixed(1)} %`);
@@ -136,7 +136,7 @@
     if (one[0] === null || two[0] === null) return "–";
     const units = [a.units[role], b.units[role]];
     if (units.includes(null)) return signed(one[0] - two[0]);
-    const [value, half] = between(...units.map((of) => (k === null ? overall(of) : { over: of.over, scores: of.scores[k] })), student);
+    const [value, half] = between(...units.map((of) => against(of, k)), student);
     if (half === null) return signed(value);
     return make(Math.abs(value) > half ? "b" : "span", `${signed(value)}  (${signed(value - half)} to ${signed(value + half)})`);
   }
@@ -178,7 +178,7 @@
   function sure(role, a, b) {
     const units = [a.units[role], b.units[role]];
     if (units.includes(null)) return "";
-    const [value, half, how] = between(...units.map(overall), student);
+    const [value, half, how] = between(...units.map((of) => against(of, null)), student);
     if (half === null) return "";
     const enough = Math.abs(value) > half ? "beyond chance" : "which chance may have made";
     return ` They are ${number(Math.abs(value))} apart, ${enough}: the 95 % interval of the difference is ${signed(value - half)} to ${signed(value + half)} (${how}).`;

@@ -1,4 +1,4 @@
-/* The page of statistics: performance profiles and the probability of improvement, per track. */
+/* The page of statistics: ranks, performance profiles and the probability of improvement, per track. */
 "use strict";
 (() => {
   const { percent, tint, matrix, table, fill } = fpgCharts;
@@ -7,6 +7,11 @@
   const chosen = document.getElementById("track");
   const who = document.getElementById("who");
   let track;
+
+  function ranks() {
+    const { names, ranks: known } = track;
+    table(document.getElementById("rank-table"), "Best and worst rank of each entry", ["Entry", "Rank"], Object.entries(known).map(([slug, rank]) => [names[slug], rank]));
+  }
 
   function profiles() {
     const { thresholds, names, share } = track;
@@ -57,6 +62,7 @@
 
   function show() {
     track = tracks.find((one) => one.key === chosen.value) ?? tracks[0];
+    ranks();
     profiles();
     improvement();
   }

@@ -98,7 +98,7 @@
     heads.forEach((header, column) => header.querySelector("button").addEventListener("click", () => {
       const up = upNext(header);
       sortBy(table, header, up);
-      keep(`${key}.sort`, `${column}${up ? "u" : "d"}`, "2d");
+      keep(`${key}.sort`, `${column}${up ? "u" : "d"}`, "1d");
       show();
     }));
     search.addEventListener("input", () => {
