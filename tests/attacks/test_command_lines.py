@@ -109,7 +109,7 @@ WORKING = (
     "leaderboard season season-9 --folder nowhere",
     "leaderboard audit-season 9 --work work --folder nowhere",
 )
-WRONG = "discreet"
+WRONG = "discretely"
 # Options of any text, and those of others: names that are given, addresses, and what a server is asked
 FREE = {"--name", "--study-name", "--storage", "--address", "--server", "--allow", "--prompt"}
 FREE |= {"--since", "--revision"}
