@@ -243,7 +243,7 @@ def test_a_resumed_run_has_each_evaluation_once(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_tensorboard_does_not_go_back_behind_a_kill(tmp_path, monkeypatch):
-    """What a killed process logged behind its last checkpoint is dropped."""
+    """Values that a killed process logged behind its last checkpoint are dropped."""
     stopped("ppo", tmp_path / "run", monkeypatch, at=800)
     with SummaryWriter(tmp_path / "run") as killed:
         for step in (700, 800, 1000, 5000):
