@@ -7,7 +7,6 @@ import warnings
 import numpy as np
 import pettingzoo
 import pytest
-import supersuit
 
 with warnings.catch_warnings():  # importing PettingZoo's tests warns of PettingZoo's own games
     warnings.simplefilter("ignore")
@@ -72,6 +71,7 @@ def test_anything_but_a_mapping_of_actions_is_refused_in_one_line(bad):
 
 
 def test_a_step_of_nobody_after_the_end_is_empty_as_black_death_asks():
+    supersuit = pytest.importorskip("supersuit")
     env = supersuit.black_death_v3(registered("parallel"))
     for _ in range(2):
         env.reset(seed=0)
