@@ -90,6 +90,7 @@ EXTRAS = {
             "table results",
             "plan compare circle --matches 1 --out planners",
             f"submit check {ROOT}/leaderboard/submissions/opponent/adaptive",
+            "leaderboard season season-3",
         ),
         (
             "curves nowhere",
@@ -162,7 +163,6 @@ PLAYS = (
     ),
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "leaderboard init own",
-    "leaderboard season season-3",
 )
 REFUSES = ("llm fetch --wheel agent.whl", "scenario check match.jsonl")
 COMMANDS = [verb.removeprefix("fpg-bench ") for verb in VERBS]

@@ -202,7 +202,7 @@ def test_what_could_not_be_had_is_in_the_verdict(board, in_process, monkeypatch)
     lines = {verdict.name: verdict.line for verdict in verify(board)}
     assert lines["ally/linear"].endswith("; this machine cannot keep a policy from files, the network")
     assert "cannot" not in lines["ally/wise"]
-    assert OPEN not in (board / "results/ally/linear.jsonl").read_text()
+    assert f'"{OPEN}"' not in (board / "results/ally/linear.jsonl").read_text()
 
 
 FORGETS = """

@@ -186,7 +186,7 @@ def test_pairs_that_cannot_be_written_are_kept_where_they_were_played(board, in_
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
     with monkeypatch.context() as disk:
-        disk.setattr(crossplay, "write_whole", full)
+        disk.setattr("fpg_bench.common.rows.write_whole", full)
         with pytest.raises(OSError, match="No space left"):
             crossplay.play_missing(board)
     monkeypatch.setattr(crossplay, "play_pair", lambda *pair: pytest.fail("is played again"))

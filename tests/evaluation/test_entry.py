@@ -184,6 +184,7 @@ def test_a_mapping_names_its_entries(suite, agent):
 
 
 def test_an_agent_of_a_folder_is_told_by_its_policy(tmp_path):
+    pytest.importorskip("fpg_bench.products.sandbox.agent")  # which plays agents of others
     shutil.copytree(baselines_folder() / "agents/ally-scripted/ppo/seed_0", tmp_path / "one")
     shutil.copytree(baselines_folder() / "agents/ally-scripted/ppo/seed_1", tmp_path / "two")
     one, two = (player_entry(str(tmp_path / name)) for name in ("one", "two"))

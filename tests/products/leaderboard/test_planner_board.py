@@ -90,7 +90,7 @@ def test_a_share_of_valid_answers_that_was_edited_is_found(entered):
     write_verified(case, lines)
     good, line = verdicts_of(entered, "planner/toy")["planner/toy"]
     assert not good
-    assert "the result does not hold: planner-v1, idle: other plans" in line
+    assert "the result does not hold: planner-v1, idle: statuses.fallback-invalid 2" in line
 
 
 def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_suites):
