@@ -90,7 +90,6 @@ EXTRAS = {
             "table results",
             "plan compare circle --matches 1 --out planners",
             f"submit check {ROOT}/leaderboard/submissions/opponent/adaptive",
-            "leaderboard season season-3",
         ),
         (
             "curves nowhere",
@@ -118,6 +117,7 @@ EXTRAS = {
     "fast": Extra(("reproduce tables --learner jax --n-seeds 1 --out fast",), base="train"),
     "train": Extra(
         (
+            "leaderboard season season-3",
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
             "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 0 --out run",
             "export run --out exported/seed_0",

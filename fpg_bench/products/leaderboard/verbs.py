@@ -343,6 +343,7 @@ def season(
 
     Example: fpg-bench leaderboard season season-3
     """
+    require_extra("train", "torch")
     from fpg_bench.products.leaderboard.season.audit import describe_season
 
     for line in describe_season(name, folder):

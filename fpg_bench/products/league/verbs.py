@@ -23,6 +23,7 @@ from fpg_bench.products.league.config import (
     FictitiousSelfPlayConfig,
     SelfPlayConfig,
 )
+from fpg_bench.training import require_libraries
 
 if TYPE_CHECKING:
     from fpg_bench.products.league.search import SearchResult
@@ -79,6 +80,7 @@ def best_response(
     Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
     """
     check_writable(out)
+    require_libraries()
     from fpg_bench.products.league.best_responses import best_responses, full_search, response_label
 
     if search is not None:
@@ -140,6 +142,7 @@ def fictitious_self_play(
     Example: fpg-bench fictitious-self-play --generations 10 --out runs/generations
     """
     check_writable(out)
+    require_libraries()
     from fpg_bench.products.league.fictitious_self_play import fictitious_self_play as play
 
     agents = play(FictitiousSelfPlayConfig(game=game, **options), out)
@@ -154,6 +157,7 @@ def self_play(
     Example: fpg-bench self-play --actions uniform-hop --hyperparams ppo-selfplay --out runs/self_play
     """
     check_writable(out)
+    require_libraries()
     from fpg_bench.products.league.self_play import self_play as play
 
     _print_kept(out, play(SelfPlayConfig(game=game, **options), out))
@@ -167,6 +171,7 @@ def double_oracle(
     Example: fpg-bench double-oracle --actions uniform-hop --iterations 3 --out runs/robust
     """
     check_writable(out)
+    require_libraries()
     from fpg_bench.products.league.double_oracle import double_oracle as search
 
     _print_kept(out, search(DoubleOracleConfig(game=game, **options), out))
