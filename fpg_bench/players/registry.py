@@ -58,7 +58,7 @@ def as_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
             other choices.
     """
     player = any_player(spec, side, scenario)
-    if getattr(player, "sees", "") == "team":
+    if getattr(player, "sees", "") not in ("", "state"):  # of another game than the duel
         raise UserError(f"{side} {player_name(spec)}: plays a seat of a team, not a duel")
     return player
 

@@ -1,4 +1,6 @@
-"""Portfolio of responses to a player: scripts, tables, PPO and its pupils, within a budget of CPU seconds.
+"""Portfolio of responses to a player within a budget of CPU seconds: scripts, tables, PPO, and pupils.
+
+A pupil is PPO that first imitates the strongest of the others.
 
 No kind of search finds the lowest return of every player, so what a player is known to keep is the minimum
 over all of them, measured on seeds on which none was chosen.

@@ -59,7 +59,8 @@ def best_response(
         str | None,
         typer.Option(
             help="tabular: search a table of few features instead. portfolio: scripts, tables, "
-            "PPO and its pupils in turn. Both play what they find against all training seeds of the agent.",
+            "PPO, and PPO that first imitates the strongest of these, in turn. Both play what they find "
+            "against all training seeds of the agent.",
             rich_help_panel=TRAINING,
         ),
     ] = None,
