@@ -1,4 +1,5 @@
 # make benchmark: set up and run the main job. make test: set up and run the tests.
+# make test-full: those that make test leaves out.
 # make test-fast: those that start nothing and are quick. make coverage: which lines and branches are tested.
 # make test-lowest: a small suite on the lowest versions that pyproject.toml allows.
 # make test-examples: the examples whose frameworks make test lacks, in an environment of their own.
@@ -14,17 +15,20 @@ LOWEST = tests/envs/test_single.py tests/envs/test_vector.py tests/envs/test_mul
 
 PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: benchmark test test-fast test-lowest test-examples test-examples-older coverage docs stale clean
+.PHONY: benchmark test test-full test-fast test-lowest test-examples test-examples-older coverage docs stale clean
 
 benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
 	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo-fast/agent --suite ally-v1 --out $(RESULTS)/ally-v1
 
 test: .venv/.dev
-	$(PYTEST) --durations=20 --durations-min=5
+	$(PYTEST) -m "not full" --durations=20 --durations-min=5
+
+test-full: .venv/.dev
+	$(PYTEST) -m full --durations=20 --durations-min=5
 
 test-fast: .venv/.dev
-	$(PYTEST) -m "not (browser or llama or postgres or process or ray or slow)"
+	$(PYTEST) -m "not (full or process or slow)"
 
 coverage: .venv/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pytest-cov>=6" "coverage>=7.10"

@@ -19,6 +19,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).parent
 PRODUCTS = HERE.parent / "fpg_bench" / "products"
 LONG = {"browser", "postgres", "ray", "slow"}
+FULL = {"browser", "llama", "postgres", "ray"}  # what a user's machine may lack
 
 # Derandomised: a test that fails for you fails for everybody. No deadlines: no test measures time.
 settings.register_profile("fpg_bench", deadline=None, derandomize=True, max_examples=60)
@@ -70,13 +71,17 @@ def pytest_make_collect_report(collector):
 
 @pytest.hookimpl(tryfirst=True)  # before some are left out by their marks
 def pytest_collection_modifyitems(items):
-    """Mark who asks a real language model; the longest files first, so that workers share short ones last.
+    """Mark who asks a real language model, and what make test leaves out; the longest files first.
+
+    So workers share short ones last.
 
     They are those of this folder, then those with most that trains or starts something large.
     """
     for item in items:
         if "llama_server" in getattr(item, "fixturenames", ()):
             item.add_marker("llama")
+        if FULL & {mark.name for mark in item.iter_markers()}:
+            item.add_marker("full")
     long = Counter(item.path for item in items if {mark.name for mark in item.iter_markers()} & LONG)
     items.sort(key=lambda item: (item.path.parent != HERE, -long[item.path]))
 

@@ -186,6 +186,7 @@ def test_commands_of_a_page_have_their_options(page):
         assert {word.partition("=")[0] for word in words if word.startswith("--")} <= known, command
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_figures_that_pages_quote_are_those_of_the_data():
     for page, figures in quote_figures.quotes().items():

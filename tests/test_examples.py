@@ -49,6 +49,7 @@ runpy.run_path(sys.argv[0], run_name="__main__")
 DISCRETE = ("benchmarl_qmix", "dqn_single_file", "torchrl_dqn")
 
 
+@pytest.mark.full
 @pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "needs"), NEEDS.items())
@@ -87,6 +88,7 @@ def kind_of(code):
     return {"!": "bash", "%": "magic"}.get(code[0], "python")
 
 
+@pytest.mark.full
 @pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ import yaml
 
 from tests.programs import fpg
 
-pytestmark = [pytest.mark.process, pytest.mark.slow]
+pytestmark = [pytest.mark.full, pytest.mark.process, pytest.mark.slow]
 
 ROOT = Path(__file__).parents[1]
 GOLDEN = Path(__file__).parent / "golden" / "verbs.json"

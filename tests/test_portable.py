@@ -55,6 +55,7 @@ FPG/AllyVsScripted-v0: {policy: MlpPolicy, n_timesteps: 16, n_envs: 2, n_steps: 
 SPACE = "{learning_rate: {kind: float, low: 0.0001, high: 0.001, log: true}}"
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_command_line_trains_without_what_windows_lacks(tmp_path):
     (tmp_path / "tiny.yml").write_text(TINY)

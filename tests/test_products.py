@@ -189,6 +189,7 @@ def needing(name):
     return {name}.union(*map(needing, others))
 
 
+@pytest.mark.full
 @pytest.mark.process
 @pytest.mark.slow
 def test_without_a_product_the_command_line_lacks_its_verbs_alone(copy):
@@ -201,6 +202,7 @@ def test_without_a_product_the_command_line_lacks_its_verbs_alone(copy):
         (copy / "away").rename(copy / "fpg_bench/products" / name)
 
 
+@pytest.mark.full
 @pytest.mark.process
 @pytest.mark.slow
 def test_without_any_product_the_core_passes_its_tests_and_trains(copy):

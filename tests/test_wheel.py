@@ -19,7 +19,7 @@ from fpg_bench.evaluation.match import run_match
 from tests.environments import ROOT, environment, install_wheel, run
 from tests.test_cli import VERBS
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.process, pytest.mark.full]
 
 AGENT = "ally-scripted/recurrent-ppo/seed_0"  # it has a memory
 CORE = """

@@ -64,6 +64,7 @@ def first_returns(member, suite, rival, matches=2):
     return play(member.entry(), few, rival).returns
 
 
+@pytest.mark.full
 @pytest.mark.slow
 @pytest.mark.parametrize("group", SHIPPED.groups, ids=lambda group: group.name)
 def test_every_shipped_agent_plays_as_its_records_say(group):
@@ -100,6 +101,7 @@ def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
     assert size < LARGEST_MB * 1e6
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_page_is_what_the_records_give():
     text = page(SHIPPED)

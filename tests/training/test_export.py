@@ -115,6 +115,7 @@ def discrete_games(mode="discrete", **options):
     return make_sb3("FPG/OpponentVsScripted-v0", n_envs=4, seed=1, actions=mode, **options)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("algorithm", "mode", "options"),
@@ -150,6 +151,7 @@ def test_discrete_agents_play_the_choices_that_the_model_predicts(algorithm, mod
     assert len(chosen) > 1
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("way", ["ours", pytest.param("torch's", marks=pytest.mark.slow)])
 def test_agents_hop_to_the_points_that_their_games_draw(way, tmp_path, monkeypatch):
     """In games that end at different steps: exported, sandboxed, through torch and as the model itself."""
@@ -261,6 +263,7 @@ def test_the_usual_layers_need_no_exporter(algorithm, words, monkeypatch):
     assert player.row_wise
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_our_own_onnx_equals_the_exporter_s_to_the_bit(monkeypatch):
     model = a_model(RecurrentPPO, True, 3, policy_kwargs={"lstm_hidden_size": 6, "n_lstm_layers": 2})

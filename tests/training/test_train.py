@@ -158,6 +158,7 @@ def test_tensorboard_shows_the_game(run):
     assert b"n_epochs" in started
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_round_is_logged_at_each_evaluation(tmp_path):
     train_tiny("ppo", tmp_path / "run", steps=64, evaluations=1, log_rounds=True)

@@ -43,6 +43,7 @@ def make_model(algorithm, policy="MlpPolicy", norm_obs=False, policy_kwargs=None
     return model
 
 
+@pytest.mark.full
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("algorithm", "options"),

@@ -73,6 +73,7 @@ def metadata(card):
     return yaml.safe_load(head), text
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_pushed_agent_is_pulled_with_the_same_bits_and_plays_the_same_rounds(hub, tmp_path):
     pushed = run("push", SHIPPED, "me/mine")

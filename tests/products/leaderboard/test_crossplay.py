@@ -325,6 +325,7 @@ def test_a_return_that_no_rounds_can_earn_is_left_out(played, forged, messages):
 reward = st.floats(-999_999, 999_999) | st.floats(-50, 50)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("suffix", "most", "taken"), [("v2", 22.0, 1200.0), ("link-v1", 10.0, 135.0)])
 @settings(max_examples=500)
 @given(

@@ -212,6 +212,7 @@ def problems():
     return dict(zip(HOSTILE, check_policies([data for data, _ in HOSTILE.values()]), strict=True))
 
 
+@pytest.mark.full
 @pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_policies_are_named_in_one_line(name, problems):

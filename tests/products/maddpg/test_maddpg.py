@@ -59,12 +59,14 @@ def model():
     return MADDPG("JointPolicy", QuadraticGame(4), seed=2, **settings).learn(1200)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_maddpg_finds_the_equilibrium_of_a_strongly_monotone_game(model):
     acts = model.predict(np.zeros(4, np.float32))[0][[0, 2]]
     assert acts == pytest.approx(EQUILIBRIUM, abs=0.07)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_penalty_keeps_actions_near_its_limit():
     """The equilibrium's actions are 0.34 and 0.18: 0.35 and 0.18 before tanh."""

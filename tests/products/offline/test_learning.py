@@ -76,6 +76,7 @@ def test_a_clone_acts_as_the_script_does(expert, tmp_path):
     assert error < 0.2 * actions.var(axis=0).mean()
 
 
+@pytest.mark.full
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("algorithm", "loss"),
