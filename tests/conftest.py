@@ -71,9 +71,7 @@ def pytest_make_collect_report(collector):
 
 @pytest.hookimpl(tryfirst=True)  # before some are left out by their marks
 def pytest_collection_modifyitems(items):
-    """Mark who asks a real language model, and what make test leaves out; the longest files first.
-
-    So workers share short ones last.
+    """Mark who asks a real language model and what make test leaves out; the longest files come first.
 
     They are those of this folder, then those with most that trains or starts something large.
     """

@@ -22,7 +22,7 @@ from tests.test_layout import FILES, graph
 
 PRODUCTS = ROOT / "fpg_bench/products"
 CORE = ("game", "envs", "players", "planning", "evaluation")  # folders of tests that are run without products
-FAST = "not (browser or llama or postgres or process or ray or slow)"
+FAST = "not (full or process or slow)"
 TESTS = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in (ROOT / "tests").rglob("*.py")
 }
