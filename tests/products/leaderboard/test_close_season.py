@@ -20,8 +20,12 @@ import yaml
 from fpg_bench import UserError
 from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.verification import Verdict
+from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import load_agent
+from fpg_bench.players.registry import as_player
 from fpg_bench.players.trust import remember_exported
+from fpg_bench.products.leaderboard.season import closing as closing_module
 from fpg_bench.products.leaderboard.season.audit import audit_season, check_entries, late_entries
 from fpg_bench.products.leaderboard.season.candidates import (
     PROFILE,
@@ -29,26 +33,22 @@ from fpg_bench.products.leaderboard.season.candidates import (
     earned,
     play_candidate,
 )
+from fpg_bench.products.leaderboard.season.checks import Evidence, check_members
 from fpg_bench.products.leaderboard.season.closing import close_season, make_closing
 from fpg_bench.products.leaderboard.season.entries import SeasonEntry, read_entries, season_seed
 from fpg_bench.products.leaderboard.season.recipes import (
     ALGORITHMS,
-    REWARDS,
     STEPS,
+    STRANGERS,
     assign_balanced,
     draw_number,
     draw_recipes,
     hyperparameters,
     shuffled,
 )
-from fpg_bench.products.leaderboard.season.season import FILE, load_season
+from fpg_bench.products.leaderboard.season.season import FILE, load_season, target_pool
 from fpg_bench.products.leaderboard.season.selection import (
-    PROBE,
-    Meeting,
-    entry_returns,
-    group_candidates,
     limit_influence,
-    select_by_group,
     select_diverse,
     select_representative,
 )
@@ -82,27 +82,38 @@ def test_draws_are_the_same_everywhere_and_values_are_balanced():
 @pytest.mark.parametrize(("side", "entries"), [("opponent", ALLIES), ("ally", OPPONENTS)])
 def test_seeds_change_only_how_properties_are_combined(side, entries):
     a, b = (draw_recipes(seed, side, 24, entries) for seed in ("a", "b"))
-    for kind in ("algorithm", "reward", "gamma"):
+    for kind in ("algorithm", "gamma"):
         counts = Counter(getattr(recipe, kind) for recipe in a)
         assert counts == Counter(getattr(recipe, kind) for recipe in b)
         assert kind == "algorithm" or max(counts.values()) - min(counts.values()) <= 3
-    assert {recipe.reward for recipe in a} == set(REWARDS[side])
+    assert {recipe.reward for recipe in a} == {"own"}
     assert all(recipe.steps in STEPS[recipe.algorithm] for recipe in a)
-    assert [(r.reward, r.targets) for r in a] != [(r.reward, r.targets) for r in b]
+    assert [(r.gamma, r.targets) for r in a] != [(r.gamma, r.targets) for r in b]
     assert not {r.training_seed for r in a} & {r.training_seed for r in b}
     assert draw_recipes("a", side, 24, entries) == a
 
 
-def test_every_trained_entry_is_the_first_target_equally_often_and_paths_are_never_mixed():
+def test_every_player_is_the_first_target_equally_often_and_paths_are_never_mixed():
     recipes = draw_recipes("a", "opponent", 24, ALLIES)
     firsts = Counter(recipe.targets[0].partition("/")[0] for recipe in recipes)
-    assert firsts == dict.fromkeys("abcd", 6)
-    assert {len(recipe.targets) for recipe in recipes} == {1, 3, 5}
+    assert firsts == dict.fromkeys((*"abcd", "expert", "idle"), 4)
+    assert {len(recipe.targets) for recipe in recipes} == {3, 6}
     assert all(len({t.partition("/")[0] for t in r.targets}) == len(r.targets) for r in recipes)
 
     for recipe in draw_recipes("a", "ally", 24, OPPONENTS):
         paths = {"p": "pursuit", "f": "learned"}
-        assert {paths[t[0]] for t in recipe.targets if "/" in t} == {recipe.path}
+        assert {paths[t[0]] for t in recipe.targets if "/" in t} <= {recipe.path}
+
+
+@pytest.mark.parametrize(("scenario", "others"), [("standard", "training-1"), ("link", "training-link-1")])
+def test_members_of_earlier_suites_that_are_paid_by_the_rules_are_targets(scenario, others):
+    pool = target_pool([], "ally", scenario, "season-4")
+    members = load_season(others).members["ally"]
+    names = {entry.name for entry in pool}
+    assert names >= {f"suite:{others}/{member.name}" for member in members if member.reward == "own"} != set()
+    assert not names & {f"suite:{others}/{member.name}" for member in members if member.reward != "own"}
+    assert not any(others in entry.name for entry in target_pool([], "ally", scenario, others))
+    as_player(pool[0].players[0], "ally", STANDARD)  # which loads it
 
 
 def test_scripts_are_targets_where_nobody_was_trained():
@@ -112,9 +123,9 @@ def test_scripts_are_targets_where_nobody_was_trained():
         draw_recipes("a", "ally", 4, [])
 
 
-@pytest.mark.parametrize("algorithm", sorted(set(ALGORITHMS)))
+@pytest.mark.parametrize("algorithm", [*ALGORITHMS, *STRANGERS])
 def test_hyperparameters_follow_the_recipe(algorithm):
-    recipe = next(r for r in draw_recipes("a", "opponent", 24, ALLIES) if r.algorithm == algorithm)
+    recipe = draw_recipes("a", "opponent", 24, ALLIES, [algorithm])[0]
     values = hyperparameters(recipe)
     assert (values["gamma"], values["n_timesteps"]) == (recipe.gamma, recipe.steps)
     assert values["policy_kwargs"].get("log_std_init") == recipe.log_std
@@ -151,66 +162,49 @@ def test_a_representative_selection_has_the_mean_of_all_candidates():
     assert representative < 0.5 * np.median(random)
 
 
-def two_kinds(n_herders, n_aimers, n_entries=12):
-    """Returns of entries of two independent skills against candidates that ask for one of them each."""
-    rng = np.random.default_rng(1)
-    standing, moving = rng.normal(0, 5, (2, n_entries, 1))
-    level, noise = (
-        rng.normal(0, 10, n_herders + n_aimers),
-        rng.normal(0, 1, (n_entries, n_herders + n_aimers)),
-    )
-    return level + noise + np.hstack([standing] * n_herders + [moving] * n_aimers)
+def test_an_entry_that_loses_against_candidates_of_its_choice_does_not_steer_the_selection():
+    rng = np.random.default_rng(0)
+    honest = rng.normal(8, 4, (20, 1)) + rng.normal(0, 2, (1, 24)) + rng.normal(0, 1, (20, 24))
+    hostile = np.where(np.arange(24) % 2, -35.8, rng.normal(8, 1, 24))
+    returns = limit_influence(np.vstack([honest, hostile]))
+    assert np.ptp(returns[-1]) < np.ptp(honest) < np.ptp(hostile)
 
 
-def test_candidates_are_grouped_by_who_fares_well_against_them_and_named_by_two_scripts():
-    returns, leads = two_kinds(5, 7), np.array([3.0, -1, 8, 9, 2, 1, -5, -3, -9, 2, 0, -8])
-    assert group_candidates(returns, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
-    assert group_candidates(100 * returns + 1000, leads, "opponent") == ["herders"] * 5 + ["aimers"] * 7
-    assert group_candidates(returns, -leads, "ally") == ["evasive"] * 5 + ["herdable"] * 7
-    with pytest.raises(UserError, match="not finite"):
-        group_candidates(np.where(returns == returns.max(), np.inf, returns), leads, "ally")
+def evidence(rng, **changes):
+    """Returns where all holds: twelve entries of clear skill, eight members and six strangers."""
+    skill = np.arange(12.0)[:, None]
+    whole = {
+        "side": "opponent",
+        "tables": {"allies": range(12), "few": range(3)},
+        "members": skill + rng.normal(0, 1, (12, 8)),
+        "strangers": skill + rng.normal(0, 1, (12, 6)),
+        "oracle": np.full(8, 20.0),
+        "earned": {f"o{i}": 10.0 + i for i in range(8)},
+        "floor": ("tone", 9.0),
+    }
+    return Evidence(**whole | changes)
 
 
-def profiles_of(returns, seeds):
-    """As a closing keeps them: a meeting per training seed of each entry, and the probes."""
-    return [
-        [
-            *(Meeting(f"e{i}", "", {"ally": x}) for i, x in enumerate(column) for _ in range(seeds[i])),
-            Meeting(PROBE, "", {"ally": -1e9}),
-        ]
-        for column in returns.T
-    ]
-
-
-def test_an_entry_has_one_row_however_many_training_seeds_it_has():
-    returns = np.random.default_rng(0).normal(0, 8, (4, 6))
-    assert entry_returns(profiles_of(returns, [1, 5, 2, 10]), "ally") == pytest.approx(returns)
-
-
-@pytest.mark.parametrize("chance", range(10))
-def test_an_entry_that_loses_against_candidates_of_its_choice_does_not_steer_the_halves(chance):
-    rng, kinds = np.random.default_rng(chance), np.arange(24) % 2
-    taste = np.where(kinds, 1, -1) * rng.normal(0, 2, (20, 1))
-    honest = taste + rng.normal(8, 4, (20, 1)) + rng.normal(0, 2, (1, 24)) + rng.normal(0, 1, (20, 24))
-    chosen = rng.permutation(kinds)
-    hostile = np.where(chosen, -35.8, rng.normal(8, 1, 24))
-    profiles = profiles_of(np.vstack([honest, hostile]), [1] * 20 + [10])
-    returns = limit_influence(entry_returns(profiles, "ally"))
-    groups = group_candidates(returns, kinds.astype(float), "opponent")
-    assert groups == [["aimers", "herders"][kind] for kind in kinds]
-
-
-def test_a_season_has_as_many_members_of_each_group():
-    returns = two_kinds(4, 16)
-    groups = ["herders"] * 4 + ["aimers"] * 16
-    assert Counter(groups[i] for i in select_by_group(returns, groups, 6)) == {"herders": 3, "aimers": 3}
-    with logged() as messages:
-        selected = select_by_group(returns, groups, 12)
-    assert messages == ["season: selected 8 members instead of 12, from 16 aimers, 4 herders"]
-    assert Counter(groups[i] for i in selected) == {"herders": 4, "aimers": 4}
-    aimers = [i for i in selected if groups[i] == "aimers"]
-    assert aimers == [4 + i for i in select_representative(returns[:, 4:], 4)]
-    assert sorted(select_by_group(returns, ["aimers"] * 20, 20)) == list(range(20))  # all are of one kind
+@pytest.mark.parametrize(
+    ("failing", "change"),
+    [
+        (None, lambda rng: {}),
+        ("an oracle ranks first", lambda rng: {"oracle": np.full(8, 9.0)}),
+        ("members are above the floor", lambda rng: {"floor": ("tone", 10.5)}),
+        ("strangers agree on allies", lambda rng: {"strangers": rng.normal(0, 1, (12, 6))}),
+        ("strangers agree on allies", lambda rng: {"strangers": np.zeros((12, 6))}),  # it says nothing
+        (
+            "halves agree on allies",
+            lambda rng: {"members": np.arange(12.0)[:, None] + rng.normal(0, 12, (12, 8))},
+        ),
+    ],
+)
+def test_the_check_that_fails_is_named(failing, change):
+    rng = np.random.default_rng(0)
+    verdicts = list(check_members(evidence(rng, **change(rng))))
+    assert len(verdicts) == 4  # a table of three entries has no order to compare
+    failed = {verdict.name for verdict in verdicts if not verdict.is_good}
+    assert (f"opponent: {failing}" in failed) if failing else not failed
 
 
 ROOT = Path(__file__).parents[3]
@@ -235,16 +229,26 @@ def run_here(jobs, workers=1):
 
 
 @contextlib.contextmanager
-def few_steps():
-    """Two rounds against each candidate, and short trainings."""
-    rounds = patch(f"{PACKAGE}.candidates.ROUNDS", 2)
-    with rounds, patch(f"{PACKAGE}.recipes.STEPS", TINY_STEPS):
+def few_steps(checks=()):
+    """Two rounds against each candidate, short trainings that beat no script, and few others."""
+    scripts = {"ally": ("idle",), "opponent": ("tone",)}
+    with contextlib.ExitStack() as patches:
+        for name, value in (
+            ("candidates.ROUNDS", 2),
+            ("recipes.STEPS", TINY_STEPS),
+            ("closing.N_STRANGERS", 1),
+            ("closing.N_VARIANTS", 1),
+            ("closing.SCRIPTS", scripts),
+            ("closing._floor", lambda closing, side: ("nobody", -1e9)),
+            ("closing.check_members", lambda evidence: checks if evidence.side == "ally" else ()),
+        ):
+            patches.enter_context(patch(f"{PACKAGE}.{name}", value))
         yield
 
 
-def close_tiny(board, work, out, name="1", scenario="standard", **options):
+def close_tiny(board, work, out, name="1", scenario="standard", checks=(), **options):
     """Close a season of two candidates per side; returns it and the messages."""
-    with few_steps(), patch(f"{PACKAGE}.closing.run_jobs", run_here), logged() as messages:
+    with few_steps(checks), patch(f"{PACKAGE}.closing.run_jobs", run_here), logged() as messages:
         closing = make_closing(name, board, work, candidates=2, size=2, scenario=scenario)
         season = close_season(closing, out, **options)
     return season, messages
@@ -292,14 +296,8 @@ def policies(season):
 def test_a_season_has_members_of_both_sides_with_their_recipes(season):
     loaded = load_season(season.folder)
     assert (loaded, loaded.hash) == (season, season.hash)
-    assert {side: {member.group for member in members} for side, members in loaded.members.items()} == {
-        "ally": {"herdable", "evasive"},
-        "opponent": {"herders", "aimers"},
-    }
     suite = yaml.safe_load((season.folder.parent / "ally-season-1.yml").read_text())
-    assert {(rival["name"], rival["group"]) for rival in suite["rivals"]} == {
-        (member.name, member.group) for member in loaded.members["opponent"]
-    }
+    assert [rival["name"] for rival in suite["rivals"]] == [m.name for m in loaded.members["opponent"]]
     for side, member in loaded.all_members():
         agent = load_agent(loaded.agent(side, member), side)
         assert agent.card.training_seed == member.training_seed
@@ -318,7 +316,7 @@ def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board,
     again, messages = close_tiny(board, copied / "work", copied / "season-1")
     assert policies(again) == policies(season)
     assert (again.folder / FILE).read_text() == (season.folder / FILE).read_text()
-    assert messages[0] == f"season-1, seed {season.seed[:16]}: 4 candidates, 2 of them done"
+    assert messages[0] == f"season-1, seed {season.seed[:16]}: 10 rivals, 8 of them done"
     begun = [line for line in messages if line.endswith(": begins")]
     assert begun == ["ally/a01: begins", "opponent/o00: begins"]
 
@@ -350,6 +348,34 @@ def test_each_scenario_is_closed_by_itself(season, tmp_path):
     assert late_entries(link, read_entries(board)) == []  # those of the other scenario were not asked
     with pytest.raises(UserError, match="scenario: expected standard or link, got 'paper'"):
         make_closing("1", board, tmp_path, scenario="paper")
+
+
+@pytest.mark.slow
+def test_a_season_that_fails_a_check_stays_open_and_keeps_what_was_trained(season, board, copied):
+    shutil.rmtree(copied / "season-1")
+    good, bad = Verdict("ally: halves agree", True, ""), Verdict("ally: an oracle ranks first", False, "")
+    with pytest.raises(UserError, match=r"season-1 does not close, .*/work: ally: an oracle ranks first$"):
+        close_tiny(board, copied / "work", copied / "season-1", checks=[good, bad])
+    assert not (copied / "season-1").exists()
+    again, messages = close_tiny(board, copied / "work", copied / "season-1")
+    assert "10 rivals, 10 of them done" in messages[0]
+    assert policies(again) == policies(season)
+
+
+@pytest.mark.slow
+def test_candidates_that_a_script_beats_are_no_members(board, copied, monkeypatch):
+    shutil.rmtree(copied / "season-1")
+    find_floor = closing_module._floor
+    monkeypatch.setattr(f"{PACKAGE}.closing._own", lambda closing, side, rival: float(rival == "idle"))
+    monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", run_here)
+    with few_steps():
+        monkeypatch.setattr(f"{PACKAGE}.closing._floor", find_floor)
+        closing = make_closing("1", board, copied / "work", candidates=2, size=2)
+        with pytest.raises(
+            UserError, match=r"0 of 2 candidates of the ally earn more than idle \(1.00\), 2 "
+        ):
+            close_season(closing, copied / "season-1")
+    assert not (copied / "season-1").exists()
 
 
 @pytest.mark.slow

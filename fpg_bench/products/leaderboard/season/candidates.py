@@ -19,7 +19,7 @@ from fpg_bench.game.scenario import as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player, named_card
-from fpg_bench.products.leaderboard.season.recipes import Recipe, hyperparameters
+from fpg_bench.products.leaderboard.season.recipes import DISCRETE, Recipe, hyperparameters
 from fpg_bench.products.leaderboard.tracks import track_of
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder
@@ -42,13 +42,15 @@ def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") ->
     Raises:
         UserError: the folder holds an unfinished run of another kind, or training diverged.
     """
+    algorithm = recipe.algorithm.removesuffix(DISCRETE)
     run = RunConfig(
-        recipe.algorithm,
+        algorithm,
         GameSpec.of(
             policy_env(recipe.side).id,
             against=recipe.targets,
             reward=recipe.reward,
             path=recipe.path,
+            actions=None if algorithm == recipe.algorithm else "discrete",
             scenario=None if scenario == "standard" else scenario,
         ),
         recipe.training_seed,

@@ -7,23 +7,27 @@ import logging
 import re
 import shutil
 import statistics
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_yaml, write_whole
-from fpg_bench.common.ids import other_side
+from fpg_bench.common.ids import ALL_TACTICS, SCRIPTS, other_side
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
+from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Pairing, Store
+from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES
+from fpg_bench.players.tactics import draw_variants
 from fpg_bench.products.leaderboard.season.candidates import (
     PROFILE,
     against_candidate,
@@ -31,30 +35,27 @@ from fpg_bench.products.leaderboard.season.candidates import (
     play_candidate,
     train_candidate,
 )
+from fpg_bench.products.leaderboard.season.checks import Evidence, check_members
 from fpg_bench.products.leaderboard.season.entries import (
     SeasonEntry,
     entries_of_side,
     read_entries,
     season_seed,
 )
-from fpg_bench.products.leaderboard.season.recipes import Recipe, draw_recipes
+from fpg_bench.products.leaderboard.season.recipes import STRANGERS, Recipe, draw_number, draw_recipes
 from fpg_bench.products.leaderboard.season.season import (
     FILE,
     Season,
     SeasonMember,
     load_season,
+    target_pool,
     write_season,
     write_suites,
 )
 from fpg_bench.products.leaderboard.season.selection import (
-    PROBE,
-    PROBES,
-    Meeting,
-    entry_returns,
-    group_candidates,
     limit_influence,
-    select_by_group,
     select_diverse,
+    select_representative,
 )
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
 from fpg_bench.training.run_folder import RunFolder
@@ -62,6 +63,9 @@ from fpg_bench.training.run_folder import RunFolder
 _logger = logging.getLogger(__name__)
 
 CANDIDATES, SIZE = 24, 12
+N_STRANGERS = 6  # trained ones, and as many scripts with drawn constants: the best of N_VARIANTS
+N_VARIANTS = 24
+ORACLE = "oracle"
 PLAN = "plan.yml"
 
 
@@ -96,13 +100,42 @@ class Closing:
         """Return the entries that play against the candidates of a side."""
         return entries_of_side(self.entries, other_side(side))
 
-    def recipes(self, side: str) -> list[Recipe]:
+    def recipes(self, side: str) -> Sequence[Recipe]:
         """Return the recipes of a side's candidates."""
-        return draw_recipes(self.seed, side, self.candidates, self.rival_entries(side))
+        return _draw(self, side).candidates
 
-    def folder(self, recipe: Recipe) -> Path:
-        """Return the folder of a candidate."""
-        return self.work / recipe.side / recipe.name
+    def strangers(self, side: str) -> Sequence[Recipe]:
+        """Return the recipes of the trained players that check a side's members; of a season alone."""
+        return _draw(self, side).strangers
+
+    def scripts(self, side: str) -> Sequence[str]:
+        """Return the scripts of a side, which set the floor, then the drawn ones; of a season alone."""
+        return _draw(self, side).scripts
+
+    def folder(self, side: str, rival: Recipe | str) -> Path:
+        """Return the folder of a candidate or stranger, or of a script."""
+        name = rival.name if isinstance(rival, Recipe) else f"script-{self.scripts(side).index(rival):02d}"
+        return self.work / side / name
+
+
+class _Drawn(NamedTuple):
+    candidates: list[Recipe]
+    strangers: list[Recipe]
+    scripts: list[str]
+
+
+@cache
+def _draw(closing: Closing, side: str) -> _Drawn:
+    """Draw the rivals that the entries of the other side meet."""
+    seed = closing.seed
+    pool = target_pool(closing.entries, other_side(side), closing.scenario, closing.name)
+    candidates = draw_recipes(seed, side, closing.candidates, pool)
+    if closing.number is None:
+        return _Drawn(candidates, [], [])
+    key = draw_number(2**32, seed, side, "variants")
+    variants = draw_variants(side, N_VARIANTS, as_scenario(closing.scenario), key, ALL_TACTICS[side])
+    strangers = draw_recipes(seed, side, N_STRANGERS, pool, STRANGERS, "s")
+    return _Drawn(candidates, strangers, [*SCRIPTS[side], *variants])
 
 
 def make_closing(
@@ -164,15 +197,11 @@ def close_season(
         for side in sides:  # otherwise two processes would both fill a profile, which never becomes complete
             locks.enter_context(locked(closing.work / f"at-work-{side}", f"season: {closing.work}, {side}"))
         _check_plan(closing)
-        jobs = [_candidate_job(closing, recipe) for side in sides for recipe in closing.recipes(side)]
+        jobs = [job for side in sides for job in _jobs(closing, side)]
         done = sum(job.done() for job in jobs)
-        _logger.info(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} candidates, {done} of them done")
+        _logger.info(f"{closing.name}, seed {closing.seed[:16]}: {len(jobs)} rivals, {done} of them done")
         check_all_done(run_jobs(jobs, workers))
-        missing = [
-            side
-            for side in SIDES
-            if not all(_candidate_job(closing, recipe).done() for recipe in closing.recipes(side))
-        ]
+        missing = [side for side in SIDES if not all(job.done() for job in _jobs(closing, side))]
         if missing:
             sides_missing = " and ".join(missing)
             _logger.info(f"{closing.name}: not closed yet: candidates of the {sides_missing} are missing")
@@ -180,7 +209,17 @@ def close_season(
         locks.enter_context(locked(closing.work / "at-work-publish", f"season: {closing.work}"))
         if (out / FILE).exists():  # by a process that trained the other side
             return load_season(out)
-        return _publish(closing, out, {side: _select_members(closing, side) for side in SIDES})
+        members = {side: _select_members(closing, side) for side in SIDES}
+        if closing.number is not None:
+            verdicts = [v for side in SIDES for v in check_members(_evidence(closing, side, members[side]))]
+            for verdict in verdicts:
+                _logger.info(f"{'holds' if verdict.is_good else 'FAILS'}: {verdict.name}: {verdict.line}")
+            if failed := [verdict.name for verdict in verdicts if not verdict.is_good]:
+                raise UserError(
+                    f"season: {closing.name} does not close, its candidates stay in {closing.work}: "
+                    f"{'; '.join(failed)}"
+                )
+        return _publish(closing, out, members)
 
 
 def _check_plan(closing: Closing) -> None:
@@ -199,77 +238,134 @@ def _check_plan(closing: Closing) -> None:
             )
 
 
-def _candidate_job(closing: Closing, recipe: Recipe) -> Job:
-    folder = closing.folder(recipe)
-    make, done = partial(_make_candidate, closing, recipe), partial(_is_complete, closing, recipe)
-    return folder_job(f"{recipe.side}/{recipe.name}", folder, make, done)
+def _jobs(closing: Closing, side: str) -> list[Job]:
+    """Return a job for each rival that the entries meet: candidates, strangers and scripts."""
+    rivals: list[Recipe | str] = [*closing.recipes(side), *closing.strangers(side), *closing.scripts(side)]
+    return [
+        folder_job(
+            f"{side}/{rival if isinstance(rival, str) else rival.name}",
+            closing.folder(side, rival),
+            partial(_make_rival, closing, side, rival),
+            partial(_is_complete, closing, side, rival),
+        )
+        for rival in rivals
+    ]
 
 
-def _make_candidate(closing: Closing, recipe: Recipe, folder: Path) -> None:
-    """Train a candidate and play all entries and probes against it; skips what is done already."""
-    train_candidate(recipe, folder, closing.scenario)
-    side = other_side(recipe.side)
+def _make_rival(closing: Closing, side: str, rival: Recipe | str, folder: Path) -> None:
+    """Train a rival that is no script, and let the entries meet it; skips what is done already."""
+    if isinstance(rival, Recipe):
+        train_candidate(rival, folder, closing.scenario)
+    Store(folder / PROFILE).fill(_pairings(closing, side, rival), play_candidate)
 
-    def against(player: str, path: str, name: str, number: int | None = None) -> Pairing:
-        where = str(folder / "agent"), path, closing.seed, closing.scenario
-        return against_candidate(player, side, *where, name=name, number=number)
+
+def _is_complete(closing: Closing, side: str, rival: Recipe | str) -> bool:
+    folder = closing.folder(side, rival)
+    is_made = isinstance(rival, str) or RunFolder(folder).is_finished()
+    return is_made and not Store(folder / PROFILE).missing(_pairings(closing, side, rival))
+
+
+def _pairings(closing: Closing, side: str, rival: Recipe | str) -> list[Pairing]:
+    """Return the pairings of the entries and an oracle with a rival; a script meets first training seeds."""
+    if isinstance(rival, str):
+        player, path, seeds = rival, "pursuit", slice(1)
+    else:
+        player, path, seeds = str(closing.folder(side, rival).absolute() / "agent"), rival.path, slice(None)
+
+    def of(name: str, entry: str, its_path: str, number: int | None = None) -> Pairing:
+        where = player, path if side == "opponent" else its_path, closing.seed, closing.scenario
+        return against_candidate(name, other_side(side), *where, name=entry, number=number)
 
     wanted = [
-        against(player, recipe.path if recipe.side == "opponent" else entry.path, entry.name, number)
-        for entry in closing.rival_entries(recipe.side)
-        for number, player in enumerate(entry.players)
+        of(name, entry.name, entry.path, number)
+        for entry in closing.rival_entries(side)
+        for number, name in enumerate(entry.players[seeds])
     ]
-    wanted += [against(script, recipe.path, PROBE) for script in PROBES[recipe.side]]
-    Store(folder / PROFILE).fill(wanted, play_candidate)
+    return [*wanted, of(ORACLE, ORACLE, "pursuit")]
 
 
-def _is_complete(closing: Closing, recipe: Recipe) -> bool:
-    folder, entries = closing.folder(recipe), closing.rival_entries(recipe.side)
-    count = sum(len(entry.players) for entry in entries) + len(PROBES[recipe.side])
-    return RunFolder(folder).is_finished() and len(Store(folder / PROFILE).records()) == count
+def _met(closing: Closing, side: str, rival: Recipe | str) -> list[tuple[Record, dict[str, float]]]:
+    """Return the records of the entries and of the oracle against a rival, and what both sides earned."""
+    records = Store(closing.folder(side, rival) / PROFILE).records()
+    return [(record, earned(record, other_side(side), closing.scenario)) for record in records]
 
 
-def _profile(closing: Closing, recipe: Recipe) -> list[Meeting]:
-    """Return the meetings of a candidate with all entries and probes."""
-    side = other_side(recipe.side)
-    return [
-        Meeting(record.entry, record.fingerprint, earned(record, side, closing.scenario))
-        for record in Store(closing.folder(recipe) / PROFILE).records()
+def _mean(closing: Closing, side: str, rival: Recipe | str, of: str, first: bool = False) -> dict[str, float]:
+    """Return what a side earns where an entry meets a rival, a mean over training seeds, by the entry."""
+    by_entry: dict[str, list[float]] = {}
+    for record, returns in _met(closing, side, rival):
+        if not (first and record.training_seed):
+            by_entry.setdefault(record.entry, []).append(returns[of])
+    return {entry: statistics.fmean(values) for entry, values in by_entry.items()}
+
+
+def _column(closing: Closing, side: str, rivals: Iterable[Recipe | str], first: bool = False) -> np.ndarray:
+    """Return what each entry earns from each rival, ``(entries, rivals)``."""
+    names = [entry.name for entry in closing.rival_entries(side)]
+    means = [_mean(closing, side, rival, other_side(side), first) for rival in rivals]
+    return np.array([[of[name] for of in means] for name in names])
+
+
+def _own(closing: Closing, side: str, rival: Recipe | str) -> float:
+    """Return what a rival earns from the entries by its own rules."""
+    means = _mean(closing, side, rival, side)
+    return statistics.fmean(value for entry, value in means.items() if entry != ORACLE)
+
+
+def _floor(closing: Closing, side: str) -> tuple[str, float]:
+    """Return the script that a member must beat, and what it earns: of allies, the best that never hops."""
+    scripts = [
+        script
+        for script in SCRIPTS[side]
+        if side == "opponent" or not any(record.tally["hops"] for record, _ in _met(closing, side, script))
     ]
+    best = max(scripts, key=lambda script: _own(closing, side, script))
+    return best, _own(closing, side, best)
+
+
+def _evidence(closing: Closing, side: str, members: Sequence[SeasonMember]) -> Evidence:
+    variants = closing.scripts(side)[len(SCRIPTS[side]) :]
+    strangers = sorted(variants, key=lambda script: -_own(closing, side, script))[:N_STRANGERS]
+    tables: dict[str, list[int]] = {}
+    for row, entry in enumerate(closing.rival_entries(side)):
+        tables.setdefault(entry.path if side == "ally" else "allies", []).append(row)
+    return Evidence(
+        side=side,
+        tables=tables,
+        members=_column(closing, side, members, first=True),
+        strangers=_column(closing, side, [*closing.strangers(side), *strangers], first=True),
+        oracle=np.array([_mean(closing, side, member, other_side(side))[ORACLE] for member in members]),
+        earned={member.name: _own(closing, side, member) for member in members},
+        floor=_floor(closing, side),
+    )
 
 
 def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
     recipes = closing.recipes(side)
-    profiles = [_profile(closing, recipe) for recipe in recipes]
-    other = other_side(side)
-    returns = entry_returns(profiles, other)
-    limited = limit_influence(returns)
-    probes = [
-        {met.player: met.returns[other] for met in meetings if met.entry == PROBE} for meetings in profiles
-    ]
-    first, second = PROBES[side]
-    groups: list[str] | None = None
-    size = min(closing.size, len(recipes))
-    if closing.number is None:
-        selected = select_diverse(limited, size)
-    else:
-        groups = group_candidates(
-            limited, np.array([earned[first] - earned[second] for earned in probes]), side
+    if closing.number is not None:
+        script, floor = _floor(closing, side)
+        recipes = [recipe for recipe in recipes if _own(closing, side, recipe) > floor]
+        if len(recipes) < closing.size:
+            raise UserError(
+                f"season: {closing.name} does not close: {len(recipes)} of {closing.candidates} candidates "
+                f"of the {side} earn more than {script} ({floor:.2f}), {closing.size} are asked; train more"
+            )
+    returns = _column(closing, side, recipes)
+    select = select_diverse if closing.number is None else select_representative
+    chosen = select(limit_influence(returns), min(closing.size, len(recipes)))
+    return tuple(
+        SeasonMember(
+            **dict(recipes[index]),
+            policy_sha256=read_card(closing.folder(side, recipes[index]) / "agent").policy_sha256,
+            entries_earn=round(statistics.fmean(returns[:, index]), 3),
         )
-        selected = select_by_group(limited, groups, size)
-    members = []
-    for index in selected:
-        card = read_card(closing.folder(recipes[index]) / "agent")
-        earn = round(statistics.fmean(returns[:, index]), 3)
-        member = dict(recipes[index]) | {"policy_sha256": card.policy_sha256, "entries_earn": earn}
-        member |= {} if groups is None else {"group": groups[index]}
-        members.append(SeasonMember(**member))
-    return tuple(members)
+        for index in chosen
+    )
 
 
 def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember, ...]]) -> Season:
     """Copy the members and write the suites of the season's tracks; ``season.yml`` is written last."""
-    first = closing.folder(members["opponent"][0])
+    first = closing.folder("opponent", members["opponent"][0])
     season = Season(
         folder=out,
         name=closing.name,
@@ -286,7 +382,7 @@ def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember,
         shutil.rmtree(out / side, ignore_errors=True)  # left by a closing that was killed here
     for side, member in season.all_members():
         for file in ("agent.json", "policy.onnx"):
-            data = (closing.folder(member) / "agent" / file).read_bytes()
+            data = (closing.folder(side, member) / "agent" / file).read_bytes()
             write_whole(season.agent(side, member) / file, data)
     if closing.number is not None:
         write_suites(season, closing.number)

@@ -15,22 +15,16 @@ from fpg_bench.common.schema import Items, Strict
 from fpg_bench.products.leaderboard.season.entries import SeasonEntry
 from fpg_bench.training.rl_zoo3_format import Entry
 
-# Rewards of candidates. Allies have no ally_cost: trained to save cost they never hop, like the script idle.
-REWARDS = {
-    "opponent": ("zero_sum", "jamming", "overlap", "own", "ally_cost"),
-    "ally": ("zero_sum", "jamming", "own", "overlap"),
-}
-# TD3 twice: it finds opponents that herd, which beat most entries and which PPO seldom finds on this budget.
-ALGORITHMS = ("td3", "ppo", "td3", "ppo-stack8")
-STEPS = {
-    "ppo": (500_000, 250_000),
-    "ppo-stack8": (500_000, 250_000),
-    "td3": (40_000,),
-}
+REWARD = "own"  # who is paid otherwise plays what nobody would who pays the prices of the rules
+DISCRETE = "-discrete"  # ends the names of algorithms that choose from the list of actions
+# Of candidates; and of the strangers that tell whether others than the members order entries in the same way.
+ALGORITHMS = ("ppo-stack8-discrete", "ppo-stack8", "ppo-discrete", "ppo")
+STRANGERS = ("td3", "dqn-discrete")
+STEPS = dict.fromkeys(ALGORITHMS, (500_000, 250_000)) | {"td3": (40_000,), "dqn-discrete": (100_000,)}
 GAMMAS = (0.9, 0.95, 0.8)
 # PPO's initial spread decides what an opponent learns: with a wide one, it learns to jam broadly.
 LOG_STDS = {"opponent": (-2.5, -1.5, -3.5), "ally": (-0.2, -1.0)}
-TARGETS = (1, 3, 1, 5)  # number of entries that a candidate is trained against
+TARGETS = (6, 3, 12)  # number of players that a candidate is trained against
 FIRST_SEED, SEEDS = 300_000, 700_000  # candidates have the training seeds from 300,000 to 999,999
 _PPO = {
     "policy": "MlpPolicy",
@@ -54,6 +48,20 @@ _TD3 = {
     "tau": 0.01,
     "noise_type": "normal",
     "noise_std": 0.1,
+    "normalize": {"norm_obs": False, "norm_reward": True},
+}
+_DQN = {
+    "policy": "MlpPolicy",
+    "n_envs": 64,
+    "learning_starts": 5000,
+    "buffer_size": 100_000,
+    "batch_size": 256,
+    "train_freq": 2,
+    "gradient_steps": 4,
+    "learning_rate": 0.0005,
+    "target_update_interval": 2000,
+    "exploration_fraction": 0.3,
+    "exploration_final_eps": 0.03,
     "normalize": {"norm_obs": False, "norm_reward": True},
 }
 T = TypeVar("T")
@@ -105,7 +113,14 @@ def _digest(*key: object) -> str:
     return hashlib.sha256("/".join(map(str, key)).encode()).hexdigest()
 
 
-def draw_recipes(seed: str, side: str, count: int, entries: Sequence[SeasonEntry]) -> list[Recipe]:
+def draw_recipes(
+    seed: str,
+    side: str,
+    count: int,
+    pool: Sequence[SeasonEntry],
+    algorithms: Sequence[str] = ALGORITHMS,
+    prefix: str = "",
+) -> list[Recipe]:
     """Draw the recipes of a side's candidates.
 
     Algorithms take turns. The values of all other properties are balanced over the candidates of an
@@ -115,62 +130,65 @@ def draw_recipes(seed: str, side: str, count: int, entries: Sequence[SeasonEntry
         seed: the season's seed.
         side: the candidates' side.
         count: number of candidates.
-        entries: entries of the other side, to be trained against.
+        pool: players of the other side, to be trained against.
+        algorithms: their algorithms.
+        prefix: of their names, before the side's letter.
 
     Raises:
-        UserError: no entries to train against.
+        UserError: nobody to train against.
     """
-    if not entries:
+    if not pool:
         raise UserError(f"season: no entries to train candidates of the {side} against")
-    algorithms = [ALGORITHMS[i % len(ALGORITHMS)] for i in range(count)]
+    taken = [algorithms[i % len(algorithms)] for i in range(count)]
+    of = prefix + side
 
     def assign(name: str, choices: Mapping[str, Sequence[T]] | Sequence[T]) -> list[T]:
         """Return a property's value for each candidate; choices may depend on the algorithm."""
         per_algorithm = {}
-        for algorithm, number in Counter(algorithms).items():
+        for algorithm, number in Counter(taken).items():
             values = choices[algorithm] if isinstance(choices, Mapping) else choices
-            per_algorithm[algorithm] = iter(assign_balanced(values, number, seed, side, name, algorithm))
-        return [next(per_algorithm[algorithm]) for algorithm in algorithms]
+            per_algorithm[algorithm] = iter(assign_balanced(values, number, seed, of, name, algorithm))
+        return [next(per_algorithm[algorithm]) for algorithm in taken]
 
-    rewards, gammas, steps = assign("reward", REWARDS[side]), assign("gamma", GAMMAS), assign("steps", STEPS)
-    log_stds = assign("log_std", LOG_STDS[side])
-    targets = _draw_targets(seed, side, assign("size", TARGETS), entries)
+    gammas, steps, log_stds = (
+        assign("gamma", GAMMAS),
+        assign("steps", STEPS),
+        assign("log_std", LOG_STDS[side]),
+    )
+    targets = _draw_targets(seed, of, assign("size", TARGETS), pool)
     return [
         Recipe(
-            name=f"{side[0]}{i:02d}",
+            name=f"{prefix}{side[0]}{i:02d}",
             side=side,
             algorithm=algorithm,
             steps=steps[i],
-            reward=rewards[i],
+            reward=REWARD,
             gamma=gammas[i],
-            log_std=None if algorithm == "td3" else log_stds[i],
+            log_std=log_stds[i] if algorithm in ("ppo", "ppo-stack8") else None,
             targets=targets[i][0],
             path=targets[i][1],
-            training_seed=FIRST_SEED + draw_number(SEEDS, seed, side, "seed", i),
+            training_seed=FIRST_SEED + draw_number(SEEDS, seed, of, "seed", i),
         )
-        for i, algorithm in enumerate(algorithms)
+        for i, algorithm in enumerate(taken)
     ]
 
 
 def _draw_targets(
-    seed: str, side: str, sizes: Sequence[int], entries: Sequence[SeasonEntry]
+    seed: str, of: str, sizes: Sequence[int], pool: Sequence[SeasonEntry]
 ) -> list[tuple[tuple[str, ...], str]]:
     """Draw the players that each candidate is trained against, and the opponent's path.
 
-    The first target is a trained entry if there is any, and each trained entry is the first target equally
-    often. Opponents with different paths are never mixed; scripts fit either path.
+    Each player of the pool is the first target equally often, so of at most two candidates where the pool is
+    half as large as their number. Opponents with different paths are never mixed; scripts fit either path.
     """
-    trained = [entry for entry in entries if not entry.is_script] or list(entries)
     targets = []
     for i, (first, size) in enumerate(
-        zip(assign_balanced(trained, len(sizes), seed, side, "first"), sizes, strict=True)
+        zip(assign_balanced(pool, len(sizes), seed, of, "first"), sizes, strict=True)
     ):
         flight = None if first.is_script else first.flight
-        others = [e for e in entries if e.name != first.name and (e.is_script or e.flight in (None, flight))]
-        chosen = [first, *shuffled(others, seed, side, "mixture", i)[: size - 1]]
-        players = tuple(
-            e.players[draw_number(len(e.players), seed, side, "player", i, e.name)] for e in chosen
-        )
+        others = [e for e in pool if e.name != first.name and (e.is_script or e.flight in (None, flight))]
+        chosen = [first, *shuffled(others, seed, of, "mixture", i)[: size - 1]]
+        players = tuple(e.players[draw_number(len(e.players), seed, of, "player", i, e.name)] for e in chosen)
         targets.append((players, flight or "pursuit"))
     return targets
 
@@ -182,5 +200,9 @@ def hyperparameters(recipe: Recipe) -> Entry:
     if recipe.algorithm == "td3":
         policy_kwargs["optimizer_kwargs"] = {"fused": True}
         return _TD3 | own
-    policy_kwargs |= {"activation_fn": "ReLU", "log_std_init": recipe.log_std}
+    if recipe.algorithm == "dqn-discrete":
+        return _DQN | own
+    policy_kwargs["activation_fn"] = "ReLU"
+    if recipe.log_std is not None:
+        policy_kwargs["log_std_init"] = recipe.log_std
     return _PPO | own

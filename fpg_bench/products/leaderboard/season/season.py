@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import yaml
@@ -12,12 +12,14 @@ from pydantic import field_validator
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import other_side
+from fpg_bench.common.imports import SUITE
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.seeds import SeasonKey
 from fpg_bench.evaluation.suite import PLANNER
-from fpg_bench.players.agent import baselines_folder, suites_folder
+from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
-from fpg_bench.products.leaderboard.season.recipes import Recipe
+from fpg_bench.products.leaderboard.season.entries import SeasonEntry, entries_of_side
+from fpg_bench.products.leaderboard.season.recipes import REWARD, Recipe
 from fpg_bench.products.leaderboard.tracks import TRACKS
 
 FILE = "season.yml"
@@ -152,9 +154,29 @@ def season_folder(name: str | Path) -> Path:
     Raises:
         UserError: neither exists.
     """
-    suites = baselines_folder() / "suites"
-    for folder in (suites / name, Path(name)):
+    for folder in (suites_folder() / name, Path(name)):
         if (folder / FILE).is_file():
             return folder
-    known = sorted(file.parent.name for file in suites.glob(f"*/{FILE}"))
-    raise UserError(f"season: no {str(name)!r}; closed are: {', '.join(known) or 'none yet'}")
+    raise UserError(f"season: no {str(name)!r}; closed are: {', '.join(_closed()) or 'none yet'}")
+
+
+def _closed() -> list[str]:
+    return sorted(file.parent.name for file in suites_folder().glob(f"*/{FILE}"))
+
+
+def target_pool(entries: Sequence[SeasonEntry], side: str, scenario: str, name: str) -> list[SeasonEntry]:
+    """Return the players of a side that candidates of the suite ``name`` are trained against.
+
+    They are the entries, and the members of all suites that were closed before and are paid by their own
+    reward.
+    """
+    pool = entries_of_side(entries, side)
+    for season in map(load_season, _closed()):
+        if season.scenario == scenario and season.name != name:
+            pool += [
+                SeasonEntry(spec, side, member.path if side == "opponent" else None, (spec,))
+                for member in season.members[side]
+                if member.reward == REWARD
+                for spec in [f"{SUITE}{season.name}/{member.name}"]
+            ]
+    return pool

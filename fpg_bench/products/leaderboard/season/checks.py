@@ -1,0 +1,88 @@
+"""Checks that held-out rivals must pass before a season closes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fpg_bench.evaluation.verification import Verdict
+
+AGREEMENT = 0.8  # least Spearman correlation of two orders of the entries
+SPLITS = 200
+FEWEST = 8  # entries of a table that can be compared
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Returns per step of both sides where a side's members, strangers and an oracle met the entries.
+
+    Attributes:
+        side: the members' side.
+        tables: for each table of the other side, the rows of its entries.
+        members: what the entries earn from each member, ``(entries, members)``.
+        strangers: what they earn from each stranger, ``(entries, strangers)``.
+        oracle: what an oracle of the entries' side earns from each member, ``(members,)``.
+        earned: what each member earns from the entries, by name.
+        floor: the script that a member must beat, and what it earns from the entries.
+    """
+
+    side: str
+    tables: Mapping[str, Sequence[int]]
+    members: np.ndarray
+    strangers: np.ndarray
+    oracle: np.ndarray
+    earned: Mapping[str, float]
+    floor: tuple[str, float]
+
+
+def check_members(evidence: Evidence) -> Iterator[Verdict]:
+    """Yield the verdicts on a side's members.
+
+    An oracle ranks first among the entries that meet them; each member earns more by its own rules than the
+    best script; the mean over one half of the members orders each table as that over the other half does
+    (mean Spearman correlation over drawn halves), and the mean over all as that over strangers does, which
+    are neither entries nor members.
+    """
+    side, means = evidence.side, evidence.members.mean(axis=1)
+    oracle, best = float(evidence.oracle.mean()), float(means.max())
+    line = f"an oracle earns {oracle:.2f}, the best entry {best:.2f}"
+    yield Verdict(f"{side}: an oracle ranks first", oracle > best, line)
+    script, floor = evidence.floor
+    name, least = min(evidence.earned.items(), key=lambda item: item[1])
+    line = f"{name} earns least, {least:.2f}; {script} earns {floor:.2f}"
+    yield Verdict(f"{side}: members are above the floor", least > floor, line)
+    for table, rows in evidence.tables.items():
+        if len(rows) < FEWEST:
+            continue
+        own = evidence.members[list(rows)]
+        yield _agreement(f"{side}: halves agree on {table}", _split_half(own), len(rows))
+        strangers = evidence.strangers[list(rows)]
+        value = spearman(own.mean(axis=1), strangers.mean(axis=1))
+        yield _agreement(f"{side}: strangers agree on {table}", value, len(rows))
+
+
+def spearman(a: np.ndarray, b: np.ndarray) -> float:
+    """Return Spearman's rank correlation of two samples; 0 where one of them is constant."""
+    from scipy.stats import rankdata
+
+    ranks = rankdata(a), rankdata(b)
+    if any(np.ptp(each) == 0 for each in ranks):
+        return 0.0
+    return float(np.corrcoef(*ranks)[0, 1])
+
+
+def _split_half(returns: np.ndarray) -> float:
+    rng, count = np.random.default_rng(0), returns.shape[1]
+    values = []
+    for _ in range(SPLITS):
+        order = rng.permutation(count)
+        halves = (returns[:, part].mean(axis=1) for part in np.array_split(order, 2))
+        values.append(spearman(*halves))
+    return float(np.mean(values))
+
+
+def _agreement(name: str, value: float, entries: int) -> Verdict:
+    line = f"Spearman {value:.2f} over {entries} entries, at least {AGREEMENT} is asked"
+    return Verdict(name, value >= AGREEMENT, line)
