@@ -14,17 +14,17 @@ from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.schema import parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.entry import EvaluatedPlayer
-from fpg_bench.evaluation.match import Match
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.players.planner import PLANNERS
 from fpg_bench.products.language_models.answers import PARSER
 from fpg_bench.products.language_models.budget import CallBudget
-from fpg_bench.products.language_models.llm_planner import LLMPlanner
+from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlanner
 from fpg_bench.products.language_models.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.products.language_models.servers import endpoint_from_environment
 from fpg_bench.products.language_models.transcript import Header, RunHeader, Transcript, chain_start
+from fpg_bench.products.planning.match import Match
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
 _SAMPLING = ("temperature", "sampling_seed")
@@ -236,7 +236,7 @@ def match_planner(
     """Return a match's planner that asks a language model, and its description for the match's file.
 
     Args:
-        name: one of :data:`fpg_bench.planning.LLM_CONTROLS`.
+        name: one of :data:`LLM_CONTROLS`.
         scenario: what is played.
         path: the match's file, which is the transcript, too; None: it is not kept.
         llm: options of the planner.

@@ -8,7 +8,7 @@ from typing import Any
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning import LLM_CONTROLS
+from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS
 from fpg_bench.training.run_folder import TRANSCRIPT
 
 

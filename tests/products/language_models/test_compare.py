@@ -11,15 +11,15 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
 from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
+from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.fault_server import FaultServer, answer, ok
 
 MATCHES, ROUNDS, ALLIES = 2, 3, ("idle", "expert")
 PLANS = MATCHES * ROUNDS * len(ALLIES)
 CHASER = """\
-from fpg_bench.planning import Plan
+from fpg_bench.players.planner import Plan
 
 class Chaser:
     name, tier = "chaser", "ally"
@@ -103,7 +103,7 @@ def test_more_planners_join_a_folder_of_the_same_size_and_nothing_is_played_twic
 
 def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
     known = ("circle", "random", "hold", "llm", "llm-no-history")
-    monkeypatch.setattr("fpg_bench.evaluation.compare.PLANNERS", known)
+    monkeypatch.setattr("fpg_bench.products.planning.compare.PLANNERS", known)
     found = compare(["all", "circle"], "mine.yml", "out")
     assert {s.entry for s in found} == {"circle", "random", "hold"}
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import gc
 
 import pytest
-from evaluation.matching import SHORT, lines, play, write
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.llm_options import LLMOptions
-from fpg_bench.evaluation.match import replay_match
 from fpg_bench.products.language_models.llm_planner import LLMPlanner
+from fpg_bench.products.planning.match import replay_match
 from tests.products.language_models.fault_server import FaultServer, error_object, ok, refusal, status
 from tests.products.language_models.playing import GOOD, KEY, path_text
+from tests.products.planning.matching import SHORT, lines, play, write
 from tests.programs import held_elsewhere
 
 BEHAVIOURS = (

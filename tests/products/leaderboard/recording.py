@@ -12,8 +12,8 @@ from typing import Any
 from unittest import mock
 
 from fpg_bench.common.llm_options import LLMOptions
-from fpg_bench.evaluation.compare import compare
 from fpg_bench.products.language_models.transcript import KEY, Attempt, chain_start, linked
+from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.fault_server import FaultServer, answer
 
 PLANNER_SUITE = """\

@@ -11,16 +11,16 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.llm_options import LLMOptions
-from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.planning.planner import Limits
+from fpg_bench.players.planner import Limits
 from fpg_bench.products.language_models.answers import answer_schema
 from fpg_bench.products.language_models.client import response_format
 from fpg_bench.products.language_models.transcript import MOST_BYTES, linked
 from fpg_bench.products.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.products.leaderboard.transcripts import LARGEST_FOLDER, check_transcripts
+from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.real_server import LlamaServer
 
 from .recording import PLANNER_SUITE, PLANS, enter, environment, record, rows_of, write_rows

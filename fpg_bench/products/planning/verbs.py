@@ -31,7 +31,7 @@ from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
-    from fpg_bench.evaluation.match import Round
+    from fpg_bench.products.planning.match import Round
 
 _ASKED = ("server", "temperature", "sampling_seed", "calls", "tokens", "seconds", "deadline")
 DRAW_EVERY_S = 5.0  # drawing takes about a second, many planners less
@@ -77,9 +77,8 @@ def run(
     Example: fpg-bench plan run --planner interceptor --ally expert --rounds 10
     """
     require_extra("video", "matplotlib")
-    from fpg_bench.evaluation.match import run_match
-
-    draw_match, write_match_replay = load("rendering", "match"), load("rendering", "match's page")
+    from fpg_bench.products.planning.match import run_match
+    from fpg_bench.products.planning.match_picture import draw_match, write_match_replay
 
     name = planner if llm.control in (None, "none") else f"{planner}-{llm.control}"
     file, picture, page = _targets(out, f"{name}-{ally}-{seed}")
@@ -135,7 +134,7 @@ def replay(
 
     Example: fpg-bench plan replay runs/plan/interceptor-expert-0/match.jsonl
     """
-    from fpg_bench.evaluation.match import replay_match
+    from fpg_bench.products.planning.match import replay_match
 
     match, played = replay_match(file, allow=allow or ())
     _print_table(played, f"{match.planner} against {match.ally}, seed {match.seed}")
@@ -176,7 +175,7 @@ def compare(
     Example: fpg-bench plan compare circle hill-climb interceptor --matches 10 --out results/planners
     """
     from fpg_bench.cli.evaluation import shown_progress, table
-    from fpg_bench.evaluation.compare import compare as compare_planners
+    from fpg_bench.products.planning.compare import compare as compare_planners
 
     with shown_progress() as show:
         compare_planners(
