@@ -25,7 +25,8 @@ Kinds of offers:
 - ``player``: the function that fetches an agent by a scheme (``hf://``), and the player of agents of others
   (``untrusted``).
 - ``rendering``: what draws rounds and matches, by suffix or by name.
-- ``language model``: the functions that record, replay and pay for language models.
+- ``language model``: the functions that record, replay and pay for language models, and the options that
+  they add to verbs.
 """
 
 from __future__ import annotations

@@ -439,9 +439,9 @@ class _Run:
         Distribution.set_default_validate_args(True)  # an export in this process turned torch's checks off
         config = self.config
         planner = config.planner
-        if asks_language_model(planner) or config.transcript is not None or config.llm.given():
+        if asks_language_model(planner) or config.planner_options:
             make_planner = load("language model", "of a training")
-            planner = make_planner(planner, self.folder.path, config.transcript, config.llm)
+            planner = make_planner(planner, self.folder.path, config.planner_options)
         game = dataclasses.replace(config.spec, planner=planner)
         if self.rivals:
             other = config.spec.config.other_side

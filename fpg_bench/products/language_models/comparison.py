@@ -7,10 +7,10 @@ import json
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.schema import parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.entry import EvaluatedPlayer
@@ -21,6 +21,7 @@ from fpg_bench.players.planner import PLANNERS
 from fpg_bench.products.language_models.answers import PARSER
 from fpg_bench.products.language_models.budget import CallBudget
 from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlanner
+from fpg_bench.products.language_models.options import LLMOptions
 from fpg_bench.products.language_models.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.products.language_models.servers import endpoint_from_environment
 from fpg_bench.products.language_models.transcript import Header, RunHeader, Transcript, chain_start
@@ -32,13 +33,14 @@ _DECIDING = ("model", "control", "prompt_hash", *_SAMPLING)
 _CAPS = ("calls", "tokens", "seconds")
 
 
-def recorded_entry(name: str, suite: Suite, folder: Path, llm: LLMOptions) -> EvaluatedPlayer:
+def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> EvaluatedPlayer:
     """Return a language model whose answers are recorded in a folder; recorded answers are not asked again.
 
     Raises:
         UserError: no endpoint, no such prompt, a control beside the planner's name, or a folder with
             transcripts of another model or prompt.
     """
+    llm = LLMOptions.of(options)
     if llm.control is not None:
         raise UserError(f"control: name one of the planners {', '.join(LLM_CONTROLS)}")
     control, endpoint = LLM_CONTROLS[name], endpoint_from_environment(llm.server)
@@ -231,7 +233,7 @@ def replaying(
 
 
 def match_planner(
-    name: str, scenario: Scenario, path: Path | None, llm: LLMOptions
+    name: str, scenario: Scenario, path: Path | None, options: Mapping[str, Any]
 ) -> tuple[LLMPlanner, JsonObject]:
     """Return a match's planner that asks a language model, and its description for the match's file.
 
@@ -239,8 +241,9 @@ def match_planner(
         name: one of :data:`LLM_CONTROLS`.
         scenario: what is played.
         path: the match's file, which is the transcript, too; None: it is not kept.
-        llm: options of the planner.
+        options: options of the planner, the attributes of :class:`LLMOptions`.
     """
+    llm = LLMOptions.of(options)
     endpoint = endpoint_from_environment(llm.server)
     arguments = {"control": LLM_CONTROLS[name]} | llm.arguments()
     planner = LLMPlanner(scenario, endpoint, transcript=path, **arguments)

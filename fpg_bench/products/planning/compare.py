@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import code_fingerprint, is_code
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.products import load
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.entry import EvaluatedPlayer, FixedPlayer
@@ -28,7 +29,7 @@ def compare(
     *,
     matches: int | None = None,
     transcripts: str | Path | None = None,
-    llm: LLMOptions = LLMOptions(),
+    llm: Mapping[str, Any] = MappingProxyType({}),
     progress: Progress = lambda entry, rival, rounds, done, total: None,
     allow: Collection[str] = (),
     reuse: bool = False,
@@ -43,7 +44,7 @@ def compare(
         out: the results folder; ``records.jsonl`` grows as allies are met.
         matches: per ally; None: the suite's own.
         transcripts: a folder of transcripts; each planner in it is one more, replayed without a server.
-        llm: options of the language models, whose caps hold for all allies together.
+        llm: options of the language models by name, whose caps hold for all allies together.
         progress: called before each matchup and after each of its rounds; see
             :func:`fpg_bench.evaluation.evaluate.evaluate`.
         allow: the code and agents of the Hub that the suite's file may name; see
@@ -74,7 +75,7 @@ def compare(
             entries.append(recorded(spec, played, out / TRANSCRIPTS / spec, llm))
         else:
             entries.append(planner_entry(spec, played))
-    given = next(iter(llm.given()), None)
+    given = next(iter(llm), None)
     if given and not any(isinstance(spec, str) and asks_language_model(spec) for spec in specs):
         models = ", ".join(name for name in PLANNERS if name not in silent)
         raise UserError(f"{given}: is for the planners {models}; name one of them")

@@ -10,13 +10,13 @@ import platform
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import check_allowed
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import JsonObject
@@ -76,7 +76,7 @@ def run_match(
     *,
     seed: int = 0,
     out: str | Path | None = None,
-    llm: LLMOptions = LLMOptions(),
+    llm: Mapping[str, Any] = MappingProxyType({}),
     progress: Progress = lambda index, played: None,
     scenario: Scenario | str | None = None,
     rounds: int = ROUNDS,
@@ -88,7 +88,7 @@ def run_match(
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
         seed: seed of the match, a whole number in [0, 2^63).
         out: file of the match, JSON lines; None: it is not kept.
-        llm: options of the planner ``llm``.
+        llm: options of the planner ``llm``, by name.
         progress: called with a round's index and None before it is planned, and with the round after it.
         scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard``.
         rounds: number of rounds of the match.
@@ -353,7 +353,7 @@ def _difference(known: object, now: object, where: str = "", but: str = "") -> s
 
 
 def _planner(
-    spec: PlannerSpec, scenario: Scenario, path: Path | None, llm: LLMOptions
+    spec: PlannerSpec, scenario: Scenario, path: Path | None, llm: Mapping[str, Any]
 ) -> tuple[Planner, JsonObject | None]:
     """Return a match's planner, and the description of its language model for the file, if it asks one.
 
@@ -362,7 +362,7 @@ def _planner(
     if isinstance(spec, str) and asks_language_model(spec):
         flier, described = load("language model", "of a match")(spec, scenario, path, llm)
         return flier, described
-    if given := next(iter(llm.given()), None):
+    if given := next(iter(llm), None):
         raise UserError(f"{given}: is for the planner 'llm', not for {spec!r}")
     planner = as_planner(spec, scenario)
     if path is not None and asks_language_model(planner.name):

@@ -14,7 +14,6 @@ from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.fields import Given, with_fields
 from fpg_bench.cli.options import (
     GAME,
-    LLM,
     AllowOption,
     ReuseOption,
     SuiteOption,
@@ -25,7 +24,6 @@ from fpg_bench.cli.options import (
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.output import wrapped
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
@@ -33,7 +31,6 @@ from fpg_bench.common.rows import Row
 if TYPE_CHECKING:
     from fpg_bench.products.planning.match import Round
 
-_ASKED = ("server", "temperature", "sampling_seed", "calls", "tokens", "seconds", "deadline")
 DRAW_EVERY_S = 5.0  # drawing takes about a second, many planners less
 
 app = typer.Typer(help="Plan the opponent's path between the rounds of a match.")
@@ -65,9 +62,9 @@ def run(
         Path | None,
         typer.Option(help="A folder, the file of the match (.jsonl), or its figure (.png, .svg or .pdf)."),
     ] = None,
-    llm: Annotated[LLMOptions, llm_options("prompt", "control", *_ASKED)] = LLMOptions(),
+    llm: Annotated[Given, llm_options("plan run")],
     talk: Annotated[
-        bool, typer.Option("--talk", help="Print the prompts and answers.", rich_help_panel=LLM)
+        bool, typer.Option("--talk", help="Print the prompts and answers.", rich_help_panel="Language model")
     ] = False,
 ) -> None:
     """Play one match of a planner and write it to a file; run it again to resume a stopped match.
@@ -80,7 +77,7 @@ def run(
     from fpg_bench.products.planning.match import run_match
     from fpg_bench.products.planning.match_picture import draw_match, write_match_replay
 
-    name = planner if llm.control in (None, "none") else f"{planner}-{llm.control}"
+    name = planner if llm.get("control", "none") == "none" else f"{planner}-{llm['control']}"
     file, picture, page = _targets(out, f"{name}-{ally}-{seed}")
     title = f"{name} against {ally}, seed {seed}"
     played: list[Round] = []
@@ -166,7 +163,7 @@ def compare(
     ] = None,
     wide: WideOption = False,
     *,
-    llm: Annotated[LLMOptions, llm_options("prompt", *_ASKED, "concurrency")] = LLMOptions(),
+    llm: Annotated[Given, llm_options("plan compare")],
     allow: AllowOption = None,
     reuse: ReuseOption = False,
 ) -> None:

@@ -7,7 +7,6 @@ import gc
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.products.language_models.llm_planner import LLMPlanner
 from fpg_bench.products.planning.match import replay_match
 from tests.products.language_models.fault_server import FaultServer, error_object, ok, refusal, status
@@ -112,7 +111,7 @@ def test_the_file_holds_a_prompt_of_ones_own(asks, file, tmp_path):
     )
     with FaultServer([GOOD]) as server:
         asks(server)
-        play(file, "llm-no-history", llm=LLMOptions(prompt=str(prompt)))
+        play(file, "llm-no-history", llm={"prompt": str(prompt)})
         text = server.requests[-1].body["messages"][-1]["content"]
         assert text.startswith("Fly from (")
     prompt.unlink()

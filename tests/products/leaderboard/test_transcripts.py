@@ -10,7 +10,6 @@ import shutil
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.game.scenario import as_scenario
@@ -373,7 +372,7 @@ def test_a_real_server_is_recorded_and_verified_when_it_is_gone(tmp_path):
     profile = tmp_path / "server.yml"
     profile.write_text("about: short\nresponse_format: json_schema\nseed: true\n")
     with LlamaServer() as server, environment(server.url, server.model):
-        compare(["llm"], str(file), tmp_path / "real", llm=LLMOptions(server=str(profile)))
+        compare(["llm"], str(file), tmp_path / "real", llm={"server": str(profile)})
     entry, suite = enter(tmp_path / "real", tmp_path / "tiny"), load_suite(str(file))
     assert check_transcripts(entry, suite) == []
     plans = summary_of(records_of(entry, suite), suite).pooled.plans
