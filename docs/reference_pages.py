@@ -18,7 +18,7 @@ from typing import Any
 from fpg_bench.common.ids import DUEL, ENVS, FIRST_VERSION, EnvConfig
 from fpg_bench.envs.core import SingleAgentGame, action_space, observation_space
 from fpg_bench.game.scenario import preset
-from fpg_bench.planning import LLM_CONTROLS
+from fpg_bench.players.planner import asks_language_model
 
 GENERATED = Path(__file__).parent / "reference/generated"
 ELSEWHERE = {"../baselines/README.md": "results/zoo.md"}  # pages that lie outside of this folder
@@ -164,7 +164,7 @@ def view_page(view: EnvConfig) -> str:
         flown=f"planned between rounds by `{view.planner}`" if view.planner else f"`{view.path}`",
         rounds=view.rounds_per_match,
         versions=_versions(view.versions),
-        example=_NEEDS_MODEL if view.planner in LLM_CONTROLS else _SINGLE.format(id=view.id),
+        example=_NEEDS_MODEL if asks_language_model(view.planner) else _SINGLE.format(id=view.id),
         options=_options(view),
         **_sizes(),
     )

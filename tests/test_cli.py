@@ -20,8 +20,8 @@ from fpg_bench.common.ids import ENVS, SCRIPTED
 from fpg_bench.common.rows import RowFile
 from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
-from fpg_bench.planning import PLANNERS
 from fpg_bench.players.agent import suites_folder
+from fpg_bench.players.planner import PLANNERS
 from tests.programs import ROOT, fpg, python, started
 from tests.working import wait_for
 

@@ -18,7 +18,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS, action_modes
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario
-from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.players.planner import PLANNERS, asks_language_model
 from fpg_bench.products.language_models.local_server import SMOLLM2, LocalServer
 from fpg_bench.products.language_models.servers import SERVERS, load_server
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
@@ -145,7 +145,7 @@ def test_every_id_has_a_page_of_what_it_sees_and_does(tmp_path):
         for mark in re.findall(r':start-after: "(.*)"', text):
             table = rules.split(mark)[1].split("<!-- end -->")[0]
             assert table.strip().startswith("| index |")
-        assert python_runs(text) == (config.planner not in LLM_CONTROLS)
+        assert python_runs(text) == (not asks_language_model(config.planner))
         history = text.split("## Version history")[1]
         assert re.findall(r"(?m)^- v(\d+): \w", history)[0] == str(gymnasium.spec(config.id).version)
         assert len(config.versions) == gymnasium.spec(config.id).version + 1

@@ -19,7 +19,7 @@ _OTHERS = [
     "fpg_bench.game.batch.GameBatch",
     "fpg_bench.game.choices.Choices",
     "fpg_bench.game.waterfall.Waterfall",
-    "fpg_bench.planning.registry.as_planner",
+    "fpg_bench.players.planner.as_planner",
     "fpg_bench.products.maddpg.maddpg.MADDPG",
     "fpg_bench.training.train.train",
 ]

@@ -27,14 +27,13 @@ FLOORS = {
     "common": 0,
     "game": 1,
     "players": 2,
-    "planning": 2,
     "envs": 3,
     "evaluation": 4,
     "training": 5,
     "cli": 6,
     "products": 7,
 }
-MOST_CODE = 14_047  # lines of the core; to raise it is a decision, in a commit of its own
+MOST_CODE = 13_123  # lines of the core; to raise it is a decision, in a commit of its own
 HEAVY = ("numba", "torch", "stable_baselines3", "matplotlib", "onnxruntime")
 
 
@@ -197,7 +196,9 @@ def test_importing_the_package_registers_the_ids_and_loads_nothing_heavy():
 def test_the_process_of_a_submitted_policy_loads_no_more_than_it_plays_with():
     code = "import sys, fpg_bench.products.sandbox.policy; print(*sys.modules)"
     loaded = subprocess.check_output([sys.executable, "-c", code], text=True).split()
-    assert set(loaded).isdisjoint({*HEAVY, "fpg_bench.products.leaderboard.submission", "fpg_bench.planning"})
+    assert set(loaded).isdisjoint(
+        {*HEAVY, "fpg_bench.products.leaderboard.submission", "fpg_bench.products.planning"}
+    )
 
 
 def test_the_rules_document_every_field():

@@ -82,8 +82,8 @@ def test_the_first_sentence_of_a_field_is_its_help():
 
 def test_a_run_s_own_fields_are_options_of_train():
     options, sentences = inspect.signature(with_fields(train)).parameters, first_sentences(RunConfig)
-    assert {each.name for each in fields(RunConfig)} - set(options) == {"game", "dataset", "llm"}
-    for name in ("steps", "hyperparams", "start", "suite", "transcript", "allow"):
+    assert {each.name for each in fields(RunConfig)} - set(options) == {"game", "dataset", "planner_options"}
+    for name in ("steps", "hyperparams", "start", "suite", "allow"):
         option = options[name].annotation.__metadata__[0]
         assert option.help.startswith(sentences[name])
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import fpg_bench
-from fpg_bench.evaluation.match import run_match
+from fpg_bench.products.planning.match import run_match
 from tests.environments import ROOT, environment, install_wheel, run
 from tests.test_cli import VERBS
 

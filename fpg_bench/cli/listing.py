@@ -262,11 +262,9 @@ def _populations(side: str) -> list[str]:
 
 def _planners() -> dict[str, list[str]]:
     """Return the planners by tier."""
-    from fpg_bench.game.scenario import STANDARD
-    from fpg_bench.planning import LLM_CONTROLS, PLANNERS, TIERS, as_planner
+    from fpg_bench.players.planner import PATTERNS, TIERS
 
-    by_tier: dict[str, list[str]] = {tier: [] for tier in TIERS}
-    for name in PLANNERS:
-        tier = load("planner", name).tier if name in LLM_CONTROLS else as_planner(name, STANDARD).tier
-        by_tier[tier].append(name)
+    by_tier: dict[str, list[str]] = {tier: [] for tier in TIERS} | {"none": [*PATTERNS]}
+    for name in offered("planner"):
+        by_tier[load("planner", name).tier].append(name)
     return by_tier

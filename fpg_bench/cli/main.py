@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperOption
 
-from fpg_bench.cli import evaluation, listing, plan, scenario, training
+from fpg_bench.cli import evaluation, listing, scenario, training
 from fpg_bench.cli.fields import with_fields
 from fpg_bench.common.errors import UserError, bounded
 from fpg_bench.common.imports import described
@@ -55,7 +55,7 @@ _VERBS: dict[str, Callable[..., None] | typer.Typer | None] = {
     "scenario": scenario.app,
     "zoo": listing.zoo,
     "tune": None,
-    "plan": plan.app,
+    "plan": None,
     "dataset": None,
     "hub": None,
     "llm": None,

@@ -15,10 +15,9 @@ import typer
 from fpg_bench.cli.completion import complete_player, complete_suite
 from fpg_bench.cli.fields import Fields, Given, first_sentences
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
-from fpg_bench.common.products import offered
+from fpg_bench.common.products import load, offered
 from fpg_bench.common.strict_json import Json
 from fpg_bench.game.spec import LISTS, GameSpec, kind_of, option_names
 from fpg_bench.training.config import RunConfig
@@ -30,7 +29,6 @@ TRAINING = "Training"
 EVALUATION = "Evaluation"
 OUTPUT = "Output"
 PARALLEL = "Parallel processes"
-LLM = "Language model"
 TRUST = "Files of others"
 
 
@@ -88,7 +86,6 @@ def run_options(*names: str) -> Fields:
     details: dict[str, Given] = {
         "steps": {"parser": whole_number, "metavar": "STEPS"},
         "suite": {"autocompletion": complete_suite, "rich_help_panel": EVALUATION},
-        "transcript": {"rich_help_panel": LLM},
         "allow": {"rich_help_panel": TRUST},
     }
     return Fields(RunConfig, names, panel=TRAINING, details=details)
@@ -115,11 +112,11 @@ WorkersOption = Annotated[Workers, _WORKERS]
 LocalWorkersOption = Annotated[Workers, dataclasses.replace(_WORKERS, names=("n_jobs",))]
 
 
-def llm_options(*names: str) -> Fields:
-    """Return options of the planner llm, fields of :class:`LLMOptions`, by name."""
-    details: dict[str, Given] = {name: {"min": 1} for name in ("calls", "tokens", "concurrency")}
-    details |= {name: {"min": 0} for name in ("sampling_seed", "seconds", "deadline")}
-    return Fields(LLMOptions, names, panel=LLM, details=details | {"temperature": {"min": 0, "max": 2}})
+def llm_options(verb: str) -> Fields:
+    """Return the options of language models for a verb; none without the product that has them."""
+    kind, name, none = "language model", f"options of {verb}", Fields(GameSpec, ())
+    added: Fields = load(kind, name) if name in offered(kind) else none
+    return added
 
 
 def print_json(rows: Iterable[Json]) -> None:

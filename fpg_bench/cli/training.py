@@ -28,7 +28,6 @@ from fpg_bench.cli.options import (
 )
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Workers
 from fpg_bench.training.algorithms import ALGORITHMS, JOINT
@@ -104,13 +103,11 @@ def train(
         ),
     ] = None,
     *,
-    run: Annotated[Given, run_options("steps", "hyperparams", "start", "suite", "transcript", "allow")],
+    run: Annotated[Given, run_options("steps", "hyperparams", "start", "suite", "allow")],
     game: Annotated[Given, game_options()],
     team: Annotated[Given, team_options()],
     workers: WorkersOption = Workers(2),
-    llm: Annotated[
-        LLMOptions, llm_options("prompt", "server", "calls", "tokens", "seconds", "deadline")
-    ] = LLMOptions(),
+    planner_options: Annotated[Given, llm_options("train")],
 ) -> None:
     """Train an algorithm on an environment and export the agent.
 
@@ -124,7 +121,7 @@ def train(
     spec = GameSpec.of(env_id, against=None if from_zoo else listed(against), **game, **team)
     if from_zoo:
         spec = load_zoo().mixture(spec)
-    config = RunConfig(algorithm, spec, seed or 0, llm=llm, **run)
+    config = RunConfig(algorithm, spec, seed or 0, planner_options=planner_options, **run)
     if seeds is None and workers.backend != "loky":
         raise UserError("backend: needs several runs; list their --seeds")
     train_runs(config, out, seed, seeds, n_evals, resume, restart, workers, log_rounds)

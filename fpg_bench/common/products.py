@@ -19,13 +19,14 @@ Kinds of offers:
 - ``verb``: a verb of the command line: a function or a :class:`typer.Typer`; ``plan probe`` is one of
   ``plan``.
 - ``game``: a game of another kind than the duel, by its id: :class:`fpg_bench.game.spec.GameProduct`.
-- ``planner``: a class of planners that ask a language model.
+- ``planner``: a class of planners of the opponent's path, made for a scenario if it takes an argument.
 - ``joint algorithm``, ``offline algorithm``: a class of SB3's ``BaseAlgorithm`` that trains both sides, or
   learns from a data set.
 - ``player``: the function that fetches an agent by a scheme (``hf://``), and the player of agents of others
   (``untrusted``).
 - ``rendering``: what draws rounds and matches, by suffix or by name.
-- ``language model``: the functions that record, replay and pay for language models.
+- ``language model``: the functions that record, replay and pay for language models, and the options that
+  they add to verbs.
 """
 
 from __future__ import annotations

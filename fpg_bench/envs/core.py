@@ -21,8 +21,7 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.game.waterfall import HISTORY, Waterfall
-from fpg_bench.planning import LLM_CONTROLS, Planner, as_planner
-from fpg_bench.planning.planner import asks_language_model, planner_name
+from fpg_bench.players.planner import Planner, as_planner, asks_language_model, planner_name
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.population import expand_suites
@@ -398,7 +397,7 @@ def _planner(spec: PlannerSpec | None, config: EnvConfig, scenario: Scenario) ->
     """Return the planner that the caller names, otherwise the environment's default."""
     spec = config.planner if spec is None else spec
     planner = None if spec is None else as_planner(spec, scenario)
-    if config.planner in LLM_CONTROLS and not asks_language_model(planner):
+    if asks_language_model(config.planner) and not asks_language_model(planner):
         raise UserError(
             f"planner: in {config.id} a language model plans, and {planner_name(planner)} does not use one; "
             "FPG/AllyVsPlanner-v0 takes any planner"

@@ -17,8 +17,7 @@ from fpg_bench.game.full_state import full_state
 from fpg_bench.game.metrics import measures, pool
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.planning import Limits, Plan, Planner, Request, as_planner, plan_all
-from fpg_bench.planning.planner import planner_name
+from fpg_bench.players.planner import Limits, Plan, Planner, Request, as_planner, plan_all, planner_name
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.scripted import player_noise, player_seeds
 

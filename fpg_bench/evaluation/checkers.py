@@ -30,9 +30,7 @@ from fpg_bench.evaluation.suite import seated_player
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec, OtherGame, game_product, observation_size, other_game
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.planning import Limits, Planner, Request, as_planner, plan_all
-from fpg_bench.planning.planner import check_described
-from fpg_bench.planning.registry import resolve
+from fpg_bench.players.planner import Limits, Planner, Request, as_planner, check_described, plan_all, resolve
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player, Prediction
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import ModelPlayer, player_name, trained_game
@@ -233,7 +231,7 @@ def _holds_torch(player: Player) -> bool:
 
 
 def check_planner(planner: Planner | str, scenario: Scenario | str | None = None) -> None:
-    """Check that a planner keeps the contract of :class:`fpg_bench.planning.Planner`.
+    """Check that a planner keeps the contract of :class:`fpg_bench.players.planner.Planner`.
 
     It must have a name and a tier, and return finite waypoints ``(n, 3)`` inside the box. They must be
     equal for equal generators, with and without a history, alone and in a batch. It must leave its arguments

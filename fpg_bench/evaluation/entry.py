@@ -20,7 +20,6 @@ from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.run_description import MADE_BY
 from fpg_bench.evaluation.suite import Rival, Suite, identity
-from fpg_bench.planning import PLANNERS, as_planner
 from fpg_bench.players.agent import agents_named, is_shipped
 from fpg_bench.players.player import Abilities, Player, PlayerSpec
 from fpg_bench.players.registry import card_of, player_name, policy_hash
@@ -198,20 +197,6 @@ def same_policies(policies: Mapping[int | None, str]) -> Iterator[str]:
         if (same := first.setdefault(policy, seed)) != seed:
             rule = "each seed must be a separate training run"
             yield f"seed_{seed}: holds the same policy as seed_{same}; {rule}"
-
-
-def planner_entry(spec: PlannerSpec, suite: Suite) -> EvaluatedPlayer:
-    """Return the entry of a planner, given by its name or as an object.
-
-    Raises:
-        UserError: no such planner, one without a valid name or tier, or one by the name of another.
-    """
-    as_planner(spec, suite.scenario)  # refuses an invalid planner before anything is played
-    name = spec if isinstance(spec, str) else str(getattr(spec, "name", type(spec).__name__))
-    code = spec if isinstance(spec, str) else f"{type(spec).__module__}:{name}"
-    if not isinstance(spec, str) and name in PLANNERS:
-        raise UserError(f"planner {spec!r}: calls itself {name}, as one of the package does; rename it")
-    return EvaluatedPlayer(name, None, code_fingerprint(code), FixedPlayer(spec), is_code=is_code(code))
 
 
 def _player(spec: PlayerSpec, suite: Suite) -> Player:

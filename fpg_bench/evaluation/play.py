@@ -22,7 +22,7 @@ from fpg_bench.evaluation.seeds import evaluation_seeds, season_name
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.metrics import pool as pooled_tally
 from fpg_bench.game.spec import game_product
-from fpg_bench.planning import Plan, as_planner
+from fpg_bench.players.planner import Plan, as_planner
 from fpg_bench.players.player import LosesRounds
 
 SeedSource = Callable[[int], Sequence[int]]  # returns so many seeds

@@ -446,7 +446,7 @@ def _check_players(
     game: OtherGame | None,
 ) -> None:
     """Load all players and planners once, as a board reads the same suites many times."""
-    from fpg_bench.planning import as_planner  # here, so that reading a suite does not load the game
+    from fpg_bench.players.planner import as_planner  # here, so that reading a suite does not load the game
 
     for side, players in zip(sides, (rival.mates, rival.players), strict=True):
         for player in players:

@@ -24,7 +24,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.folders import user_cache
 
 _PACKAGE = Path(__file__).parents[1]
-_SOURCES = ("game", "players", "planning")
+_SOURCES = ("game", "players")
 _GAME = _PACKAGE / "game"
 _UNUSED_DAYS = 30
 if getattr(config, "DISABLE_JIT", False):

@@ -20,7 +20,7 @@ from fpg_bench.game.choices import Choices
 from fpg_bench.game.spec import GameSpec, observation_size
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
-from fpg_bench.planning.planner import asks_language_model
+from fpg_bench.players.planner import asks_language_model
 from fpg_bench.players.player import Abilities, Player
 from fpg_bench.players.scripted import player_seeds
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.remote import pinned
@@ -44,8 +43,8 @@ class RunConfig:
         start: folder of a finished run with the initial weights; ``ppo`` can also start from a run of ``bc``.
             It is of the same side, algorithm and networks; the new run has its optimizer and normalization,
             too, and skips imitation.
-        transcript: transcript of a run with a language model, whose plans are replayed without a server.
-        llm: options of a language model's planner.
+        planner_options: options of the planner by name, which the product checks that offers it; see
+            :class:`fpg_bench.products.language_models.options.TrainingOptions`.
         allow: what files may load: ``package.module:object``, or an agent of the Hub. What the files of the
             hyper-parameters, of the suite and of a game name is not run on their word.
         dataset: data set of an offline algorithm, a :class:`fpg_bench.products.offline.read.Dataset`; see
@@ -59,8 +58,7 @@ class RunConfig:
     hyperparams: Hyperparams = None
     suite: str | None = None
     start: str | Path | None = None
-    transcript: str | Path | None = None
-    llm: LLMOptions = LLMOptions()
+    planner_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     dataset: Any = None
     allow: Collection[str] = ()
 
@@ -118,6 +116,5 @@ class RunConfig:
         return [suite_of(self.spec, side) for side in self.spec.sides]
 
     def options(self) -> dict[str, object]:
-        """Return the options beside those of the game: ``start``, ``transcript``, and those of ``llm``."""
-        options = {"transcript": self.transcript, "start": self.start, **self.llm.given()}
-        return {name: value for name, value in options.items() if value is not None}
+        """Return the options beside those of the game: ``start``, and those of the planner."""
+        return dict(self.planner_options) | ({} if self.start is None else {"start": self.start})

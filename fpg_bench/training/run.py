@@ -13,9 +13,7 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.imports import check_allowed
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.parallel import Workers
-from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.suite import suite_of
@@ -176,7 +174,7 @@ def _config_of(run: Path, allow: Collection[str]) -> RunConfig:
     check_allowed(
         [about.algorithm, about.game.to_dict(), about.hyperparameters, options], allow, f"run {run}"
     )
-    start, transcript = (options.pop(name, None) for name in ("start", "transcript"))
+    start = options.pop("start", None)
     return RunConfig(
         about.algorithm,
         about.game,
@@ -185,7 +183,6 @@ def _config_of(run: Path, allow: Collection[str]) -> RunConfig:
         about.hyperparameters,
         suite=None if about.game.is_duel else about.suite,
         start=start,
-        transcript=transcript,
-        llm=parse(LLMOptions, options, f"run {run}: options"),
+        planner_options=options,
         allow=allow,
     )

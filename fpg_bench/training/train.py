@@ -40,9 +40,8 @@ from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
 from fpg_bench.game.spec import GameSpec, OtherGame
-from fpg_bench.planning import LLM_CONTROLS
-from fpg_bench.planning.planner import CountsPlans
 from fpg_bench.players.card import OfflineData
+from fpg_bench.players.planner import CountsPlans, asks_language_model
 from fpg_bench.players.player import Player
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.algorithms import find_algorithm
@@ -292,7 +291,7 @@ def train_seeds(
             planner, or a run that failed; the other runs go on.
         KeyboardInterrupt: stopped by the user; the runs have saved their checkpoints.
     """
-    if config.spec.planner in LLM_CONTROLS:
+    if asks_language_model(config.spec.planner):
         raise UserError("seeds: a language model plans for one run at a time; train the seeds one by one")
     check_run(config)  # before any seed begins
     jobs = []
@@ -440,10 +439,9 @@ class _Run:
         Distribution.set_default_validate_args(True)  # an export in this process turned torch's checks off
         config = self.config
         planner = config.planner
-        asks = isinstance(planner, str) and planner in LLM_CONTROLS
-        if asks or config.transcript is not None or config.llm.given():
+        if asks_language_model(planner) or config.planner_options:
             make_planner = load("language model", "of a training")
-            planner = make_planner(planner, self.folder.path, config.transcript, config.llm)
+            planner = make_planner(planner, self.folder.path, config.planner_options)
         game = dataclasses.replace(config.spec, planner=planner)
         if self.rivals:
             other = config.spec.config.other_side

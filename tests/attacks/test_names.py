@@ -9,7 +9,7 @@ import pytest
 
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import SCRIPTED
-from fpg_bench.planning import PLANNERS
+from fpg_bench.players.planner import PLANNERS
 from fpg_bench.products.leaderboard import submission
 from fpg_bench.products.leaderboard.about import name_skeleton, read_about
 from fpg_bench.products.leaderboard.submission import (

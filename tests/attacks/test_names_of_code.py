@@ -13,7 +13,6 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.imports import check_allowed, imported
 from fpg_bench.envs.sb3_vec_env import make_sb3
-from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import evaluate, read_results
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.suite import load_suite, read_suite
@@ -24,6 +23,7 @@ from fpg_bench.products.league.best_responses import _teacher, best_responses
 from fpg_bench.products.league.champions import load_champions
 from fpg_bench.products.league.config import BestResponseConfig, FictitiousSelfPlayConfig
 from fpg_bench.products.league.fictitious_self_play import fictitious_self_play
+from fpg_bench.products.planning.compare import compare
 from fpg_bench.products.tuning.export import export_values
 from fpg_bench.products.tuning.study import open_storage, open_study
 from fpg_bench.products.tuning.tune import tune

@@ -10,7 +10,7 @@ import pytest
 from fpg_bench import make_duel
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.batch import check_seeds
-from fpg_bench.planning import Plan
+from fpg_bench.players.planner import Plan
 
 from .playing import SHORT, STEPS, tape
 

@@ -16,7 +16,7 @@ from fpg_bench.evaluation.checkers import check_env, check_planner, check_player
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import PATHS
 from fpg_bench.game.scenario import preset
-from fpg_bench.planning import Plan
+from fpg_bench.players.planner import Plan
 
 
 @pytest.mark.parametrize("side", SCRIPTED)

@@ -16,7 +16,7 @@ from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.record import HASHED_TALLIES
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.scenario import PRESETS, Scenario, preset
-from fpg_bench.planning import as_planner
+from fpg_bench.players.planner import as_planner
 
 PATHS = ("circle", "triangle", "rectangle", "pursuit", "learned")
 PLANNERS = ("circle", "interceptor", "optimised", "random")

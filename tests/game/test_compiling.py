@@ -17,7 +17,7 @@ from fpg_bench.game import compiling
 from fpg_bench.game.rng import mix
 
 PACKAGE = Path(fpg_bench.__file__).parent
-PARTS = ("game", "players", "planning")
+PARTS = ("game", "players")
 
 # One small function is enough to ask what is said; the whole game takes seconds.
 USE = "import numpy; from fpg_bench.game.rng import mix; print(*map(mix, numpy.arange(4, dtype='u8')))"

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpg_bench.common.strict_json import Json
-from fpg_bench.planning.planner import Array, Limits, Request
+from fpg_bench.players.planner import Array, Limits, Request
 
 PARSER = 2  # version of the parser that reads new answers
 PARSERS = (1, PARSER)

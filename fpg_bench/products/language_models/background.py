@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning.patterns import Patrol
-from fpg_bench.planning.planner import BatchPlanner, Plan, Request, plan_all
+from fpg_bench.players.planner import BatchPlanner, Patrol, Plan, Request, plan_all
 from fpg_bench.products.language_models.llm_planner import LLMPlanner
 from fpg_bench.products.language_models.transcript import Flown, place_of
 

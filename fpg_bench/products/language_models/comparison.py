@@ -7,24 +7,25 @@ import json
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.schema import parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.entry import EvaluatedPlayer
-from fpg_bench.evaluation.match import Match
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.players.planner import PLANNERS
 from fpg_bench.products.language_models.answers import PARSER
 from fpg_bench.products.language_models.budget import CallBudget
-from fpg_bench.products.language_models.llm_planner import LLMPlanner
+from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlanner
+from fpg_bench.products.language_models.options import LLMOptions
 from fpg_bench.products.language_models.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.products.language_models.servers import endpoint_from_environment
 from fpg_bench.products.language_models.transcript import Header, RunHeader, Transcript, chain_start
+from fpg_bench.products.planning.match import Match
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
 _SAMPLING = ("temperature", "sampling_seed")
@@ -32,13 +33,14 @@ _DECIDING = ("model", "control", "prompt_hash", *_SAMPLING)
 _CAPS = ("calls", "tokens", "seconds")
 
 
-def recorded_entry(name: str, suite: Suite, folder: Path, llm: LLMOptions) -> EvaluatedPlayer:
+def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> EvaluatedPlayer:
     """Return a language model whose answers are recorded in a folder; recorded answers are not asked again.
 
     Raises:
         UserError: no endpoint, no such prompt, a control beside the planner's name, or a folder with
             transcripts of another model or prompt.
     """
+    llm = LLMOptions.of(options)
     if llm.control is not None:
         raise UserError(f"control: name one of the planners {', '.join(LLM_CONTROLS)}")
     control, endpoint = LLM_CONTROLS[name], endpoint_from_environment(llm.server)
@@ -231,16 +233,17 @@ def replaying(
 
 
 def match_planner(
-    name: str, scenario: Scenario, path: Path | None, llm: LLMOptions
+    name: str, scenario: Scenario, path: Path | None, options: Mapping[str, Any]
 ) -> tuple[LLMPlanner, JsonObject]:
     """Return a match's planner that asks a language model, and its description for the match's file.
 
     Args:
-        name: one of :data:`fpg_bench.planning.LLM_CONTROLS`.
+        name: one of :data:`LLM_CONTROLS`.
         scenario: what is played.
         path: the match's file, which is the transcript, too; None: it is not kept.
-        llm: options of the planner.
+        options: options of the planner, the attributes of :class:`LLMOptions`.
     """
+    llm = LLMOptions.of(options)
     endpoint = endpoint_from_environment(llm.server)
     arguments = {"control": LLM_CONTROLS[name]} | llm.arguments()
     planner = LLMPlanner(scenario, endpoint, transcript=path, **arguments)

@@ -17,8 +17,7 @@ import numpy as np
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning.patterns import Patrol
-from fpg_bench.planning.planner import BatchPlanner, Limits, Plan, Request
+from fpg_bench.players.planner import BatchPlanner, Limits, Patrol, Plan, Request
 from fpg_bench.products.language_models.answers import (
     PARSERS,
     answer_schema,
@@ -49,6 +48,7 @@ from fpg_bench.products.language_models.transcript import (
 from fpg_bench.version import __version__
 
 _RAW_CHARS = 10_000
+LLM_CONTROLS = {"llm" if control == "none" else f"llm-{control}": control for control in CONTROLS}
 
 
 class LLMPlanner(BatchPlanner):
@@ -68,7 +68,8 @@ class LLMPlanner(BatchPlanner):
         endpoint: the server and the model; None: from the environment. A replay needs none.
         prompt: a prompt profile, its name or a YAML file of one; None: the server's, in a replay the
             transcript's.
-        control: ``none``, or what is withheld from the model: ``shuffled-rewards``, ``no-history``.
+        control: ``none``, or what is withheld from the model: ``shuffled-rewards``, ``no-history``;
+            None: that of the class.
         transcript: the file of requests and answers. Each match in it needs its own seed.
         mode: ``live`` (no transcript), ``record`` (attempts in the transcript are used, all others are made
             and added) or ``replay`` (from the transcript alone, without a server); None: ``record`` where
@@ -92,6 +93,7 @@ class LLMPlanner(BatchPlanner):
 
     tier = "history"
     asks_language_model = True
+    control = "none"
 
     def __init__(
         self,
@@ -99,7 +101,7 @@ class LLMPlanner(BatchPlanner):
         endpoint: Endpoint | None = None,
         *,
         prompt: str | Prompt | None = None,
-        control: str = "none",
+        control: str | None = None,
         transcript: str | Path | None = None,
         mode: str | None = None,
         calls: float = CALLS,
@@ -112,6 +114,7 @@ class LLMPlanner(BatchPlanner):
         sampling_seed: int = 0,
         parser: int | None = None,
     ) -> None:
+        control = control or self.control
         if control not in CONTROLS:
             raise UserError(f"unknown control {control!r}{nearest(control, CONTROLS)}")
         if concurrency < 1:
@@ -266,6 +269,18 @@ class LLMPlanner(BatchPlanner):
         answer = None if last.text is None else read_answer(last.text, request.limits, last.parser)
         problem = (answer and answer.problem) or last.detail or last.status
         return Plan(path, source, f"fallback-{last.status}", talk.tokens, talk.seconds, problem=problem)
+
+
+class LLMShuffledRewards(LLMPlanner):
+    """Asks with the rewards shuffled among all past positions."""
+
+    control = "shuffled-rewards"
+
+
+class LLMNoHistory(LLMPlanner):
+    """Asks without any past round."""
+
+    control = "no-history"
 
 
 @dataclass

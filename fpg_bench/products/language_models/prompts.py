@@ -14,7 +14,7 @@ from pydantic import ValidationInfo, field_validator
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.schema import NonNegativeInt, Strict, parse
-from fpg_bench.planning.planner import Array, Limits, Request
+from fpg_bench.players.planner import Array, Limits, Request
 
 PROMPT_FOLDER = Path(__file__).with_name("prompts")
 PROMPTS = ("brief", "paper", "standard")

@@ -28,7 +28,7 @@ from fpg_bench.common.files import PACKED, read_bounded
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Expected, Strict, parse
 from fpg_bench.common.strict_json import JsonObject, read_object
-from fpg_bench.planning.planner import Limits, Request
+from fpg_bench.players.planner import Limits, Request
 from fpg_bench.products.language_models.answers import PARSER, read_answer
 from fpg_bench.products.language_models.client import read_completion
 from fpg_bench.products.language_models.prompts import PROMPTS

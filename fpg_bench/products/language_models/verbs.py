@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import LLM
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
+from fpg_bench.products.language_models.options import PANEL
 
 app = typer.Typer(help="Run a small language model on this machine, for the planner llm.")
 
@@ -64,7 +64,7 @@ def serve(
 
 def probe(
     server: Annotated[
-        str | None, typer.Option(help="The server profile, by name or as a YAML file.", rich_help_panel=LLM)
+        str | None, typer.Option(help="The server profile, by name or as a YAML file.", rich_help_panel=PANEL)
     ] = None,
     deadline: Annotated[
         float | None, typer.Option(min=0.1, help="Time limit of each question in seconds. Default: 30.")

@@ -24,7 +24,7 @@ from fpg_bench.evaluation.statistics import (
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import Standing, learning_curve, over_rounds, standings
-from fpg_bench.planning import TIERS
+from fpg_bench.players.planner import TIERS
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.about import Training, board_name
 from fpg_bench.products.leaderboard.crossplay import Pair, Pairs, fully_played, pair_key
@@ -148,7 +148,7 @@ class PlannerFigures:
     """Figures of planners alone.
 
     Attributes:
-        tier: what it knows, one of :data:`fpg_bench.planning.TIERS`.
+        tier: what it knows, one of :data:`fpg_bench.players.planner.TIERS`.
         model: the language model, if one was recorded.
         runs: how many times it was recorded.
         season: the season after which the recording began.

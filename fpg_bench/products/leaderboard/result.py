@@ -18,7 +18,7 @@ from fpg_bench.evaluation.record import Record, read_record
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import PLANNER, Suite
 from fpg_bench.evaluation.summary import Summary, summary_of
-from fpg_bench.planning import as_planner
+from fpg_bench.players.planner import as_planner
 from fpg_bench.products.leaderboard.tracks import PUBLIC
 from fpg_bench.products.leaderboard.transcripts import read_recording
 from fpg_bench.version import __version__

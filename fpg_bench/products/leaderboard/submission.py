@@ -17,9 +17,9 @@ from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import NAMED
 from fpg_bench.evaluation.entry import same_policies
 from fpg_bench.evaluation.statistics import FEW_SEEDS
-from fpg_bench.planning import LLM_CONTROLS, PLANNERS
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
+from fpg_bench.players.planner import PLANNERS, asks_language_model
 from fpg_bench.products.leaderboard.about import (
     SubmissionFile,
     Training,
@@ -288,7 +288,7 @@ def _name_problems(folder: Path, about: SubmissionFile) -> Iterator[str]:
 
 def _scripts(track: str) -> tuple[str, ...]:
     if track == "planner":
-        return tuple(name for name in PLANNERS if name not in LLM_CONTROLS)
+        return tuple(name for name in PLANNERS if not asks_language_model(name))
     return NAMED[track]
 
 

@@ -16,7 +16,7 @@ from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
 from fpg_bench.evaluation.suite import Suite
-from fpg_bench.planning.planner import Limits
+from fpg_bench.players.planner import Limits
 from fpg_bench.products.language_models.comparison import (
     ABOUT,
     PROMPT,

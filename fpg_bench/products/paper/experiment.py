@@ -154,7 +154,8 @@ def run_experiment(
     libraries = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
     versions = [f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in libraries)]
     scenario, steps = condition.scenario(preset), condition.budgets * budget.steps
-    planner = training_planner(condition.planner, folder, transcript if condition.planner == "llm" else None)
+    replays = condition.planner == "llm" and transcript is not None
+    planner = training_planner(condition.planner, folder, {"transcript": transcript} if replays else {})
     make_games = partial(Recorded, budget.games, scenario=scenario, planner=planner, path=condition.path)
     start = time.monotonic()
     games = make_games()

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import LLM, TRAINING, WorkersOption
+from fpg_bench.cli.options import TRAINING, WorkersOption
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
+from fpg_bench.products.language_models.options import PANEL
 
 
 def reproduce(
@@ -46,13 +47,13 @@ def reproduce(
         typer.Option(
             "--llm",
             help="Also run the language model that the environment variables name.",
-            rich_help_panel=LLM,
+            rich_help_panel=PANEL,
         ),
     ] = False,
     transcript: Annotated[
         Path | None,
         typer.Option(
-            help="Replay this transcript of a language model, without a server.", rich_help_panel=LLM
+            help="Replay this transcript of a language model, without a server.", rich_help_panel=PANEL
         ),
     ] = None,
 ) -> None:

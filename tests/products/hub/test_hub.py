@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 import fpg_bench
 from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.match import replay_match, run_match
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import agent_folder
@@ -23,6 +22,7 @@ from fpg_bench.products.hub import download as names
 from fpg_bench.products.hub import pull
 from fpg_bench.products.hub import push as uploads
 from fpg_bench.products.hub.download import client, resolve
+from fpg_bench.products.planning.match import replay_match, run_match
 from fpg_bench.products.sandbox import process
 from fpg_bench.products.sandbox.agent import SandboxedAgent
 from fpg_bench.training.config import RunConfig

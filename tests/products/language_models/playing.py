@@ -9,7 +9,7 @@ import numpy as np
 
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.planning import Limits, Plan, Request
+from fpg_bench.players.planner import Limits, Plan, Request
 from fpg_bench.products.language_models.client import Client, Reply
 from fpg_bench.products.language_models.llm_planner import LLMPlanner
 from fpg_bench.products.language_models.servers import Endpoint, load_server

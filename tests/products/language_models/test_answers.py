@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.planning import Limits
+from fpg_bench.players.planner import Limits
 from fpg_bench.products.language_models.answers import (
     EXAMPLE,
     PARSER,

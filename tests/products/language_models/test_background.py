@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning import Plan
+from fpg_bench.players.planner import Plan
 from fpg_bench.products.language_models.background import BackgroundPlanner
 from fpg_bench.products.language_models.transcript import Transcript
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.table import write_table
+from fpg_bench.products.planning.compare import compare
 from tests.programs import ROOT
 
 COMMITTED = ROOT / "results/language-model"

@@ -9,17 +9,16 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.table import write_table
+from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.fault_server import FaultServer, answer, ok
 
 MATCHES, ROUNDS, ALLIES = 2, 3, ("idle", "expert")
 PLANS = MATCHES * ROUNDS * len(ALLIES)
 CHASER = """\
-from fpg_bench.planning import Plan
+from fpg_bench.players.planner import Plan
 
 class Chaser:
     name, tier = "chaser", "ally"
@@ -103,7 +102,7 @@ def test_more_planners_join_a_folder_of_the_same_size_and_nothing_is_played_twic
 
 def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
     known = ("circle", "random", "hold", "llm", "llm-no-history")
-    monkeypatch.setattr("fpg_bench.evaluation.compare.PLANNERS", known)
+    monkeypatch.setattr("fpg_bench.products.planning.compare.PLANNERS", known)
     found = compare(["all", "circle"], "mine.yml", "out")
     assert {s.entry for s in found} == {"circle", "random", "hold"}
 
@@ -114,8 +113,8 @@ def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
 def test_a_language_model_is_recorded_and_replayed_without_a_server(folder, asks):
     with FaultServer([answer(first_round_only)]) as server:
         asks(server)
-        compare(["llm"], "mine.yml", "out", llm=LLMOptions(concurrency=1))
-    options = LLMOptions(concurrency=1)
+        compare(["llm"], "mine.yml", "out", llm={"concurrency": 1})
+    options = {"concurrency": 1}
     found = {s.entry: s for s in compare(["llm", "hold"], "mine.yml", "out", llm=options)}
     assert found["llm"].pooled.plans.valid == pytest.approx(1 / ROUNDS)
     assert found["llm"].pooled.plans.tokens > 0
@@ -132,7 +131,7 @@ def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, as
     with FaultServer([ok(PATH)]) as server:
         asks(server)
         for out, more in (("usual", {}), ("cold", {"temperature": 0.0}), ("other", {"sampling_seed": 1})):
-            compare(["llm"], "mine.yml", out, llm=LLMOptions(server="server.yml", **more))
+            compare(["llm"], "mine.yml", out, llm=dict(server="server.yml", **more))
         bodies = [received.body for received in server.requests]
         usual, cold, other = (bodies[k : k + PLANS] for k in range(0, 3 * PLANS, PLANS))
         with pytest.raises(UserError, match="holds records of another 'llm'"):
@@ -141,7 +140,7 @@ def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, as
         with pytest.raises(UserError, match=r"recorded with temperature 0\.0, not 0\.7; choose another"):
             compare(["llm"], "mine.yml", "cold")
         with pytest.raises(UserError, match=r"temperature: expected a number from 0 to 2, got 3"):
-            compare(["llm"], "mine.yml", "hot", llm=LLMOptions(temperature=3))
+            compare(["llm"], "mine.yml", "hot", llm={"temperature": 3})
     assert {body["temperature"] for body in cold} == {0.0}
     assert {body["temperature"] for body in usual + other} == {0.7}
     assert [body["seed"] for body in cold] == [body["seed"] for body in usual]
@@ -162,7 +161,7 @@ def test_a_stopped_run_goes_on_calls_nothing_twice_and_keeps_its_cap(folder, ask
         if (ally.name, rounds) == ("expert", 2):
             raise Stop
 
-    options = {"llm": LLMOptions(calls=PLANS - 1)}  # of all allies together
+    options = {"llm": {"calls": PLANS - 1}}  # of all allies together
     with FaultServer([ok(PATH)]) as server:
         asks(server)
         with pytest.raises(Stop):
@@ -181,7 +180,7 @@ def test_controls_and_prompts_of_ones_own_are_recorded_as_such(folder, asks):
     (folder / "mine-prompt.yml").write_bytes(prompt_file("paper").read_bytes())
     with FaultServer([answer(lambda body: PATH)]) as server:
         asks(server)
-        compare(["llm-no-history"], "mine.yml", "out", llm=LLMOptions(prompt="mine-prompt.yml"))
+        compare(["llm-no-history"], "mine.yml", "out", llm={"prompt": "mine-prompt.yml"})
         texts = {json.dumps(request.body["messages"]) for request in server.requests}
     assert len(texts) == MATCHES  # nothing that a round or an ally showed: the match's start alone
     (folder / "mine-prompt.yml").unlink()
@@ -232,14 +231,14 @@ def test_a_folder_of_other_files_is_left_alone(folder, asks, planner):
 @pytest.mark.parametrize("transcripts", [None, "out/transcripts"])
 def test_options_of_a_language_model_need_one(folder, transcripts):
     with pytest.raises(UserError, match=r"^prompt: is for the planners llm, .*; name one of them"):
-        compare(["circle"], "mine.yml", "out", llm=LLMOptions(prompt="paper"), transcripts=transcripts)
+        compare(["circle"], "mine.yml", "out", llm={"prompt": "paper"}, transcripts=transcripts)
     assert not (folder / "out").exists()
 
 
 def test_transcripts_that_were_changed_are_refused(folder, asks):
     with FaultServer([ok(PATH)]) as server:
         asks(server)
-        compare(["llm"], "mine.yml", "out", llm=LLMOptions(prompt="paper"))
+        compare(["llm"], "mine.yml", "out", llm={"prompt": "paper"})
     for name, old, new, message in (
         ("planner.json", '"toy"', '"huge"', "line 1 does not follow from the lines before it"),
         ("prompt.yml", "UAV", "UFO", r"its prompt.yml is not the prompt that was recorded"),

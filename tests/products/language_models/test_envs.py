@@ -8,8 +8,9 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.sb3_vec_env import make_sb3
-from fpg_bench.planning import LLM_CONTROLS, Plan, as_planner
+from fpg_bench.players.planner import Plan, as_planner
 from fpg_bench.products.language_models.background import BackgroundPlanner
+from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS
 from tests.products.language_models.fault_server import FaultServer, ok
 from tests.products.language_models.playing import path, path_text
 

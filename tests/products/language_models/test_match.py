@@ -5,14 +5,13 @@ from __future__ import annotations
 import gc
 
 import pytest
-from evaluation.matching import SHORT, lines, play, write
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.llm_options import LLMOptions
-from fpg_bench.evaluation.match import replay_match
 from fpg_bench.products.language_models.llm_planner import LLMPlanner
+from fpg_bench.products.planning.match import replay_match
 from tests.products.language_models.fault_server import FaultServer, error_object, ok, refusal, status
 from tests.products.language_models.playing import GOOD, KEY, path_text
+from tests.products.planning.matching import SHORT, lines, play, write
 from tests.programs import held_elsewhere
 
 BEHAVIOURS = (
@@ -112,7 +111,7 @@ def test_the_file_holds_a_prompt_of_ones_own(asks, file, tmp_path):
     )
     with FaultServer([GOOD]) as server:
         asks(server)
-        play(file, "llm-no-history", llm=LLMOptions(prompt=str(prompt)))
+        play(file, "llm-no-history", llm={"prompt": str(prompt)})
         text = server.requests[-1].body["messages"][-1]["content"]
         assert text.startswith("Fly from (")
     prompt.unlink()

@@ -11,7 +11,7 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.planning import Limits, Request
+from fpg_bench.players.planner import Limits, Request
 from fpg_bench.products.language_models.answers import read_answer
 from fpg_bench.products.language_models.prompts import CONTROLS, PROMPTS, load_prompt, reask
 

@@ -7,7 +7,6 @@ import json
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.llm_options import LLMOptions
 from tests.products.language_models.fault_server import FaultServer, ok
 from tests.products.language_models.playing import path_text
 from tests.training.tiny import train
@@ -38,18 +37,26 @@ def test_a_run_is_repeated_from_its_transcript_without_a_server(tmp_path, monkey
     assert sum(plans.values()) == len(flown)
     assert set(plans) == {"held", "ok"}
 
-    again = train("ppo", LLM, tmp_path / "again", transcript=transcript, hyperparams=TINY)
+    again = train(
+        "ppo", LLM, tmp_path / "again", planner_options={"transcript": transcript}, hyperparams=TINY
+    )
     assert (again / "policy.onnx").read_bytes() == (agent / "policy.onnx").read_bytes()
     assert not (tmp_path / "again" / "transcript.jsonl").exists()
 
 
 def test_options_of_a_language_model_belong_to_one(tmp_path):
     for options, message in (
-        ({"transcript": tmp_path / "x.jsonl"}, "nothing to replay with the planner 'interceptor'"),
-        ({"llm": LLMOptions(calls=2)}, "calls: is for a language model, not for the planner 'interceptor'"),
+        (
+            {"planner_options": {"transcript": tmp_path / "x.jsonl"}},
+            "nothing to replay with the planner 'interceptor'",
+        ),
+        (
+            {"planner_options": {"calls": 2}},
+            "calls: is for a language model, not for the planner 'interceptor'",
+        ),
     ):
         with pytest.raises(UserError, match=message):
-            train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", hyperparams=TINY, **options)
+            train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", hyperparams=TINY, planner_options=options)
 
 
 @pytest.mark.slow
@@ -57,12 +64,12 @@ def test_caps_hold_in_training_and_a_restart_keeps_the_transcript(tmp_path, monk
     with FaultServer([ok(path_text())]) as server:
         monkeypatch.setenv("FPG_LLM_BASE_URL", server.url)
         monkeypatch.setenv("FPG_LLM_MODEL", "tiny")
-        train("ppo", LLM, tmp_path / "run", llm=LLMOptions(calls=2), hyperparams=TINY)
+        train("ppo", LLM, tmp_path / "run", planner_options={"calls": 2}, hyperparams=TINY)
         assert len(server.requests) == 2
         about = json.loads((tmp_path / "run" / "run.json").read_text())
         assert "--calls 2" in about["command"]
         (tmp_path / "run" / "run.json").write_text(json.dumps(about | {"finished": False}))
         before = (tmp_path / "run" / "transcript.jsonl").read_bytes()
-        train("ppo", LLM, tmp_path / "run", llm=LLMOptions(calls=2), restart=True, hyperparams=TINY)
+        train("ppo", LLM, tmp_path / "run", planner_options={"calls": 2}, restart=True, hyperparams=TINY)
         assert (tmp_path / "run" / "transcript-1.jsonl").read_bytes() == before
         assert len(server.requests) == 4

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from fpg_bench.common.llm_options import LLMOptions
-from fpg_bench.evaluation.compare import compare
 from fpg_bench.products.language_models.transcript import KEY, Attempt, chain_start, linked
+from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.fault_server import FaultServer, answer
 
 PLANNER_SUITE = """\
@@ -44,7 +43,7 @@ def toy(body: dict[str, Any]) -> str:
 def record(folder: Path, suite: Path, say: Callable[[dict[str, Any]], str] = toy, **options: Any) -> Any:
     """Record the planner ``llm`` under ``folder/out``; gives what the comparison says of it."""
     with FaultServer([answer(say)]) as server, environment(server.url):
-        summaries = compare(["llm"], str(suite), folder / "out", llm=LLMOptions(**options))
+        summaries = compare(["llm"], str(suite), folder / "out", llm=options)
     return next(summary for summary in summaries if summary.entry == "llm")
 
 

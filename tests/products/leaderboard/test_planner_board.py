@@ -10,7 +10,7 @@ from unittest import mock
 import pytest
 
 from fpg_bench.evaluation.summary import summary_of
-from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.players.planner import PLANNERS, asks_language_model
 from fpg_bench.products.language_models import comparison as language_models
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
@@ -110,7 +110,7 @@ def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_s
 @pytest.mark.slow
 def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say():
     scores = {}
-    for name in (name for name in PLANNERS if name not in LLM_CONTROLS):
+    for name in (name for name in PLANNERS if not asks_language_model(name)):
         case = load_case(BOARD, BOARD / "submissions" / "planner" / name)
         scores[name] = summary_of(case.result.records, case.suites[PUBLIC]).score.value
     known = [scores[name] for name in ("hold", "random", "hill-climb", "interceptor", "pursuit")]

@@ -10,17 +10,16 @@ import shutil
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.llm_options import LLMOptions
-from fpg_bench.evaluation.compare import compare
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.planning.planner import Limits
+from fpg_bench.players.planner import Limits
 from fpg_bench.products.language_models.answers import answer_schema
 from fpg_bench.products.language_models.client import response_format
 from fpg_bench.products.language_models.transcript import MOST_BYTES, linked
 from fpg_bench.products.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.products.leaderboard.transcripts import LARGEST_FOLDER, check_transcripts
+from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.real_server import LlamaServer
 
 from .recording import PLANNER_SUITE, PLANS, enter, environment, record, rows_of, write_rows
@@ -373,7 +372,7 @@ def test_a_real_server_is_recorded_and_verified_when_it_is_gone(tmp_path):
     profile = tmp_path / "server.yml"
     profile.write_text("about: short\nresponse_format: json_schema\nseed: true\n")
     with LlamaServer() as server, environment(server.url, server.model):
-        compare(["llm"], str(file), tmp_path / "real", llm=LLMOptions(server=str(profile)))
+        compare(["llm"], str(file), tmp_path / "real", llm={"server": str(profile)})
     entry, suite = enter(tmp_path / "real", tmp_path / "tiny"), load_suite(str(file))
     assert check_transcripts(entry, suite) == []
     plans = summary_of(records_of(entry, suite), suite).pooled.plans

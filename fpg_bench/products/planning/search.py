@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fpg_bench.planning.planner import Array, Limits, Plan
+from fpg_bench.players.planner import Array, Limits, Plan
 
 _REMEMBERED = 50  # rounds; the search flies near its best places again and again, so few suffice
 _TURNS, _SHARE = 1.6, 7.5  # of the first circle: number of turns, and the box by its radius

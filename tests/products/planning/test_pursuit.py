@@ -8,9 +8,16 @@ import numpy as np
 
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.batch import GameBatch
-from fpg_bench.planning import plan_all
-from fpg_bench.planning.pursuit import Chaser, Optimised, chase, expected_return
-from tests.planning.playing import LIMITS, PLANNED, play, request
+from fpg_bench.players.planner import plan_all
+from fpg_bench.products.planning.pursuit import (
+    LeadPursuit,
+    Optimised,
+    OptimisedFlown,
+    Pursuit,
+    chase,
+    expected_return,
+)
+from tests.products.planning.playing import LIMITS, PLANNED, play, request
 
 NO_HISTORY = np.zeros((0, 16, 4))
 START = np.array([100.0, 200.0, 300.0])
@@ -59,7 +66,7 @@ def test_other_tiers_are_not_shown_it():
 
         def plan_batch(self, requests):
             self.seen += [r.ally_path for r in requests]
-            return Chaser("pursuit").plan_batch([request(NO_HISTORY, START, ally_path=straight())])
+            return Pursuit().plan_batch([request(NO_HISTORY, START, ally_path=straight())])
 
     play(planner := Curious(), games=1, rounds=2)
     assert planner.seen == [None, None]
@@ -69,7 +76,7 @@ class Slow:
     """An ally at half speed, seen by a planner that keeps what it is shown."""
 
     def __init__(self):
-        self.planner, self.seen = Optimised(PLANNED, flown=True), []
+        self.planner, self.seen = OptimisedFlown(PLANNED), []
         self.name, self.tier = self.planner.name, "ally"
 
     def plan_batch(self, requests):
@@ -100,7 +107,7 @@ def test_what_the_ally_flew_is_shown_from_the_second_round_of_a_match_on():
 
 def test_a_slow_ally_is_met_by_whoever_knows_what_it_flew():
     earned = {}
-    for planner in (Optimised(PLANNED), Optimised(PLANNED, flown=True)):
+    for planner in (Optimised(PLANNED), OptimisedFlown(PLANNED)):
         duel = make_duel(4, scenario=PLANNED, planner=planner)
         actions = np.zeros((4, 9), np.float32)
         actions[:, 2] = -1.0
@@ -131,7 +138,7 @@ def test_an_improved_path_is_worth_more_and_stays_in_the_box():
                 planner._rules,
                 np.empty(3),
             )
-            for p in (Chaser("lead-pursuit"), planner)
+            for p in (LeadPursuit(), planner)
         ]
         waypoints = planner.plan_batch(asked)[0].waypoints
         assert ((waypoints >= 0) & (waypoints <= LIMITS.box_m)).all()

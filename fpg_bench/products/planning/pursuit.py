@@ -15,23 +15,26 @@ from fpg_bench.game.compiling import compiled
 from fpg_bench.game.elementary import DB, log
 from fpg_bench.game.flight import distance_m, fly_waypoints
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning.planner import Array, BatchPlanner, Limits, Plan, Request
+from fpg_bench.players.planner import Array, BatchPlanner, Limits, Plan, Request
 
 _STEPS_M = np.repeat([80.0, 40.0, 20.0, 10.0, 5.0], 3)
 _COVERED = 0.3  # assumed share of seconds in which a jammed frequency is the ally's
 
 
-class Chaser(BatchPlanner):
-    """Flies at the ally (``pursuit``), or to the first point where it can be met (``lead-pursuit``)."""
+class Pursuit(BatchPlanner):
+    """Flies at the ally."""
 
-    tier = "ally"
-
-    def __init__(self, name: str) -> None:
-        self.name = name
+    name, tier, leads = "pursuit", "ally", False
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """Return the chase from the start of each round."""
-        return [Plan(_chase_of(request, self.name == "lead-pursuit"), self.name) for request in requests]
+        return [Plan(_chase_of(request, self.leads), self.name) for request in requests]
+
+
+class LeadPursuit(Pursuit):
+    """Flies to the first point where the ally can be met."""
+
+    name, leads = "lead-pursuit", True
 
 
 class Optimised(BatchPlanner):
@@ -42,16 +45,11 @@ class Optimised(BatchPlanner):
 
     Args:
         scenario: what is played.
-        flown: use the ally's path as flown in the match's previous round, where there is one, instead of its
-            path at full speed: a bound for allies that choose their speed.
     """
 
-    name, tier = "optimised", "ally"
+    name, tier, sees_flown = "optimised", "ally", False
 
-    def __init__(self, scenario: Scenario, flown: bool = False) -> None:
-        self._flown = flown
-        if flown:
-            self.name = "optimised-flown"
+    def __init__(self, scenario: Scenario) -> None:
         drop = _COVERED * scenario.snr_drop_weight * 2 * DB
         near_m = max(scenario.distance_reward_m, 1.0)
         self._rules = np.array([scenario.distance_reward, near_m, drop, scenario.minimum_distance_m])
@@ -61,7 +59,7 @@ class Optimised(BatchPlanner):
         return [Plan(self._improved(request), self.name) for request in requests]
 
     def _improved(self, request: Request) -> Array:
-        if self._flown and request.ally_flown is not None:
+        if self.sees_flown and request.ally_flown is not None:
             request = dataclasses.replace(request, ally_path=request.ally_flown)
         waypoints, limits = _chase_of(request, lead=True), request.limits
         box, start = np.array(limits.box_m, float), request.current_position
@@ -69,6 +67,15 @@ class Optimised(BatchPlanner):
             waypoints, request.ally_path, start, limits.speed_m_s, box, self._rules, _STEPS_M, np.empty(3)
         )
         return waypoints
+
+
+class OptimisedFlown(Optimised):
+    """Improves the chase of the path that the ally flew in the match's previous round, where there is one.
+
+    The path at full speed is no bound for allies that choose their speed; this is.
+    """
+
+    name, sees_flown = "optimised-flown", True
 
 
 def chase_waypoints(path: Array, start: Array, limits: Limits, lead: bool = True) -> Array:

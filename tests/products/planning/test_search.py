@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fpg_bench.evaluation.checkers import check_planner
-from fpg_bench.planning import Limits
-from fpg_bench.planning.search import CMAES, HillClimb, waypoints_through
-from tests.planning.playing import LIMITS, SMALL
+from fpg_bench.players.planner import Limits
+from fpg_bench.products.planning.search import CMAES, HillClimb, waypoints_through
+from tests.products.planning.playing import LIMITS, SMALL
 
 BOX = np.array(LIMITS.box_m)
 START = np.array([300.0, 900.0, 200.0])

@@ -7,7 +7,7 @@ import numpy as np
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.planning import Limits, Request
+from fpg_bench.players.planner import Limits, Request
 
 PLANNED = dataclasses.replace(STANDARD, rounds_per_match=10, opponent_path="waypoints")
 LIMITS = Limits.of(PLANNED)

@@ -11,10 +11,9 @@ import pytest
 
 from fpg_bench import make_duel
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.match import replay_match
 from fpg_bench.evaluation.rounds import make_match, play_round
-from fpg_bench.planning import PLANNERS
-from fpg_bench.planning.registry import LLM_CONTROLS
+from fpg_bench.players.planner import PLANNERS, asks_language_model
+from fpg_bench.products.planning.match import replay_match
 
 from .matching import ROUNDS, SHORT, lines, play, write
 
@@ -25,7 +24,7 @@ def untimed(rows):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("planner", [name for name in PLANNERS if name not in LLM_CONTROLS])
+@pytest.mark.parametrize("planner", [name for name in PLANNERS if not asks_language_model(name)])
 def test_a_match_is_repeated_to_the_bit(planner, file):
     played = play(file, planner)
     before = file.read_bytes()
@@ -171,7 +170,7 @@ def test_a_difference_under_other_versions_says_so(played):
 
 def test_a_planner_of_ones_own_by_name(file, tmp_path, monkeypatch):
     (tmp_path / "matches_mine.py").write_text(
-        "import numpy as np\nfrom fpg_bench.planning import Plan\n"
+        "import numpy as np\nfrom fpg_bench.players.planner import Plan\n"
         "class Mine:\n"
         "    name, tier = 'mine', 'history'\n"
         "    def plan(self, history, current_position, limits, rng):\n"
@@ -194,7 +193,7 @@ def test_a_planner_of_ones_own_by_name(file, tmp_path, monkeypatch):
 def test_the_picture_has_a_panel_per_round_and_a_bound(tmp_path):
     from matplotlib.image import imread
 
-    pictures = pytest.importorskip("fpg_bench.products.rendering.match_picture")
+    pictures = pytest.importorskip("fpg_bench.products.planning.match_picture")
     pictures.draw_match(play(None, rounds=6), tmp_path / "paths.png", "a match")
     height = imread(tmp_path / "paths.png").shape[0]
     assert height == pytest.approx((3.7 * 2 + 0.7) * 110, abs=2)  # two rows

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.planning import curve as curve_model
-from fpg_bench.planning.interceptor import Interceptor
-from tests.planning.playing import LIMITS, PLANNED, play, request
+from fpg_bench.products.planning import curve as curve_model
+from fpg_bench.products.planning.interceptor import Interceptor
+from tests.products.planning.playing import LIMITS, PLANNED, play, request
 
 BASE = np.array(STANDARD.base_station_m)
 MIDDLES_S = np.array([10, 29, 48, 66, 85, 104, 123, 141, 160, 179, 198, 216, 235, 254, 273, 291.0])

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.planning import Plan, plan_all
-from tests.planning.playing import LIMITS, request
+from fpg_bench.game.scenario import STANDARD
+from fpg_bench.players.planner import Limits, Plan, Request, plan_all
 
+LIMITS = Limits.of(STANDARD)
 CORNER = np.zeros((LIMITS.waypoints, 3))
 
 
@@ -29,7 +30,8 @@ class Nameless(Saying):
 
 
 def asked(planner, games=2):
-    return plan_all(planner, [request(np.zeros((0, LIMITS.waypoints, 4))) for _ in range(games)])
+    history, here = np.zeros((0, LIMITS.waypoints, 4)), np.array([100.0, 200.0, 300.0])
+    return plan_all(planner, [Request(history, here, LIMITS, np.random.default_rng(0)) for _ in range(games)])
 
 
 @pytest.mark.parametrize("waypoints", [CORNER, CORNER.astype(int), CORNER.tolist()], ids=type)
@@ -42,8 +44,8 @@ def test_waypoints_may_be_a_list_and_come_as_floats(waypoints):
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (None, "plan must give a fpg_bench.planning.Plan, got NoneType"),
-        (CORNER, "plan must give a fpg_bench.planning.Plan, got ndarray"),
+        (None, "plan must give a fpg_bench.players.planner.Plan, got NoneType"),
+        (CORNER, "plan must give a fpg_bench.players.planner.Plan, got ndarray"),
         (Plan([["a"] * 3] * 16, "here"), "its waypoints are not an array of numbers: ValueError: .*'a'"),
         (Plan([[0, 0, 0], [0, 0]], "here"), "its waypoints are not an array of numbers: ValueError"),
         (Plan([{}] * 16, "here"), "its waypoints are not an array of numbers: TypeError"),

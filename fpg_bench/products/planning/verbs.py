@@ -14,7 +14,6 @@ from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.fields import Given, with_fields
 from fpg_bench.cli.options import (
     GAME,
-    LLM,
     AllowOption,
     ReuseOption,
     SuiteOption,
@@ -25,15 +24,13 @@ from fpg_bench.cli.options import (
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.output import wrapped
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
-    from fpg_bench.evaluation.match import Round
+    from fpg_bench.products.planning.match import Round
 
-_ASKED = ("server", "temperature", "sampling_seed", "calls", "tokens", "seconds", "deadline")
 DRAW_EVERY_S = 5.0  # drawing takes about a second, many planners less
 
 app = typer.Typer(help="Plan the opponent's path between the rounds of a match.")
@@ -65,9 +62,9 @@ def run(
         Path | None,
         typer.Option(help="A folder, the file of the match (.jsonl), or its figure (.png, .svg or .pdf)."),
     ] = None,
-    llm: Annotated[LLMOptions, llm_options("prompt", "control", *_ASKED)] = LLMOptions(),
+    llm: Annotated[Given, llm_options("plan run")],
     talk: Annotated[
-        bool, typer.Option("--talk", help="Print the prompts and answers.", rich_help_panel=LLM)
+        bool, typer.Option("--talk", help="Print the prompts and answers.", rich_help_panel="Language model")
     ] = False,
 ) -> None:
     """Play one match of a planner and write it to a file; run it again to resume a stopped match.
@@ -77,11 +74,10 @@ def run(
     Example: fpg-bench plan run --planner interceptor --ally expert --rounds 10
     """
     require_extra("video", "matplotlib")
-    from fpg_bench.evaluation.match import run_match
+    from fpg_bench.products.planning.match import run_match
+    from fpg_bench.products.planning.match_picture import draw_match, write_match_replay
 
-    draw_match, write_match_replay = load("rendering", "match"), load("rendering", "match's page")
-
-    name = planner if llm.control in (None, "none") else f"{planner}-{llm.control}"
+    name = planner if llm.get("control", "none") == "none" else f"{planner}-{llm['control']}"
     file, picture, page = _targets(out, f"{name}-{ally}-{seed}")
     title = f"{name} against {ally}, seed {seed}"
     played: list[Round] = []
@@ -135,7 +131,7 @@ def replay(
 
     Example: fpg-bench plan replay runs/plan/interceptor-expert-0/match.jsonl
     """
-    from fpg_bench.evaluation.match import replay_match
+    from fpg_bench.products.planning.match import replay_match
 
     match, played = replay_match(file, allow=allow or ())
     _print_table(played, f"{match.planner} against {match.ally}, seed {match.seed}")
@@ -167,7 +163,7 @@ def compare(
     ] = None,
     wide: WideOption = False,
     *,
-    llm: Annotated[LLMOptions, llm_options("prompt", *_ASKED, "concurrency")] = LLMOptions(),
+    llm: Annotated[Given, llm_options("plan compare")],
     allow: AllowOption = None,
     reuse: ReuseOption = False,
 ) -> None:
@@ -176,7 +172,7 @@ def compare(
     Example: fpg-bench plan compare circle hill-climb interceptor --matches 10 --out results/planners
     """
     from fpg_bench.cli.evaluation import shown_progress, table
-    from fpg_bench.evaluation.compare import compare as compare_planners
+    from fpg_bench.products.planning.compare import compare as compare_planners
 
     with shown_progress() as show:
         compare_planners(

@@ -10,9 +10,9 @@ import pytest
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import PATROLS
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.planning import PATTERNS, Limits, as_planner
-from tests.planning.playing import SMALL
+from fpg_bench.players.planner import PATTERNS, Limits, as_planner
 
+SMALL = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
 LIMITS = Limits.of(STANDARD)
 HERE = np.array([1.0, 2.0, 3.0])
 

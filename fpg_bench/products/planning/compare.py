@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.llm_options import LLMOptions
+from fpg_bench.common.imports import code_fingerprint, is_code
 from fpg_bench.common.products import load
 from fpg_bench.envs.two_player import PlannerSpec
-from fpg_bench.evaluation.entry import planner_entry
+from fpg_bench.evaluation.entry import EvaluatedPlayer, FixedPlayer
 from fpg_bench.evaluation.evaluate import play_into, with_matches
 from fpg_bench.evaluation.store import Progress
-from fpg_bench.evaluation.suite import PLANNER, load_suite
+from fpg_bench.evaluation.suite import PLANNER, Suite, load_suite
 from fpg_bench.evaluation.table import Results
-from fpg_bench.planning import LLM_CONTROLS, PLANNERS
+from fpg_bench.players.planner import PLANNERS, as_planner, asks_language_model
 
 ALL = "all"
 TRANSCRIPTS = "transcripts"  # of language models, in a results folder
@@ -27,7 +29,7 @@ def compare(
     *,
     matches: int | None = None,
     transcripts: str | Path | None = None,
-    llm: LLMOptions = LLMOptions(),
+    llm: Mapping[str, Any] = MappingProxyType({}),
     progress: Progress = lambda entry, rival, rounds, done, total: None,
     allow: Collection[str] = (),
     reuse: bool = False,
@@ -42,7 +44,7 @@ def compare(
         out: the results folder; ``records.jsonl`` grows as allies are met.
         matches: per ally; None: the suite's own.
         transcripts: a folder of transcripts; each planner in it is one more, replayed without a server.
-        llm: options of the language models, whose caps hold for all allies together.
+        llm: options of the language models by name, whose caps hold for all allies together.
         progress: called before each matchup and after each of its rounds; see
             :func:`fpg_bench.evaluation.evaluate.evaluate`.
         allow: the code and agents of the Hub that the suite's file may name; see
@@ -60,22 +62,38 @@ def compare(
     """
     out = Path(out)
     played = with_matches(load_suite(suite, side=PLANNER, allow=allow), matches)
+    silent = [name for name in PLANNERS if not asks_language_model(name)]
     specs: list[PlannerSpec] = []
     for named in planners:
-        for spec in [name for name in PLANNERS if name not in LLM_CONTROLS] if named == ALL else [named]:
+        for spec in silent if named == ALL else [named]:
             if spec not in specs:
                 specs.append(spec)
     entries = []
     for spec in specs:
-        if isinstance(spec, str) and spec in LLM_CONTROLS:
+        if isinstance(spec, str) and asks_language_model(spec):
             recorded = load("language model", "of a comparison")
             entries.append(recorded(spec, played, out / TRANSCRIPTS / spec, llm))
         else:
             entries.append(planner_entry(spec, played))
-    given = next(iter(llm.given()), None)
-    if given and not any(isinstance(spec, str) and spec in LLM_CONTROLS for spec in specs):
-        raise UserError(f"{given}: is for the planners {', '.join(LLM_CONTROLS)}; name one of them")
+    given = next(iter(llm), None)
+    if given and not any(isinstance(spec, str) and asks_language_model(spec) for spec in specs):
+        models = ", ".join(name for name in PLANNERS if name not in silent)
+        raise UserError(f"{given}: is for the planners {models}; name one of them")
     if transcripts is not None:
         replayed = load("language model", "of transcripts")
         entries += replayed(Path(transcripts), played, [entry.name for entry in entries])
     return play_into(out, suite, played, entries, progress, reuse=reuse)
+
+
+def planner_entry(spec: PlannerSpec, suite: Suite) -> EvaluatedPlayer:
+    """Return the entry of a planner, given by its name or as an object.
+
+    Raises:
+        UserError: no such planner, one without a valid name or tier, or one by the name of another.
+    """
+    as_planner(spec, suite.scenario)  # refuses an invalid planner before anything is played
+    name = spec if isinstance(spec, str) else str(getattr(spec, "name", type(spec).__name__))
+    code = spec if isinstance(spec, str) else f"{type(spec).__module__}:{name}"
+    if not isinstance(spec, str) and name in PLANNERS:
+        raise UserError(f"planner {spec!r}: calls itself {name}, as one of the package does; rename it")
+    return EvaluatedPlayer(name, None, code_fingerprint(code), FixedPlayer(spec), is_code=is_code(code))

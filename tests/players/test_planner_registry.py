@@ -6,7 +6,7 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import PAPER, STANDARD
-from fpg_bench.planning import Plan, as_planner
+from fpg_bench.players.planner import Plan, as_planner
 
 
 class Mine:

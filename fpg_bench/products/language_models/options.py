@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
+
+from fpg_bench.cli.fields import Fields, Given
+from fpg_bench.common.schema import parse
+
+PANEL = "Language model"
+_ASKED = ("server", "temperature", "sampling_seed", "calls", "tokens", "seconds", "deadline")
 
 
 @dataclass(frozen=True)
@@ -35,12 +43,38 @@ class LLMOptions:
     deadline: float | None = None
     concurrency: int | None = None
 
-    def given(self) -> dict[str, str | int | float]:
-        """Return the options that are set, by name."""
-        values = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
-        return {name: value for name, value in values.items() if value is not None}
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Self:
+        """Return the options that are given by name; raises UserError for something else."""
+        return parse(cls, dict(given), "options of the language model")
 
     def arguments(self) -> dict[str, Any]:
         """Return them as arguments of :class:`fpg_bench.products.language_models.llm_planner.LLMPlanner`."""
-        named = self.given() | {"deadline_s": self.deadline}
-        return {k: v for k, v in named.items() if v is not None and k not in ("server", "deadline")}
+        named = dataclasses.asdict(self) | {"deadline_s": self.deadline}
+        others = ("server", "deadline", "transcript")
+        return {k: v for k, v in named.items() if v is not None and k not in others}
+
+
+@dataclass(frozen=True)
+class TrainingOptions(LLMOptions):
+    """Options of a training with a language model.
+
+    Attributes:
+        transcript: transcript of a run with a language model, whose plans are replayed without a server.
+    """
+
+    transcript: str | Path | None = None
+
+
+def _fields(*names: str) -> Fields:
+    """Return the options of a verb, by name."""
+    details: dict[str, Given] = {name: {"min": 1} for name in ("calls", "tokens", "concurrency")}
+    details |= {name: {"min": 0} for name in ("sampling_seed", "seconds", "deadline")}
+    return Fields(
+        TrainingOptions, names, panel=PANEL, details=details | {"temperature": {"min": 0, "max": 2}}
+    )
+
+
+OF_TRAIN = _fields("transcript", "prompt", "server", "calls", "tokens", "seconds", "deadline")
+OF_RUN = _fields("prompt", "control", *_ASKED)
+OF_COMPARE = _fields("prompt", *_ASKED, "concurrency")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 
-from fpg_bench.evaluation.match import run_match
 from fpg_bench.game.scenario import STANDARD
+from fpg_bench.products.planning.match import run_match
 
 SHORT = dataclasses.replace(STANDARD, steps_per_round=32)
 ROUNDS = 3

@@ -10,13 +10,13 @@ import platform
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import check_allowed
-from fpg_bench.common.llm_options import LLMOptions
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import JsonObject
@@ -29,8 +29,7 @@ from fpg_bench.game.metrics import measures
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import TALLY
-from fpg_bench.planning.planner import Planner, asks_language_model
-from fpg_bench.planning.registry import LLM_CONTROLS, as_planner
+from fpg_bench.players.planner import Planner, as_planner, asks_language_model
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name
 from fpg_bench.players.remote import pinned
@@ -77,7 +76,7 @@ def run_match(
     *,
     seed: int = 0,
     out: str | Path | None = None,
-    llm: LLMOptions = LLMOptions(),
+    llm: Mapping[str, Any] = MappingProxyType({}),
     progress: Progress = lambda index, played: None,
     scenario: Scenario | str | None = None,
     rounds: int = ROUNDS,
@@ -85,11 +84,11 @@ def run_match(
     """Play one match of a planner, or resume one that was stopped.
 
     Args:
-        planner: planner of the opponent's path, by the grammar of :func:`fpg_bench.planning.as_planner`.
+        planner: the opponent's planner, by the grammar of :func:`fpg_bench.players.planner.as_planner`.
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
         seed: seed of the match, a whole number in [0, 2^63).
         out: file of the match, JSON lines; None: it is not kept.
-        llm: options of the planner ``llm``.
+        llm: options of the planner ``llm``, by name.
         progress: called with a round's index and None before it is planned, and with the round after it.
         scenario: a :class:`Scenario`, a preset's name or a YAML file; None: ``standard``.
         rounds: number of rounds of the match.
@@ -136,7 +135,7 @@ def replay_match(path: str | Path, *, allow: Collection[str] = ()) -> tuple[Matc
     file = MatchFile(Path(path))
     match, rows = file.read()
     check_allowed((match.planner, match.ally, match.opponent), allow, f"match {path}")
-    if match.planner in LLM_CONTROLS:
+    if asks_language_model(match.planner):
         planner = load("language model", "of a match's file")(match, file.path)
     else:
         planner = as_planner(match.planner, match.scenario)
@@ -354,18 +353,18 @@ def _difference(known: object, now: object, where: str = "", but: str = "") -> s
 
 
 def _planner(
-    spec: PlannerSpec, scenario: Scenario, path: Path | None, llm: LLMOptions
+    spec: PlannerSpec, scenario: Scenario, path: Path | None, llm: Mapping[str, Any]
 ) -> tuple[Planner, JsonObject | None]:
     """Return a match's planner, and the description of its language model for the file, if it asks one.
 
     ``path``, the match's file, is the language model's transcript, too.
     """
-    if isinstance(spec, str) and spec in LLM_CONTROLS:
+    if isinstance(spec, str) and asks_language_model(spec):
         flier, described = load("language model", "of a match")(spec, scenario, path, llm)
         return flier, described
-    if given := next(iter(llm.given()), None):
+    if given := next(iter(llm), None):
         raise UserError(f"{given}: is for the planner 'llm', not for {spec!r}")
     planner = as_planner(spec, scenario)
-    if path is not None and getattr(planner, "name", "") in LLM_CONTROLS:
+    if path is not None and asks_language_model(planner.name):
         raise UserError("planner: name it 'llm' and pass its options with it, so that the file describes it")
     return planner, None

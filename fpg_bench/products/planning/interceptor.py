@@ -14,10 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.planning.curve import CHORDS, PARAMETERS, SPEED, fit_games, trace
-from fpg_bench.planning.patterns import Patrol
-from fpg_bench.planning.planner import Array, BatchPlanner, Limits, Plan, Request
-from fpg_bench.planning.pursuit import chase_waypoints
+from fpg_bench.players.planner import Array, BatchPlanner, Limits, Patrol, Plan, Request
+from fpg_bench.products.planning.curve import CHORDS, PARAMETERS, SPEED, fit_games, trace
+from fpg_bench.products.planning.pursuit import chase_waypoints
 
 CURVES = 24  # refined in each fit
 KEPT = 16  # of them come from the fit of the previous round

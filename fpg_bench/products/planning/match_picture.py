@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, literal, write_figure
-from fpg_bench.evaluation.match import Round
+from fpg_bench.products.planning.match import Round
 from fpg_bench.products.rendering.picture import GREY, GROUND, INK, PALE, bezier_curve
 from fpg_bench.products.rendering.replay import write_replay
 

@@ -1,20 +1,29 @@
-"""The path planner's contract: between two rounds of a match it decides where the opponent flies next."""
+"""Path planners: between two rounds of a match a planner decides where the opponent flies next.
+
+The contract, the planners without any information (tier ``none``), and the names of all: products offer more
+of them (``planner``).
+"""
 
 from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import UnionType
+from functools import partial
+from types import MappingProxyType, UnionType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fpg_bench.common.errors import UserError
-from fpg_bench.common.imports import reason
+from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.imports import has_any, import_object, ready, reason
+from fpg_bench.common.products import load, offered
+from fpg_bench.game.flight import place_on_patrol
+from fpg_bench.game.names import PATHS, PATROLS
+from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import Scenario
 
 TIERS = ("none", "history", "ally")
@@ -140,7 +149,9 @@ class AsksLanguageModel(Protocol):
 
 
 def asks_language_model(planner: object) -> bool:
-    """Return whether a planner asks a language model."""
+    """Return whether a planner, given by its name or as an object, asks a language model."""
+    if isinstance(planner, str):
+        planner = load("planner", planner) if planner in offered("planner") else None
     return isinstance(planner, AsksLanguageModel) and planner.asks_language_model
 
 
@@ -213,7 +224,8 @@ def check_described(planner: object) -> None:
 def _checked(plan: object, where: str) -> Plan:
     """Return a plan with checked types and its waypoints as an array; their values are not checked."""
     if not isinstance(plan, Plan):
-        raise UserError(f"{where}: plan must give a fpg_bench.planning.Plan, got {type(plan).__name__}")
+        given = type(plan).__name__
+        raise UserError(f"{where}: plan must give a fpg_bench.players.planner.Plan, got {given}")
     for name, kind in _KINDS.items():
         if not isinstance(value := getattr(plan, name), kind):
             expected = getattr(kind, "__name__", kind)
@@ -222,3 +234,90 @@ def _checked(plan: object, where: str) -> Plan:
         return replace(plan, waypoints=np.asarray(plan.waypoints, float))
     except (TypeError, ValueError) as error:
         raise UserError(f"{where}: its waypoints are not an array of numbers: {reason(error)}") from error
+
+
+class Patrol(BatchPlanner):
+    """A circle, triangle or rectangle, flown as the patrol of the same name would be."""
+
+    tier = "none"
+
+    def __init__(self, name: str, scenario: Scenario) -> None:
+        self.name = name
+        self._rules = rules_record(scenario)
+
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
+        """Return the patrol's places at the times at which the waypoints are due."""
+        return [Plan(self._places(request.limits), self.name) for request in requests]
+
+    def _places(self, limits: Limits) -> np.ndarray:
+        waypoints = np.zeros((limits.waypoints, 3))
+        for waypoint, due in zip(waypoints, limits.due_s(), strict=True):
+            place_on_patrol(waypoint, PATHS.index(self.name), limits.speed_m_s * due, self._rules[0])
+        return np.clip(waypoints, 0, limits.box_m)
+
+
+class Hold(BatchPlanner):
+    """Stays at its current position."""
+
+    name, tier = "hold", "none"
+
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
+        """Return the current position as every waypoint."""
+        return [Plan(np.tile(r.current_position, (r.limits.waypoints, 1)), self.name) for r in requests]
+
+
+class Random(BatchPlanner):
+    """Flies to uniform points of the box."""
+
+    name, tier = "random", "none"
+
+    def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
+        """Draw new waypoints for every round."""
+        return [Plan(r.rng.uniform(0, r.limits.box_m, (r.limits.waypoints, 3)), self.name) for r in requests]
+
+
+PATTERNS: Mapping[str, Callable[..., BatchPlanner]] = MappingProxyType(
+    {
+        **{name: partial(Patrol, name) for name in PATROLS},
+        "hold": Hold,
+        "random": Random,
+    }
+)
+PLANNERS = (*PATTERNS, *offered("planner"))
+_METHODS = ("plan", "plan_batch")
+
+
+def as_planner(spec: object, scenario: Scenario) -> Planner:
+    """Return the planner that ``spec`` names, makes, or is.
+
+    >>> from fpg_bench.game.scenario import preset
+    >>> as_planner("circle", preset("standard")).name
+    'circle'
+
+    Args:
+        spec: one of ``PLANNERS``; ``package.module:object`` (a planner, or a class or function that makes
+            one, given the scenario if it takes an argument); such a class or function; or an object with
+            ``plan`` or ``plan_batch``.
+        scenario: what is played.
+
+    Raises:
+        UserError: no such planner, one that cannot be made, has no ``plan`` or ``plan_batch``, or no valid
+            name and tier; or a language model and no endpoint configured.
+    """
+    planner: Planner = resolve(spec, scenario)
+    check_described(planner)
+    return planner
+
+
+def resolve(spec: object, scenario: Scenario) -> Any:
+    """Return the planner of a spec as :func:`as_planner` does, without checking its name and tier."""
+    if isinstance(spec, str) and ":" in spec:
+        return import_object(spec, "planner", _METHODS, scenario)
+    if isinstance(spec, str):
+        if spec not in PLANNERS:
+            raise UserError(f"unknown planner {spec!r}{nearest(spec, PLANNERS)}")
+        maker = PATTERNS.get(spec) or load("planner", spec)
+        return ready(maker, f"planner {spec!r}", _METHODS, scenario)
+    if not (callable(spec) or has_any(spec, _METHODS)):
+        raise UserError(f"planner: expected a name or an object with plan, got {spec!r}")
+    return ready(spec, f"planner {planner_name(spec)}", _METHODS, scenario)

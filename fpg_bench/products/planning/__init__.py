@@ -1,0 +1,1 @@
+"""Planners of the opponent's path, their matches and comparisons."""
