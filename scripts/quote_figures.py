@@ -131,12 +131,14 @@ def top(suite: str) -> str:
     return f"{load_suite(suite).scale.top:g}"
 
 
-def planner_scores() -> Mapping[str, str]:
-    """Return the scores of planners by their names."""
+def planner_scores() -> str:
+    """Return the table of the scores of planners, best first."""
     with (ROOT / PLANNER_SCORES).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     keys = ("score", "score_low", "score_high")
-    return {row["entry"]: score(Interval(*(float(row[key]) for key in keys), MATCHES)) for row in rows}
+    scores = {row["entry"]: Interval(*(float(row[key]) for key in keys), MATCHES) for row in rows}
+    ranked = sorted(scores, key=lambda name: -scores[name].value)
+    return markdown_table([("planner", "score"), *([f"`{name}`", score(scores[name])] for name in ranked)])
 
 
 def quotes() -> Mapping[str, Mapping[str, str]]:
@@ -144,7 +146,7 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
     return {
         "README.md": {"headline": headline()},
         "docs/benchmark/protocol.md": {"top": top("ally-v2"), "top in link": top("ally-link-v1")},
-        "docs/guides/planners.md": {f"score of {name}": text for name, text in planner_scores().items()},
+        "docs/guides/planners.md": {"scores": planner_scores()},
         "docs/results/champions.md": {
             "allies": track_table("ally"),
             "allies in link": track_table("ally-link"),

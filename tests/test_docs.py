@@ -39,7 +39,6 @@ RUN = [
     DOCS / "environments/scenario.md",
     DOCS / "environments/teams.md",
     DOCS / "environments/waterfall.md",
-    DOCS / "guides/beat-reactive.md",
     DOCS / "guides/datasets.md",
     DOCS / "guides/frameworks.md",
     DOCS / "guides/offline.md",
