@@ -21,7 +21,7 @@ from fpg_bench.game.scenario import preset
 from fpg_bench.players.planner import asks_language_model
 
 GENERATED = Path(__file__).parent / "reference/generated"
-ELSEWHERE = {"../baselines/README.md": "results/zoo.md"}  # pages that lie outside of this folder
+ELSEWHERE = {"../baselines/README.md": "results/findings.md"}  # pages that lie outside of this folder
 _REGIONS = {  # of the theme's pages, and what they become
     r'role="heading">': 'role="heading" aria-level="2">',
     r'<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="All pages">',

@@ -3,11 +3,11 @@
 var SOUGHT = {
   "start/install": /\b(install|pip|requirements)/,
   "start/first-game": /\b(quick ?start|tutorial|getting started|first)/,
+  "start/train-compare-enter": /\b(evaluate|evaluation|compare|benchmark)/,
   "environments/index": /\b(gymnasium|pettingzoo|environment)/,
   "environments/discrete-actions": /\b(discrete|action mask|dqn)/,
-  "environments/scenario": /\b(scenario|custom|own rules)/,
+  "environments/scenario": /\b(scenario|custom|own rules|knowledge base|channel)/,
   "environments/teams": /\b(team|convoy|multi-agent)/,
-  "guides/benchmark": /\b(evaluate|evaluation|compare|benchmark)/,
   "guides/cluster": /\b(cluster|slurm|ray|parallel|resume)/,
   "guides/datasets": /\b(data ?sets?|minari)\b/,
   "guides/frameworks": /\b(framework|torchrl|rllib|tianshou|cleanrl)/,

@@ -35,6 +35,7 @@ from fpg_bench.products.teams.rules import TEAM_SCRIPTS, TeamRules
 from fpg_bench.products.teams.scripts import BOUNDS
 
 GAMES = {"3 v 2": TeamRules(), "3 v 1": TeamRules(jammers=1), "separate": TeamRules(formation="separate")}
+ON_PAGE = "3 v 2"
 CLONES = [f"ally-link{kind}/ppo-stack8/seed_0" for kind in ("-population", "")]
 BESIDE = ["random-hops", "greedy-own-points"]  # scripts in the table of clones
 COUNTS = ("clashes", "spreading", "heard")
@@ -158,7 +159,7 @@ def clone_table(results: Results, opponents: Mapping[str, str]) -> str:
 
 
 def main() -> int:
-    """Print the tables, and put them into a page."""
+    """Print the tables, and put the first into a page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--matches", type=int, default=100, help="rounds of each pair")
     for side in SIDES:
@@ -190,7 +191,7 @@ def main() -> int:
     print(*(f"\n{title}\n\n{text}" for title, text in parts.items()), sep="\n")
     if options.page:
         write_whole(options.page.with_name(f"{options.page.stem}-payoffs.csv"), results.csv(labels))
-        fill(options.page, parts)
+        fill(options.page, {ON_PAGE: parts[ON_PAGE]})  # the file beside it has the pairs of all games
     return 0
 
 

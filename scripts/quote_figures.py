@@ -13,7 +13,7 @@ from functools import cache, partial
 
 import numpy as np
 from lineage import ROOT, fill
-from train_best_responses import ROWS_ALONE, TARGETS, tables, targets
+from train_best_responses import ROWS_ALONE, TARGETS, targets
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
@@ -52,18 +52,17 @@ def verified(key: str) -> list[PerEntry]:
 
 
 @cache
-def search_tables() -> tuple[list[str], Mapping[str, float]]:
-    """Return the tables of the full searches, and the lowest return per step that each found, by entry."""
-    folder, lowest = ROOT / "leaderboard", {}
+def lowest_of_searches() -> Mapping[str, float]:
+    """Return the lowest return per step that each full search found, by entry."""
+    folder = ROOT / "leaderboard"
     file = RowFile(folder / "results/best_responses.jsonl")
-    for target in targets(folder, (*TARGETS, *ROWS_ALONE)):
-        lowest[target.slug] = min(row["return"] for row in target.rows(file))
-    return list(tables(folder, file)), lowest
+    found = targets(folder, (*TARGETS, *ROWS_ALONE))
+    return {target.slug: min(row["return"] for row in target.rows(file)) for target in found}
 
 
 def lowest(entry: BoardEntry, figures: Figures) -> float:
     """Return the lowest known return per step of an entry, with responses that were trained to beat it."""
-    known = [figures.worst.return_per_step.value, search_tables()[1].get(entry.slug, np.inf)]
+    known = [figures.worst.return_per_step.value, lowest_of_searches().get(entry.slug, np.inf)]
     return min(*known, figures.exploited.return_per_step.value if figures.exploited else np.inf)
 
 
@@ -132,12 +131,14 @@ def top(suite: str) -> str:
     return f"{load_suite(suite).scale.top:g}"
 
 
-def planner_scores() -> Mapping[str, str]:
-    """Return the scores of planners by their names."""
+def planner_scores() -> str:
+    """Return the table of the scores of planners, best first."""
     with (ROOT / PLANNER_SCORES).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     keys = ("score", "score_low", "score_high")
-    return {row["entry"]: score(Interval(*(float(row[key]) for key in keys), MATCHES)) for row in rows}
+    scores = {row["entry"]: Interval(*(float(row[key]) for key in keys), MATCHES) for row in rows}
+    ranked = sorted(scores, key=lambda name: -scores[name].value)
+    return markdown_table([("planner", "score"), *([f"`{name}`", score(scores[name])] for name in ranked)])
 
 
 def quotes() -> Mapping[str, Mapping[str, str]]:
@@ -145,16 +146,14 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
     return {
         "README.md": {"headline": headline()},
         "docs/benchmark/protocol.md": {"top": top("ally-v2"), "top in link": top("ally-link-v1")},
-        "docs/guides/planners.md": {f"score of {name}": text for name, text in planner_scores().items()},
+        "docs/guides/planners.md": {"scores": planner_scores()},
         "docs/results/champions.md": {
             "allies": track_table("ally"),
             "allies in link": track_table("ally-link"),
             "opponents that fly themselves": track_table("opponent-learned"),
             "opponents in pursuit": track_table("opponent-pursuit"),
-            "search allies": search_tables()[0][0],
-            "search opponents": search_tables()[0][1],
+            "lowest of self-play": lowest_of("ally-champion-3"),
         },
-        "docs/results/link.md": {"search": "\n\n".join(search_tables()[0][2:])},
         "docs/results/findings.md": {
             "most against hunter": most_against("hunter"),
             "lowest of the first": lowest_of("ally-discrete-ppo-stack8"),

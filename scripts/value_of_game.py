@@ -2,7 +2,7 @@
 
 Reads the double oracles and self-plays beside shipped agents, ``baselines/agents/*/*/search.jsonl``, further
 ones in ``searches.jsonl`` beside the page, and what entries of the board keep against responses. Puts the
-bracket and the curve over iterations into the page between its marks, and draws ``value.svg`` beside it.
+bracket into the page between its marks, and draws the iterations as ``value.svg`` beside it.
 
 python scripts/value_of_game.py docs/results/value.md --search nash=runs/nash    keeps a finished search there
 """
@@ -15,7 +15,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from lineage import fill
 from make_diagrams import write
 from matplotlib.axes import Axes
@@ -140,40 +139,6 @@ def _lowest(rows: Sequence[Row]) -> str:
     return f"{row['high']:.2f} (`{row['search']}`, {at}, {steps:,} steps)"
 
 
-def answered(kept: Sequence[Kept]) -> list[list[str]]:
-    """Return what each answered ally keeps, from the policy that keeps least to the one that keeps most."""
-    lines = [["scenario", "ally", "policies", "kept", "steps of a response"]]
-    players = {(one.scenario, one.name): [each for each in kept if each.name == one.name] for one in kept}
-    order = sorted(
-        players, key=lambda key: (SCENARIOS.index(key[0]), -max(one.value for one in players[key]))
-    )
-    for scenario, name in order:
-        own = players[scenario, name]
-        values = [f"{end(one.value for one in own):.2f}" for end in (min, max)]
-        ends = " to ".join(dict.fromkeys(values))
-        lines.append([f"`{scenario}`", f"`{name}`", str(len(own)), ends, f"{own[0].steps:,}"])
-    return lines
-
-
-def curve(rows: Sequence[Row]) -> list[list[str]]:
-    """Return the means over seeds of each search by iteration, with the lowest and the highest seed's."""
-    lines = [["search", "iteration", "seeds", "low", "high", "meta-value", "confirmed", "minutes"]]
-    for key in dict.fromkeys((row["search"], row["iteration"]) for row in rows):
-        own = [row for row in rows if (row["search"], row["iteration"]) == key]
-        values = [_spread(own, name) for name in ("low", "high", "meta_value", "confirmed")]
-        minutes = np.mean([row["seconds"] for row in own]) / 60
-        lines.append([f"`{key[0]}`", str(key[1]), str(len(own)), *values, f"{minutes:.1f}"])
-    return lines
-
-
-def _spread(rows: Sequence[Row], name: str) -> str:
-    values = [row[name] for row in rows if row[name] is not None]
-    if not values:
-        return "-"
-    ends = f" [{min(values):.1f}, {max(values):.1f}]" if len(values) > 1 else ""
-    return f"{np.mean(values):.2f}{ends}"
-
-
 def draw(rows: Sequence[Row]) -> Figure:
     """Draw low and high of each seed over the iterations, a panel for each scenario."""
     scenarios = [scenario for scenario in SCENARIOS if any(row["scenario"] == scenario for row in rows)]
@@ -233,14 +198,11 @@ def main() -> None:
         keep_search(Path(folder), options.page.with_name(OTHERS), name)
     rows = read_searches(options.agents or baselines_folder() / "agents", options.page)
     kept = list(kept_by_policies(rows, options.board))
-    parts = [markdown_table(bracket(rows, kept)), markdown_table(answered(kept))]
+    parts = [markdown_table(bracket(rows, kept))]
     if rows:
         picture = options.page.with_suffix(".svg")
         write(draw(rows), picture)
-        parts += [
-            f"![Low and high over the iterations of each search]({picture.name})",
-            markdown_table(curve(rows)),
-        ]
+        parts.append(f"![Low and high over the iterations of each search]({picture.name})")
     fill(options.page, {"value": "\n\n".join(parts)})
 
 

@@ -1,9 +1,8 @@
-"""The zoo's page: for each group a table, learning curves, profiles and probabilities of improvement."""
+"""The zoo's index, and each group's table, learning curves, profiles and probabilities of improvement."""
 
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -13,15 +12,16 @@ import numpy as np
 
 from fpg_bench.common.canvas import blank_figure, image_of
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import csv_text
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS, GREY, Styles, draw_curves, styles_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, probability_of_improvement
-from fpg_bench.evaluation.suite import Suite, load_suite
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import bounds, markdown_table, number
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup
 
-PAGE, CURVES = "README.md", "curves.jsonl"
+PAGE, TABLE, CURVES = "README.md", "table.csv", "curves.jsonl"
 PICTURES = ("curves", "profiles", "improvement")
 COMMAND = "python scripts/train_zoo.py --tables"
 _BLUE = "#0072b2"
@@ -30,34 +30,23 @@ _MEASURES = (
     ("jamming success rate %", "jamming_success_rate"),
     ("hops %", "hop_rate"),
 )
-_HEAD = f"""\
-# The zoo
+_INDEX = ("group", "trained on", "suite", "best agent", "score", "best script", "score", "all agents")
+_HEAD = """\
+# Trained agents
 
-Trained agents, ready to play. Each is a player by its name:
-`fpg_bench.load_agent("ally-scripted/ppo/seed_0")`. `fpg-bench zoo` lists all of them. `zoo.yml` says what is
-trained, `hyperparams/` has the hyper-parameters, `search/` how they were found, `agents/` the policies,
-`suites/` the suites, and `scores/` one record per training seed and rival. `python scripts/train_zoo.py`
-repeats all of it, and goes on where it was stopped; `python scripts/train_zoo.py --check` evaluates every
-agent again and compares. This page and its pictures are made by `{COMMAND}`.
+Agents that are shipped, each a player by its name: `fpg_bench.load_agent("ally-scripted/ppo/seed_0")`.
+`fpg-bench zoo` lists all of them with their public scores. The table has the best algorithm of each group on
+the last of its suites, which is the held-out one where there is one, with its 95 % interval over training
+seeds ([protocol](../docs/benchmark/protocol.md)). *All agents* has the scores of every algorithm and script,
+with steps, minutes and measures. Beside it are learning curves on tuning seeds, performance profiles and the
+probability of improvement (Agarwal et al. 2021).
 
-A score is the mean over a suite's rivals of the return per step, on the scale of the track
-([protocol](../docs/benchmark/protocol.md#suites-and-scores)), and a number is comparable with others of its
-column only. The first suite is the one that `fpg-bench zoo` shows; with `@season-3` it is played on the
-seeds of that season, as the leaderboard plays it, and the scores are the leaderboard's. Agents may be trained
-against all rivals but those of a season suite, which were trained after the entries of that season had been
-closed. The last columns are of the first suite.
-
-Intervals are 95 %, by Student's t: over training seeds, and for scripts
-over matches. † marks fewer than three training seeds. Time is that of training, on one core, without
-evaluations, at the speed of the fastest training seed, because other work slowed down the others on a
-shared machine. The last column says after how many minutes of such time a training
-reached the score of the best script; it is the median over training seeds.
-
-Below a table stand the **learning curves** (score on tuning seeds, mean and range over training seeds; grey:
-the best script), the **performance profiles** (the share of runs, a training seed against a rival, with a
-return above τ per step; thin: single training seeds) and the **probability of improvement** (how likely a new
-training of one algorithm has a higher return against a rival than one of the other, Agarwal et al. 2021; too
-narrow where nearly all seeds agree).
+"""
+_FOOT = f"""
+`zoo.yml` says what is trained and against whom, `hyperparams/` how, `search/` how hyper-parameters were
+found, and `scores/` has a record per training seed and rival. `python scripts/train_zoo.py` trains all of it
+and can be resumed, `--check` evaluates every agent again and compares, and `{COMMAND}`
+writes this page.
 """
 
 
@@ -84,29 +73,19 @@ def curve_file(zoo: Zoo, group: ZooGroup) -> RowFile:
 
 
 def write_page(zoo: Zoo) -> Path:
-    """Write the zoo's ``README.md`` and the pictures of all groups that have records; returns its path."""
-    text = page(zoo)
+    """Write the zoo's ``README.md``, and a table and pictures of each group; returns the path of the page."""
     for group in zoo.groups:
-        public = _summaries(zoo, group)[0]
+        public, *others = _summaries(zoo, group)
         if any(summary.trained for summary in public):
+            write_whole(zoo.scores(group) / TABLE, csv_text(table(zoo, group, public, others)))
             draw_pictures(zoo, group, public)
-    write_whole(zoo.folder / PAGE, text)
+    write_whole(zoo.folder / PAGE, page(zoo))
     return zoo.folder / PAGE
 
 
 def page(zoo: Zoo) -> str:
     """Return the text of the page, from the records and agents of the zoo's folder."""
-    return "\n".join([_HEAD, _suites(zoo), "", *(_section(zoo, group) for group in zoo.groups)])
-
-
-def _suites(zoo: Zoo) -> str:
-    """Return the table of all suites."""
-    names = dict.fromkeys(name for group in zoo.groups for name in group.suites)
-    lines = []
-    for suite in map(load_suite, names):
-        scale = suite.scale.description.removeprefix("score: ")
-        lines.append([f"`{suite.name}`", suite.hash[:12], str(len(suite.rivals)), str(suite.matches), scale])
-    return markdown_table([["suite", "hash", "rivals", "matches each", "score"], *lines])
+    return _HEAD + markdown_table([_INDEX, *(_row(zoo, group) for group in zoo.groups)]) + "\n" + _FOOT
 
 
 def _summaries(zoo: Zoo, group: ZooGroup) -> list[list[Summary]]:
@@ -114,38 +93,28 @@ def _summaries(zoo: Zoo, group: ZooGroup) -> list[list[Summary]]:
     return [summarise(zoo.read_records(group, suite), suite) for suite in map(load_suite, group.suites)]
 
 
-def _section(zoo: Zoo, group: ZooGroup) -> str:
-    public, *others = _summaries(zoo, group)
-    head = [f"## {group.name}", "", _description(group, [load_suite(name) for name in group.suites]), ""]
-    if not public:
-        return "\n".join([*head, "Not trained yet.", ""])
-    body = [_table(zoo, group, public, others), ""]
-    if any(summary.trained for summary in public):
-        for name in PICTURES:
-            if name == PICTURES[0] and not curve_file(zoo, group).read():
-                continue  # agents whose training was scored on another scale have no curves
-            body += [f"![{name} of {group.name}](scores/{group.name}/{name}.svg)", ""]
-    return "\n".join([*head, *body])
+def _row(zoo: Zoo, group: ZooGroup) -> list[str]:
+    """Return the row of a group in the index: its best algorithm beside the best script."""
+    *_, last = _summaries(zoo, group)
+    best: list[str] = []
+    for is_trained in (True, False):
+        first = next((summary for summary in last if summary.trained is is_trained), None)
+        best += [first.entry, f"{number(first.score.value)} {bounds(first.score)}"] if first else ["-", "-"]
+    folder = zoo.scores(group).relative_to(zoo.folder).as_posix()
+    files = [TABLE, *(f"{name}.svg" for name in PICTURES)]
+    links = [f"[{Path(name).stem}](../{zoo.folder.name}/{folder}/{name})" for name in files]
+    if not curve_file(zoo, group).read():
+        del links[1]  # agents whose training was scored on another scale have no curves
+    shown = ", ".join(links) if best[0] != "-" else "not trained yet"
+    return [f"`{group.name}`", f"`{group.id}`", f"`{group.suites[-1]}`", *best, shown]
 
 
-def _description(group: ZooGroup, suites: Sequence[Suite]) -> str:
-    options = "".join(f", {key} {_option(value)}" for key, value in group.options.items())
-    evaluated = ", ".join(f"`{suite.name}`" for suite in suites)
-    note = f" {group.note}" if group.note else ""
-    return f"Trained on `{group.id}`{options}; evaluated on {evaluated}.{note}"
-
-
-def _option(value: Any) -> str:
-    counts = Counter(value if isinstance(value, list) else [value])
-    names = [f"`{name}`" + (f" ({count} times)" if count > 1 else "") for name, count in counts.items()]
-    return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
-
-
-def _table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[Summary]]) -> str:
+def table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[Summary]]) -> list[list[str]]:
+    """Return the table of a group: every algorithm and script on each of its suites."""
     names = [
         *("player", "seeds", "steps"),
         *(f"score on {name}" for name in group.suites),
-        "worst return per step",
+        *("worst return per step", "against"),
         *(heading for heading, _ in _MEASURES),
         *("time (min)", "to the best script (min)"),
     ]
@@ -153,7 +122,7 @@ def _table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[S
     cells = [
         [*_cells(zoo, group, summary, others), _minutes_to(zoo, group, summary, script)] for summary in public
     ]
-    return markdown_table([names, *cells]) + "\n"
+    return [names, *cells]
 
 
 def _scripts(zoo: Zoo, group: ZooGroup) -> list[Summary]:
@@ -170,11 +139,12 @@ def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summar
     worst = min(lows, key=lambda name: lows[name])
     scores = [f"{number(s.score.value)} {bounds(s.score)}{few}" if s else "-" for s in (summary, *elsewhere)]
     return [
-        f"**{summary.entry}**" if summary.trained else summary.entry,
+        summary.entry,
         str(summary.training_seeds or "-"),
         steps,
         *scores,
-        f"{number(lows[worst])} {worst}",
+        number(lows[worst]),
+        worst,
         *(number(summary.measures[name], 100) for _, name in _MEASURES),
         minutes,
     ]

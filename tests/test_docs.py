@@ -36,12 +36,9 @@ RUN = [
     DOCS / "start/first-game.md",
     DOCS / "start/train-compare-enter.md",
     DOCS / "environments/discrete-actions.md",
-    DOCS / "environments/knowledge-base.md",
     DOCS / "environments/scenario.md",
     DOCS / "environments/teams.md",
     DOCS / "environments/waterfall.md",
-    DOCS / "guides/beat-reactive.md",
-    DOCS / "guides/benchmark.md",
     DOCS / "guides/datasets.md",
     DOCS / "guides/frameworks.md",
     DOCS / "guides/offline.md",
@@ -163,7 +160,7 @@ def test_the_page_of_the_command_line_has_every_verb():
 def test_a_page_elsewhere_is_led_to_its_place_inside():
     source = ["[zoo](../../baselines/README.md)"]
     reference_pages.lead_inside(None, "guides/selfplay", source)
-    assert source == ["[zoo](../results/zoo.md)"]
+    assert source == ["[zoo](../results/findings.md)"]
 
 
 COMMANDS = typer.main.get_command(app)

@@ -77,7 +77,7 @@ def test_axe_finds_nothing_on_the_pages(visit, name):
         ("learning curve", "guides/training"),
         ("submit an agent", "benchmark/submitting"),
         ("export onnx", "benchmark/submitting"),
-        ("evaluate an agent", "guides/benchmark"),
+        ("evaluate an agent", "start/train-compare-enter"),
         ("confidence interval", "benchmark/protocol"),
         ("held-out", "benchmark/seasons"),
         ("leaderboard", "benchmark/leaderboard"),

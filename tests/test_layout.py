@@ -201,8 +201,9 @@ def test_the_process_of_a_submitted_policy_loads_no_more_than_it_plays_with():
     )
 
 
-def test_the_rules_document_every_field():
-    text = (DOCS / "reference/rules.md").read_text(encoding="utf-8")
+def test_the_rules_and_the_page_of_link_document_every_field():
+    pages = ("reference/rules.md", "reference/link.md")
+    text = "".join((DOCS / page).read_text(encoding="utf-8") for page in pages)
     assert [spec.name for spec in dataclasses.fields(Scenario) if f"`{spec.name}`" not in text] == []
 
 

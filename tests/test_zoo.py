@@ -10,10 +10,13 @@ import shutil
 from pathlib import Path
 
 import pytest
+import zoo_page
 
 from fpg_bench.cli.listing import zoo as list_zoo
+from fpg_bench.common.output import csv_text
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import load_agent
 from fpg_bench.products.league.champions import load_champions
@@ -106,6 +109,12 @@ def test_every_folder_of_an_agent_is_a_member_and_all_together_are_small():
 def test_the_page_is_what_the_records_give():
     text = page(SHIPPED)
     assert (SHIPPED.folder / "README.md").read_text() == text
+    for group in SHIPPED.groups:
+        summaries = [
+            summarise(SHIPPED.read_records(group, suite), suite) for suite in map(load_suite, group.suites)
+        ]
+        rows = zoo_page.table(SHIPPED, group, summaries[0], summaries[1:])
+        assert (SHIPPED.scores(group) / zoo_page.TABLE).read_text() == csv_text(rows)
     for link in re.findall(r"\]\(([^)]+)\)", text):
         assert (SHIPPED.folder / link.partition("#")[0]).is_file(), link
 
@@ -161,6 +170,7 @@ def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
     zoo = load_zoo(tiny)
     assert (tiny / "README.md").read_text() == page(zoo)
     assert (tiny / "scores/small/curves.svg").is_file()
+    assert (tiny / "scores/small" / zoo_page.TABLE).read_text().startswith("player,seeds,steps,")
     for member in zoo.members():
         suite = load_suite(member.group.suites[0])
         assert load_agent(member.folder).card.side == member.group.side == suite.side

@@ -57,7 +57,7 @@ class ZooGroup(_GroupFile):
         suites: suites that its agents are evaluated on, the public one first.
         steps: training budget of each algorithm.
         hyperparams: file of hyper-parameters of some algorithms; of the others the shipped one.
-        note: a remark for the zoo's page.
+        note: a remark.
     """
 
     name: str

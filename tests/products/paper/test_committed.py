@@ -149,7 +149,7 @@ def test_pairs_on_all_paths_have_the_present_scenario():
 
 
 def test_page_on_paths_quotes_the_gains_of_frozen_pairs():
-    page = (COMMITTED / "question-paths.md").read_text()
+    page = (COMMITTED / "claims.md").read_text()
     quoted = [
         line.split(" | ", 1)[1] for line in page.splitlines() if line.startswith("| ") and " to " in line
     ]
