@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
+from scipy.stats import rankdata, spearmanr
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
@@ -474,6 +475,31 @@ def test_who_is_unbroken_and_who_broke_what_stand_below_the_table_of_a_track(pag
         ("player-2", "breaker-1", "-14.65"),
         ("player-2", "breaker-2", "-14.65"),
     ]
+
+
+def test_what_a_score_means_is_a_correlation_alone_and_at_equal_hops():
+    rng = np.random.default_rng(0)
+    values = {name: rng.normal(size=9) for name in ("score", "hop_rate", "outage")}
+    values["score"] = values["score"] + values["hop_rate"]
+    figures = [
+        SimpleNamespace(
+            rank=(1, 9), score=Interval(s), measures={"hop_rate": h, "outage": o, "overlap_ratio": None}
+        )
+        for s, h, o in zip(*values.values(), strict=True)
+    ]
+    track = SimpleNamespace(side="ally", verified=lambda: [(None, each) for each in figures])
+    (outage, alone, equal), (hops, with_hops, none) = views.correlations(track)
+    assert (outage.label, hops.label) == ("Outage", "Hops")
+    assert alone == pytest.approx(spearmanr(values["score"], values["outage"]).statistic)
+    assert with_hops == pytest.approx(spearmanr(values["score"], values["hop_rate"]).statistic)
+    assert np.isnan(none)
+    score, rate, broken = map(rankdata, values.values())
+    rests = [of - np.polyval(np.polyfit(rate, of, 1), rate) for of in (score, broken)]
+    assert equal == pytest.approx(np.corrcoef(rests)[0, 1])
+    figures[0].rank = None
+    assert views.correlations(track)[0][1] != pytest.approx(alone)
+    track.side = "opponent"
+    assert views.correlations(track) == []
 
 
 def test_commands_that_train_an_entry_name_an_agent_of_the_zoo_or_a_champion():

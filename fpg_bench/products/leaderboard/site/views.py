@@ -7,6 +7,9 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.stats import rankdata
+
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
@@ -80,6 +83,8 @@ MEASURES = {
     "share_broadband": Measure("Broadband", "share", "time in which it jams a broad band"),
     "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
 }
+HOPS = "hop_rate"
+CORRELATED = ("outage", "jamming_success_rate", "overlap_ratio", "capacity_mbit_s", "delivered_share")
 MISSION = ("overlap_ratio", "jamming_success_rate")  # the two measures of the mission, right after each score
 
 
@@ -319,6 +324,27 @@ class RowView:
     warnings: list[str]
 
 
+def correlations(track: BoardTrack) -> list[tuple[Measure, float, float]]:
+    """Return Spearman's correlations of measures with the score over the ranked allies.
+
+    The second number is the partial correlation at equal rates of hops.
+    """
+    ranked = [figures for _, figures in track.verified() if figures.rank is not None]
+    columns = {"score": [figures.score.value for figures in ranked]}
+    for name in (HOPS, *CORRELATED):
+        values = [value for figures in ranked if (value := figures.measures.get(name)) is not None]
+        columns |= {name: values} if len(values) == len(ranked) else {}
+    if track.side != "ally" or HOPS not in columns or min(len(set(of)) for of in columns.values()) < 4:
+        return []
+    rho = np.corrcoef([rankdata(of) for of in columns.values()])
+    score, hops = rho[0], rho[1]
+    partial = (score - score[1] * hops) / np.sqrt((1 - score[1] ** 2) * np.maximum(1 - hops**2, 1e-9))
+    rows = zip(columns, score.tolist(), partial.tolist(), strict=True)
+    return [(MEASURES[name], alone, equal) for name, alone, equal in rows if name not in ("score", HOPS)] + [
+        (MEASURES[HOPS], float(score[1]), math.nan)
+    ]
+
+
 @dataclass(frozen=True)
 class AttackerView:
     """An attacker: the entries that its responses answer, and those that nobody else brought lower."""
@@ -354,6 +380,7 @@ class TrackView:
         leaders: names of the entries that may be best, the first one first.
         unbroken: entries that have responses, by their lowest known return.
         attackers: who answered them, by the number of entries that nobody brought lower.
+        correlations: of measures with the score; see :func:`correlations`.
     """
 
     track: BoardTrack
@@ -370,6 +397,7 @@ class TrackView:
     leaders: list[str]
     unbroken: list[RowView]
     attackers: list[AttackerView]
+    correlations: list[tuple[Measure, float, float]]
 
 
 def track_view(board: Board, track: BoardTrack) -> TrackView:
@@ -407,6 +435,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
             key=lambda row: -(row.exploited.value if row.exploited else 0.0),
         ),
         attackers=attacker_views(track),
+        correlations=correlations(track),
     )
 
 
