@@ -60,12 +60,15 @@ def changed_entries(board: Path, revision: str) -> Changes:
     home = board.resolve().relative_to(top)
     names = {path: _entry(Path(path), home) for path in changed}
     pairs, responses = str(crossplay_file(home)), str(exploited_file(home))
+    credits = {path for path in before if path.endswith(f"/{RESPONSE_ABOUT}")}  # who made what stays so
     return Changes(
         frozenset(name for name in names.values() if name is not None),
         tuple(
             path
             for path in changed
-            if names[path] is None and path not in (pairs, responses) and not _is_response(Path(path), home)
+            if names[path] is None
+            and path not in (pairs, responses)
+            and not (_is_response(Path(path), home) and path not in credits)
         ),
         pairs in changed,
     )
