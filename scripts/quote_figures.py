@@ -13,10 +13,8 @@ from functools import cache, partial
 
 import numpy as np
 from lineage import ROOT, fill
-from train_best_responses import ROWS_ALONE, TARGETS, targets
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.statistics import MATCHES, Interval
@@ -25,12 +23,15 @@ from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table, number
 from fpg_bench.products.leaderboard.board import Board, BoardEntry, Figures, make_board
 from fpg_bench.products.leaderboard.entries import load_entries
+from fpg_bench.products.leaderboard.exploited import Attack
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SHIFTED, TRACKS, UNSEEN
 
+FIRST_OPPONENTS = 5
 FIRST = 8  # entries of each side in docs/pictures/crossplay.svg
 PLANNER_SCORES = "docs/guides/planner-v1.csv"
 HEADLINE = ("player", "", "public score", "held-out score", "lowest known return")
 ENTRIES = ("entry", "seeds", "held-out score", "rank", "public", "shifted", "lowest known return")
+UNBROKEN = ("entry", "keeps at most", "found by", "CPU s", "responses")
 PerEntry = tuple[BoardEntry, Figures]
 per_step = partial(number, digits=2)
 
@@ -51,24 +52,33 @@ def verified(key: str) -> list[PerEntry]:
     return list(track.verified())
 
 
-@cache
-def lowest_of_searches() -> Mapping[str, float]:
-    """Return the lowest return per step that each full search found, by entry."""
-    folder = ROOT / "leaderboard"
-    file = RowFile(folder / "results/best_responses.jsonl")
-    found = targets(folder, (*TARGETS, *ROWS_ALONE))
-    return {target.slug: min(row["return"] for row in target.rows(file)) for target in found}
+def lowest(figures: Figures) -> Attack:
+    """Return the lowest known return per step of a player, and who found it."""
+    assert figures.exploited is not None
+    return figures.exploited.lowest
 
 
-def lowest(entry: BoardEntry, figures: Figures) -> float:
-    """Return the lowest known return per step of an entry, with responses that were trained to beat it."""
-    known = [figures.worst.return_per_step.value, lowest_of_searches().get(entry.slug, np.inf)]
-    return min(*known, figures.exploited.return_per_step.value if figures.exploited else np.inf)
+def kept(figures: Figures) -> str:
+    """Return the lowest known return per step of a player."""
+    return per_step(lowest(figures).return_per_step.value)
 
 
 def attacked(key: str) -> list[PerEntry]:
-    """Return the entries that responses were trained to beat; the first is the champion."""
-    return sorted((each for each in verified(key) if each[1].exploited), key=lambda each: -lowest(*each))
+    """Return the allies with responses, by what they keep: the first is the champion."""
+    entries = [each for each in verified(key) if each[1].exploited and each[1].exploited.attacks]
+    return sorted(entries, key=lambda each: -lowest(each[1]).return_per_step.value)
+
+
+def unbroken(key: str) -> str:
+    """Return the table of the entries that somebody tried to break."""
+    lines = []
+    for entry, figures in attacked(key):
+        attack, count = lowest(figures), len(figures.exploited.attacks if figures.exploited else ())
+        value = f"{kept(figures)} {bounds(attack.return_per_step, digits=2)}"
+        found_by = f"{attack.name}, {', '.join(attack.authors)}" if attack.name else attack.rival
+        seconds = "-" if attack.seconds is None else number(attack.seconds, digits=0)
+        lines.append([player(entry), value, found_by, seconds, str(count)])
+    return markdown_table([UNBROKEN, *lines])
 
 
 def score(interval: Interval) -> str:
@@ -97,25 +107,25 @@ def headline() -> str:
     lines = [["`oracle`", "sees the full state", *(score(of.score) for of in oracle), per_step(reward)]]
     for what, (entry, figures) in rows.items():
         scores = [score(figures.scores[role]) for role in (PUBLIC, UNSEEN)]
-        lines.append([player(entry), what, *scores, per_step(lowest(entry, figures))])
+        lines.append([player(entry), what, *scores, kept(figures)])
     return markdown_table([HEADLINE, *lines])
 
 
 def track_table(key: str) -> str:
-    """Return the table of the entries of a track that responses were trained to beat."""
+    """Return the table of the entries of a track with responses; of opponents, the first ones."""
     lines = []
-    for entry, figures in attacked(key):
+    for entry, figures in attacked(key) or verified(key)[:FIRST_OPPONENTS]:
         scores = [number(figures.scores[role].value) for role in (PUBLIC, SHIFTED)]
         rank = "-".join(map(str, dict.fromkeys(figures.rank or ())))
         seeds = str(figures.training_seeds or "-")
         held_out = score(figures.scores[UNSEEN])
-        lines.append([player(entry), seeds, held_out, rank, *scores, per_step(lowest(entry, figures))])
+        lines.append([player(entry), seeds, held_out, rank, *scores, kept(figures)])
     return markdown_table([ENTRIES, *lines])
 
 
 def lowest_of(slug: str) -> str:
     """Return the lowest known return per step of an ally."""
-    return per_step(next(lowest(entry, figures) for entry, figures in verified("ally") if entry.slug == slug))
+    return next(kept(figures) for entry, figures in verified("ally") if entry.slug == slug)
 
 
 def most_against(opponent: str) -> str:
@@ -152,7 +162,8 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
             "allies in link": track_table("ally-link"),
             "opponents that fly themselves": track_table("opponent-learned"),
             "opponents in pursuit": track_table("opponent-pursuit"),
-            "lowest of self-play": lowest_of("ally-champion-3"),
+            "unbroken": unbroken("ally"),
+            "unbroken in link": unbroken("ally-link"),
         },
         "docs/results/findings.md": {
             "most against hunter": most_against("hunter"),

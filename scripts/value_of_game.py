@@ -1,8 +1,8 @@
 """Bracket what the game is worth to the ally: ``python scripts/value_of_game.py docs/results/value.md``.
 
 Reads the double oracles and self-plays beside shipped agents, ``baselines/agents/*/*/search.jsonl``, further
-ones in ``searches.jsonl`` beside the page, and what entries of the board keep against responses. Puts the
-bracket into the page between its marks, and draws the iterations as ``value.svg`` beside it.
+ones in ``searches.jsonl`` beside the page, and the lowest known returns of the board's allies. Puts the
+bracket and the curve over iterations into the page between its marks, and draws ``value.svg`` beside it.
 
 python scripts/value_of_game.py docs/results/value.md --search nash=runs/nash    keeps a finished search there
 """
@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lineage import fill
@@ -22,36 +21,18 @@ from matplotlib.figure import Figure
 
 from fpg_bench.common.canvas import ALLY, OPPONENT, Style, blank_figure
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_yaml
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.products.leaderboard.folders import submission_folders
-from fpg_bench.products.leaderboard.response_recipe import OWN, RECIPE
-from fpg_bench.products.leaderboard.response_results import ResponseResult, result_store
-from fpg_bench.products.leaderboard.tracks import SCENARIOS
+from fpg_bench.products.leaderboard.board import Board, make_board
+from fpg_bench.products.leaderboard.entries import load_entries
+from fpg_bench.products.leaderboard.exploited import Attack
+from fpg_bench.products.leaderboard.tracks import SCENARIOS, TRACKS
 from fpg_bench.products.league.search import ROWS, keep_search
 
 OTHERS = "searches.jsonl"
 DASHES = {"weights": "-", "nash": "--", "self-play": ":"}  # by the meta-solver, or by the verb without one
 EVEN = "uniform-hop"  # the action mode without the points by name, which are the best answer to some mixtures
-
-
-@dataclass(frozen=True)
-class Kept:
-    """Bound of what a policy of the ally keeps per step: its lowest return against responses to it."""
-
-    scenario: str
-    name: str
-    part: str
-    value: float
-    responses: int
-    steps: int
-
-    def __str__(self) -> str:
-        policy = ", ".join(filter(None, (f"`{self.name}`", self.part)))
-        count = f"{self.responses} response{'s' if self.responses > 1 else ''}"
-        return f"{self.value:.2f} ({policy}, {count} of {self.steps:,} steps)"
 
 
 def read_searches(agents: Path, page: Path) -> list[Row]:
@@ -63,68 +44,32 @@ def read_searches(agents: Path, page: Path) -> list[Row]:
     return [row for row in rows if row["side"] == "ally"]
 
 
-def kept_by_policies(rows: Sequence[Row], board: Path) -> Iterator[Kept]:
-    """Yield what is kept by each policy that a response was trained for once it was chosen.
-
-    These are iterations with a second response, since ``low`` chose them and is too high by its noise, and
-    the training seeds of entries that the board's recipe answers. The exported iteration of a search is a
-    training seed of the entry of its name, where there is one.
-    """
-    entered = dict(entered_policies(board))
-    finalists = [row for row in rows if row["confirmed"] is not None]
-    exported = {
-        (row["search"], row["seed"]): row for row in sorted(finalists, key=lambda row: row["confirmed"])
-    }
-    for row in finalists:
-        values, name = [row["confirmed"], *([row["low"]] if _solver(row) != "nash" else [])], row["search"]
-        if exported[name, row["seed"]] is row:
-            values += entered.pop((name, row["seed"]), ("", [], True))[1]
-        part = f"seed {row['seed']}, iteration {row['iteration']}"
-        yield Kept(row["scenario"], name, part, min(values), len(values), row["response_steps"])
-    for (name, seed), (scenario, values, is_answered) in entered.items():
-        if is_answered:
-            part = "" if seed is None else f"seed {seed}"
-            yield Kept(scenario, name, part, min(values), len(values), RECIPE.steps)
+def kept_by_entries(board: Board) -> dict[str, tuple[str, Attack]]:
+    """Return by scenario the ally with responses that keeps most: its name, and its lowest known return."""
+    kept: dict[str, tuple[str, Attack]] = {}
+    for track in board.tracks:
+        known = [
+            (entry.plays or entry.slug, figures.exploited.lowest)
+            for entry, figures in track.verified()
+            if figures.exploited and figures.exploited.attacks
+        ]
+        if known:
+            kept[TRACKS[track.key].scenario] = max(known, key=lambda each: each[1].return_per_step.value)
+    return kept
 
 
-def entered_policies(board: Path) -> Iterator[tuple[tuple[str, int | None], tuple[str, list[float], bool]]]:
-    """Yield each policy of an ally with responses on the board, as its entry's name and its training seed.
-
-    With it come its scenario, its returns per step, and whether the recipe has a response to it.
-
-    Raises:
-        UserError: an entry's responses have not played all its training seeds.
-    """
-    found: dict[str, list[ResponseResult]] = {}
-    for result in result_store(board).records():
-        found.setdefault(f"{result.track}/{result.slug}", []).append(result)
-    for folder in submission_folders(board):
-        results = found.get(f"{folder.parent.name}/{folder.name}", [])
-        if results and folder.parent.name == "ally":
-            about = read_yaml(folder / "submission.yaml", "submission")
-            seeds = (about.get("training") or {}).get("seeds", [None])
-            if any(len(result.rewards) != len(seeds) for result in results):
-                name = f"ally/{folder.name}"
-                raise UserError(f"{name}: it has changed; fpg-bench leaderboard verify --update {name}")
-            answered = {
-                number % len(seeds)
-                for number in range(RECIPE.n_responses)
-                if any(result.response == f"{OWN}{number}" for result in results)
-            }
-            for index, seed in enumerate(seeds):
-                values = [result.rewards[index] for result in results]
-                scenario = about.get("scenario", "standard")
-                yield (folder.name, seed), (scenario, values, index in answered)
-
-
-def bracket(rows: Sequence[Row], kept: Sequence[Kept]) -> list[list[str]]:
+def bracket(rows: Sequence[Row], kept: Mapping[str, tuple[str, Attack]]) -> list[list[str]]:
     """Return the highest known returns from below and the lowest from above, as lines of cells."""
-    lines = [["scenario", "kept by an ally", "left to allies that hop evenly", "left to any ally"]]
+    lines = [["scenario", "kept by an ally, at most", "left to allies that hop evenly", "left to any ally"]]
     for scenario in SCENARIOS:
-        below = [one for one in kept if one.scenario == scenario]
         above = [row for row in rows if row["scenario"] == scenario]
         free = [row for row in above if row["actions"] != EVEN]
-        best = str(max(below, key=lambda one: one.value)) if below else "-"
+        best = "-"
+        if scenario in kept:
+            name, attack = kept[scenario]
+            found_by = attack.name or attack.rival
+            cost = "" if attack.seconds is None else f", {attack.seconds:,.0f} CPU s"
+            best = f"{attack.return_per_step.value:.2f} (`{name}`, found by: {found_by}{cost})"
         lines.append([f"`{scenario}`", best, _lowest(above), _lowest(free)])
     return lines
 
@@ -197,7 +142,7 @@ def main() -> None:
         name, _, folder = word.partition("=")
         keep_search(Path(folder), options.page.with_name(OTHERS), name)
     rows = read_searches(options.agents or baselines_folder() / "agents", options.page)
-    kept = list(kept_by_policies(rows, options.board))
+    kept = kept_by_entries(make_board(load_entries(options.board)))
     parts = [markdown_table(bracket(rows, kept))]
     if rows:
         picture = options.page.with_suffix(".svg")

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import math
 import os
 import re
 import subprocess
@@ -11,16 +12,21 @@ import pytest
 import quote_figures
 import reference_pages
 import typer
+import value_of_game
 from lineage import filled
 
 from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS, action_modes
+from fpg_bench.common.rows import RowFile
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.players.planner import PLANNERS, asks_language_model
 from fpg_bench.products.language_models.local_server import SMOLLM2, LocalServer
 from fpg_bench.products.language_models.servers import SERVERS, load_server
+from fpg_bench.products.leaderboard.exploited import RESPONSE
+from fpg_bench.products.leaderboard.site.entry_page import entry_view
+from fpg_bench.products.leaderboard.site.views import track_view
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.products.language_models.fault_server import FaultServer, answer
 from tests.programs import ROOT, python
@@ -188,6 +194,45 @@ def test_commands_of_a_page_have_their_options(page):
 def test_the_figures_that_pages_quote_are_those_of_the_data():
     for page, figures in quote_figures.quotes().items():
         assert filled((ROOT / page).read_text(), figures) == (ROOT / page).read_text(), page
+
+
+@pytest.mark.slow
+def test_the_lowest_known_return_is_one_number_wherever_it_stands():
+    board, _ = quote_figures.board()
+    least: dict[str, float] = {}
+    for row in RowFile(ROOT / "leaderboard/results/exploited.jsonl").read():
+        least[row["slug"]] = min(least.get(row["slug"], math.inf), *row["rewards"])
+    searches = value_of_game.read_searches(ROOT / "baselines/agents", ROOT / "docs/results/value.md")
+    bracket = value_of_game.bracket(searches, value_of_game.kept_by_entries(board))
+    value = (ROOT / "docs/results/value.md").read_text()
+    assert value_of_game.markdown_table(bracket) in value
+    champions = (ROOT / "docs/results/champions.md").read_text()
+    shown = set()
+    for track in (track for track in board.tracks if track.side == "ally"):
+        view = track_view(board, track)
+        kept = [row.exploited.value for row in view.unbroken]
+        assert kept == sorted(kept, reverse=True)
+        for row in view.unbroken:
+            entry, exploited = row.entry, row.figures.exploited
+            lowest = exploited.lowest.return_per_step.value
+            assert exploited.attacks[0].return_per_step.value == least[entry.slug]
+            assert lowest == least[entry.slug] or (
+                lowest < least[entry.slug] and exploited.lowest.where != RESPONSE
+            )
+            number = f"{lowest:.2f}"
+            page = entry_view(board, track, entry).shown.exploited
+            assert page.at_most == row.exploited.at_most == f"at most {number.replace('-', '−')}"
+            lines = [line for line in champions.splitlines() if line.startswith(f"| `{entry.plays}` |")]
+            assert sum(f"| {number} " in line for line in lines) >= 2, entry.slug
+            shown.add(entry.slug)
+        champion = view.unbroken[0]
+        name, number = champion.entry.plays, f"{champion.exploited.value:.2f}"
+        assert f"| {number} (`{name}`, found by: " in value
+        if track.key == "ally":
+            assert f"| `{name}` | the champion, first by" in README.read_text()
+            (line,) = (line for line in README.read_text().splitlines() if line.startswith(f"| `{name}` |"))
+            assert line.endswith(f"| {number} |")
+    assert shown == least.keys()
 
 
 def test_a_figure_stands_in_the_midst_of_a_sentence_and_a_table_on_lines_of_its_own():

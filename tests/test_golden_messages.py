@@ -61,7 +61,7 @@ LINES = (
     "leaderboard init /dev/null",
     "leaderboard verify --folder nowhere",
     "leaderboard crossplay --folder nowhere",
-    "leaderboard exploit --folder nowhere",
+    "leaderboard break ally/idle agent --name Me --author Me --folder nowhere",
     "leaderboard build --folder nowhere",
     "leaderboard serve nowhere",
     "leaderboard close-season 9 --work work --folder nowhere",

@@ -35,7 +35,7 @@ WRITERS = {
     "leaderboard init": ("board", BOARD),
     "leaderboard verify": ("--folder board", BOARD),
     "leaderboard crossplay": ("--folder board", BOARD),
-    "leaderboard exploit": ("--folder board --work elsewhere", BOARD),
+    "leaderboard break": ("ally/idle agent --name Me --author Me --folder board", BOARD),
     "leaderboard build": ("--folder board --out site", "site"),
     "leaderboard close-season": ("4 --folder board --work work --out season", "work/at-work-ally"),
     "leaderboard audit-season": ("season-3 --folder board --work work", "work/audit"),

@@ -96,6 +96,7 @@ EXTRAS = {
             "submit run nowhere",
             "leaderboard verify --folder nowhere",
             "leaderboard crossplay --folder nowhere",
+            "leaderboard break ally/idle nowhere --name Me --author Me --folder nowhere",
             "fpg_bench.evaluate(['nobody'])",
             "fpg_bench.write_agent('nowhere', b'')",
         ),
@@ -130,7 +131,6 @@ EXTRAS = {
             "double-oracle --side nobody --out nowhere",
             "leaderboard audit-season nothing --work nowhere",
             "leaderboard close-season ../nothing --work nowhere --folder nowhere",
-            "leaderboard exploit --work nowhere --folder nowhere",
         ),
     ),
     "tune": Extra(

@@ -15,7 +15,7 @@ from pydantic import AfterValidator, PlainValidator
 from fpg_bench.common.checks import title
 from fpg_bench.common.errors import UserError, meant, nearest
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
-from fpg_bench.players.card import MOST_STEPS
+from fpg_bench.players.card import MOST_SECONDS, MOST_STEPS
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.folders import TRACK_FOLDERS, quoted
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
@@ -133,6 +133,23 @@ _Seeds = Annotated[
 ]
 
 
+Title = Annotated[str, PlainValidator(_entry_name)]
+Authors = Annotated[tuple[str, ...], PlainValidator(_authors)]
+
+
+class ResponseFile(Strict):
+    """Contents of ``response.yaml``; every text in it is untrusted.
+
+    Attributes:
+        name: what the board calls the attacker, whose responses to several entries have one name.
+        seconds: CPU seconds of the search.
+    """
+
+    name: Title
+    authors: Authors
+    seconds: Annotated[float, Ge(0), Le(MOST_SECONDS), Expected("CPU seconds of the search")]
+
+
 class Training(Strict):
     """Cost of training: environment steps and hours of each run, and the training seeds."""
 
@@ -158,8 +175,8 @@ class SubmissionFile(Strict):
         runs: the number of recordings of a language model, as its authors state it; None for others.
     """
 
-    name: Annotated[str, PlainValidator(_entry_name)] = ""
-    authors: Annotated[tuple[str, ...], PlainValidator(_authors)] = ()
+    name: Title = ""
+    authors: Authors = ()
     algorithm: Annotated[_Word, AfterValidator(title)] = ""
     reference: Annotated[str, PlainValidator(_link)] | None = None
     licence: _Word = ""

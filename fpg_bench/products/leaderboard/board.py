@@ -16,6 +16,7 @@ from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
 from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
+    MATCHES,
     TRAINING_SEEDS,
     Interval,
     mean_interval,
@@ -29,7 +30,7 @@ from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.about import Training, board_name
 from fpg_bench.products.leaderboard.crossplay import Pair, Pairs, fully_played, pair_key
 from fpg_bench.products.leaderboard.entries import Entries, VerifiedEntry
-from fpg_bench.products.leaderboard.exploited import Exploited
+from fpg_bench.products.leaderboard.exploited import Attack, Exploited
 from fpg_bench.products.leaderboard.ranking import improvements, profiles
 from fpg_bench.products.leaderboard.result import Result, round_finite
 from fpg_bench.products.leaderboard.submission import Submission
@@ -83,39 +84,21 @@ class BoardSuite:
 
 
 @dataclass(frozen=True)
-class SeedCase:
-    """Lowest known return per step of a single training seed of an entry.
-
-    Attributes:
-        training_seed: the training seed.
-        rival, where: as in :class:`WorstCase`.
-    """
-
-    training_seed: int
-    rival: str
-    where: str
-    return_per_step: float
-
-
-@dataclass(frozen=True)
 class WorstCase:
-    """Lowest known return per step of an entry, over the suites under unchanged rules and cross-play.
+    """Lowest mean return per step of an entry, over the suites under unchanged rules and cross-play.
 
-    It is a mean over training seeds. A rival that was trained to beat one of them may leave it far less than
-    that.
+    It is a mean over training seeds, which hides what one of them loses; see :class:`Exploited`.
 
     Attributes:
         rival: a rival of a suite, or an entry of the other side.
         where: the role of the suite, or ``cross-play``.
         score: the return as a score on the public suite's scale.
-        seed: the lowest return of a single training seed; None where there are fewer than two.
     """
 
     rival: str
     where: str
     score: Interval
     return_per_step: Interval
-    seed: SeedCase | None = None
 
 
 @dataclass(frozen=True)
@@ -182,7 +165,7 @@ class Figures:
         behind: its score minus that of the leader, on the same matches; None without a rank.
         score: over the suite that ranks the track, else over the public one.
         scores: by role of the suite.
-        exploited: lowest return against responses that were trained to lower it; None: not searched.
+        exploited: its lowest known return; None for planners.
         by_rival: scores by role and rival.
         by_group: scores over each group of rivals of the suite that ranks the track; empty if it has none.
         first_rounds: return of the first round of the first training seed, by role and rival.
@@ -439,17 +422,11 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
             figures=_make_figures(
                 item,
                 item.summaries.get(role, item.summaries[PUBLIC]),
-                worst_case(
-                    item.slug,
-                    track.side,
-                    item.summaries,
-                    every.pairs.results.values(),
-                    [policy.seed for policy in item.submission.policies],
-                ),
+                worst_case(item.slug, track.side, item.summaries, every.pairs.results.values()),
                 placed.get(item.slug),
                 seeds_gap=gaps.get(item.slug),
                 is_late=_is_late(item.submission, every.suites.season(track)),
-                exploited=every.exploited.get(f"{item.submission.track}/{item.slug}"),
+                exploited=_exploited(item, every),
             ),
             replays=replays.get(item.key, ()),
         )
@@ -483,6 +460,17 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
         improvement=_make_improvement(ranking),
         profiles=_make_profiles(ranking),
     )
+
+
+def _exploited(item: VerifiedEntry, every: Entries) -> Exploited | None:
+    """Return the lowest known return of a player over suites, cross-play and responses to it."""
+    side = item.track.side
+    if side not in SIDES:
+        return None
+    attacks = every.attacks.get(f"{side}/{item.slug}", ())
+    seeds = [policy.seed for policy in item.submission.policies]
+    rival = lowest_rival(item.slug, side, item.summaries, every.pairs.results.values(), seeds)
+    return Exploited(min((*attacks, rival), key=lambda each: each.return_per_step.value), attacks)
 
 
 def _is_reference(item: VerifiedEntry) -> bool:
@@ -643,9 +631,8 @@ def worst_case(
     side: str,
     summaries: Mapping[str, Summary],
     pairs: Iterable[Pair] = (),
-    seeds: Sequence[int] = (),
 ) -> WorstCase:
-    """Return the lowest known return per step of an entry.
+    """Return the lowest mean return per step of an entry.
 
     It is taken over the suites under unchanged rules and over cross-play. It is an upper bound on the true
     worst case: the entry may earn less against a player that it has not met.
@@ -655,32 +642,50 @@ def worst_case(
         side: ``ally``, ``opponent`` or ``planner``.
         summaries: by role of the suite; changed rules and public seeds do not count.
         pairs: results of cross-play.
-        seeds: the entry's training seeds, in their order.
     """
     other = other_side(side)
     cases: list[tuple[Interval, str, str]] = []
-    by_seed: list[tuple[np.ndarray, str, str]] = []
     for role, summary in summaries.items():
         if role not in (SHIFTED, PUBLIC_SEEDS):
             cases.append((summary.by_rival[summary.worst], summary.worst, role))
-            rewards = summary.rewards.mean(axis=2).T
-            by_seed += [(of, met.name, role) for of, met in zip(rewards, summary.suite.rivals, strict=True)]
     for pair in pairs:
         if side in SIDES and getattr(pair, side) == slug:
             reward = np.array(pair.rewards(side))
             cases.append((mean_interval(reward, TRAINING_SEEDS), getattr(pair, other), CROSSPLAY))
-            by_seed.append((reward, getattr(pair, other), CROSSPLAY))
     interval, rival, where = min(cases, key=lambda case: case[0].value)
     score = _score(interval, summaries[PUBLIC].suite.scale)
-    return WorstCase(rival, where, score, _score(interval), _lowest_seed(by_seed, seeds))
+    return WorstCase(rival, where, score, _score(interval))
 
 
-def _lowest_seed(by_seed: Iterable[tuple[np.ndarray, str, str]], seeds: Sequence[int]) -> SeedCase | None:
-    """Return the lowest return of a single training seed, given those of all against each rival."""
-    if len(seeds) < 2:
-        return None
-    rewards, rival, where = min(by_seed, key=lambda case: float(case[0].min()))
-    return SeedCase(seeds[int(rewards.argmin())], rival, where, round_finite(rewards.min()))
+def lowest_rival(
+    slug: str,
+    side: str,
+    summaries: Mapping[str, Summary],
+    pairs: Iterable[Pair] = (),
+    seeds: Sequence[int] = (),
+) -> Attack:
+    """Return the lowest return per step of a single training seed, over the same rivals.
+
+    Args:
+        slug, side, summaries, pairs: as for :func:`worst_case`.
+        seeds: the entry's training seeds, in their order; none of a script.
+    """
+    met = [
+        (rewards, rival.name, role)
+        for role, summary in summaries.items()
+        if role not in (SHIFTED, PUBLIC_SEEDS)
+        for rewards, rival in zip(summary.rewards.swapaxes(0, 1), summary.suite.rivals, strict=True)
+    ]
+    other = other_side(side)
+    met += [
+        (np.array(pair.rewards(side))[:, None], getattr(pair, other), CROSSPLAY)
+        for pair in pairs
+        if getattr(pair, side) == slug
+    ]
+    rewards, rival, where = min(met, key=lambda case: float(case[0].mean(axis=1).min()))
+    lowest = int(rewards.mean(axis=1).argmin())
+    interval = _score(mean_interval(rewards[lowest], MATCHES))
+    return Attack(rival, where, interval, seeds[lowest] if seeds else None)
 
 
 def _score(interval: Interval, scale: Scale | None = None) -> Interval:

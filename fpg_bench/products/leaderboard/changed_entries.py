@@ -16,11 +16,17 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row
 from fpg_bench.common.strict_json import read_object
-from fpg_bench.players.player import SIDES
-from fpg_bench.products.leaderboard.folders import TRACK_FOLDERS, crossplay_file, exploited_file
+from fpg_bench.products.leaderboard.folders import (
+    ANSWERED,
+    RESPONSE_ABOUT,
+    TRACK_FOLDERS,
+    crossplay_file,
+    exploited_file,
+)
 from fpg_bench.products.sandbox.client import AGENT_FILES
 
 _KINDS = ("submissions", "results", "responses")  # folders of a board
+_RESPONSE = (*AGENT_FILES, RESPONSE_ABOUT)
 _NO_FILE = "not a regular file"
 
 
@@ -54,12 +60,15 @@ def changed_entries(board: Path, revision: str) -> Changes:
     home = board.resolve().relative_to(top)
     names = {path: _entry(Path(path), home) for path in changed}
     pairs, responses = str(crossplay_file(home)), str(exploited_file(home))
+    credits = {path for path in before if path.endswith(f"/{RESPONSE_ABOUT}")}  # who made what stays so
     return Changes(
         frozenset(name for name in names.values() if name is not None),
         tuple(
             path
             for path in changed
-            if names[path] is None and path not in (pairs, responses) and not _is_response(Path(path), home)
+            if names[path] is None
+            and path not in (pairs, responses)
+            and not (_is_response(Path(path), home) and path not in credits)
         ),
         pairs in changed,
     )
@@ -146,9 +155,9 @@ def _entry(path: Path, home: Path) -> str | None:
 
 
 def _is_response(path: Path, home: Path) -> bool:
-    """Return True if a file of a checkout is part of a response to an ally or opponent."""
+    """Return True if a file of a checkout is part of a response to an ally."""
     parts = path.relative_to(home).parts if path.is_relative_to(home) else ()
-    return len(parts) == 5 and parts[0] == "responses" and parts[1] in SIDES and parts[4] in AGENT_FILES
+    return len(parts) == 5 and parts[0] == "responses" and parts[1] == ANSWERED and parts[4] in _RESPONSE
 
 
 def _git(folder: Path, *arguments: str) -> str:

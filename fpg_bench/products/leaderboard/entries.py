@@ -11,10 +11,15 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.summary import Summary
-from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.crossplay import Pairs, players_of, read_pairs
-from fpg_bench.products.leaderboard.exploited import Exploited, lowest_known
-from fpg_bench.products.leaderboard.folders import TRACK_FOLDERS, result_file, short_path, submission_folders
+from fpg_bench.products.leaderboard.exploited import Attack, known_attacks
+from fpg_bench.products.leaderboard.folders import (
+    ANSWERED,
+    TRACK_FOLDERS,
+    result_file,
+    short_path,
+    submission_folders,
+)
 from fpg_bench.products.leaderboard.result import Result, summaries_of
 from fpg_bench.products.leaderboard.submission import Reader, Submission
 from fpg_bench.products.leaderboard.targets import Target
@@ -72,14 +77,14 @@ class Entries:
         suites: the suites of the tracks.
         rejected: readable submissions, each with the reason why its result does not count.
         pairs: results of cross-play.
-        exploited: the lowest return against responses, by ``track/slug``; only of entries that have some.
+        attacks: responses to the allies, by ``track/slug``.
     """
 
     suites: TrackSuites
     verified: Sequence[VerifiedEntry]
     rejected: Sequence[tuple[Submission, str]]
     pairs: Pairs
-    exploited: Mapping[str, Exploited] = field(default_factory=dict)
+    attacks: Mapping[str, tuple[Attack, ...]] = field(default_factory=dict)
 
 
 def load_entries(folder: str | Path = "leaderboard") -> Entries:
@@ -109,14 +114,14 @@ def load_entries(folder: str | Path = "leaderboard") -> Entries:
         if case.result is not None
     ]
     targets = [
-        Target.of(case.submission, case.suites[PUBLIC]) for case in cases if case.submission.track in SIDES
+        Target.of(case.submission, case.suites[PUBLIC]) for case in cases if case.submission.track == ANSWERED
     ]
     return Entries(
         reader.suites,
         verified,
         rejected,
         read_pairs(folder, players_of(cases)),
-        lowest_known(folder, targets),
+        known_attacks(folder, targets),
     )
 
 

@@ -18,6 +18,8 @@ from fpg_bench.common.locks import locked
 from fpg_bench.players.agent import baselines_folder
 
 TRACK_FOLDERS = ("ally", "opponent", "planner")  # folders of submissions; opponents have two tables
+ANSWERED = "ally"  # the track with responses: those to an opponent leave it what pursuit pays anyway
+RESPONSE_ABOUT = "response.yaml"
 _MOST_NAMES = 200
 
 

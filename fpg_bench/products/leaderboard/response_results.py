@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import random
+import re
 from collections.abc import Hashable, Iterable, Mapping, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import yaml
 from annotated_types import Ge, Gt, Len, Lt
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.schema import Items, NonNegativeInt, parse
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
@@ -30,12 +35,20 @@ from fpg_bench.evaluation.verification import (
     draw,
 )
 from fpg_bench.players.player import SIDES
+from fpg_bench.products.leaderboard.about import ResponseFile
 from fpg_bench.products.leaderboard.changed_entries import rows_at
 from fpg_bench.products.leaderboard.crossplay import play_rounds, rewards_of
-from fpg_bench.products.leaderboard.folders import exploited_file, response_folders
+from fpg_bench.products.leaderboard.folders import (
+    ANSWERED,
+    RESPONSE_ABOUT,
+    exploited_file,
+    remove,
+    response_folders,
+)
 from fpg_bench.products.leaderboard.playing import work_store
 from fpg_bench.products.leaderboard.responses import Response, read_response
 from fpg_bench.products.leaderboard.result import round_finite
+from fpg_bench.products.leaderboard.submission import read_policy
 from fpg_bench.products.leaderboard.targets import answered_entries
 
 
@@ -132,6 +145,57 @@ def _describe(response: Response, now: ResponseResult) -> str:
 _CHECK = Check(play_response, _compare, _describe)
 
 
+def enter_response(board: str | Path, name: str, agent: Path, about: Mapping[str, object]) -> str:
+    """Enter an agent as a response to an entry, and play it; nothing is left where that fails.
+
+    Args:
+        board: the leaderboard's folder.
+        name: the entry, ``ally/name``, which must be verified.
+        agent: the agent's folder.
+        about: content of ``response.yaml``; ``seconds`` are by default those of the agent's card.
+
+    Returns:
+        What the entry keeps, in words.
+
+    Raises:
+        UserError: no such verified ally, or not an agent that can be entered against it.
+    """
+    board = Path(board)
+    if name.partition("/")[0] != ANSWERED:
+        raise UserError(f"{name}: only allies are answered; name one, {ANSWERED}/name")
+    targets = list(answered_entries(board, [name], every=True))
+    if not targets:
+        raise UserError(f"{name}: has no verified result; fpg-bench leaderboard verify {name}")
+    (target,) = targets
+    policy, problems = read_policy(agent, None, other_side(ANSWERED))
+    if policy is None or policy.card is None or problems:
+        raise UserError(f"agent {agent}{problems[0]}")
+    content = {"seconds": policy.card.seconds, **about}
+    if content["seconds"] is None:
+        raise UserError(f"agent {agent}: does not say its seconds; name the CPU seconds of the search")
+    credit = parse(ResponseFile, content, "response")
+    slug = re.sub("[^a-z0-9]+", "-", credit.name.lower()).strip("-")[:36]
+    folders = {each.name: each for each in response_folders(board, name)}
+    for each in folders.values():
+        if (each / "policy.onnx").read_bytes() == policy.model:
+            raise UserError(f"agent {agent}: is the response {name}/{each.name} already")
+    number = next(k for k in count(1) if f"{slug}-{k}" not in folders)
+    folder = board / "responses" / name / f"{slug}-{number}"
+    try:
+        policy.card.write(folder, policy.model)
+        content = {"name": credit.name, "authors": [*credit.authors], "seconds": credit.seconds}
+        write_whole(folder / RESPONSE_ABOUT, yaml.safe_dump(content, sort_keys=False))
+        response = read_response(folder, target)
+        result = play_response(response)
+    except BaseException:
+        remove(folder)
+        with contextlib.suppress(OSError):
+            folder.parent.rmdir()  # where it has no other response
+        raise
+    result_store(board).add(result)
+    return _describe(response, result)
+
+
 def verify_responses(
     board: str | Path,
     names: Sequence[str] = (),
@@ -178,10 +242,6 @@ def verify_responses(
         for each in responses:
             if each in kept and each not in drawn:
                 verdicts.give(each.name, True, "not played again")
-            elif trusted is not None and each.key not in known and each.is_recipe:
-                hint = f"fpg-bench leaderboard exploit {each.target.name}"
-                line = f"the board trains its own responses; remove this one and run {hint}"
-                verdicts.give(each.name, False, line)
             else:
                 wanted.append(each)
         known |= _CHECK.verify(wanted, known, work, verdicts, trusted=trusted, update=update, workers=workers)

@@ -1,8 +1,8 @@
-"""Responses to entries: agents trained to lower an entry's return, in folders of a board.
+"""Responses to entries: agents made to lower an ally's return, in folders of a board.
 
-A response is an agent folder ``responses/<track>/<entry>/<name>``. Two of each entry are made by one recipe,
-with seeds that follow from the entry's policies; anybody may add others. All are played against each training
-seed of the entry. The evaluation seeds follow from both sides' policies, so neither can have learned them.
+A response is an agent folder ``responses/ally/<entry>/<name>`` with a ``response.yaml``, which says who made
+it. Anybody may add one. It is played against each training seed of the entry. The evaluation seeds follow
+from both sides' policies, so neither can have learned them.
 """
 
 from __future__ import annotations
@@ -15,15 +15,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side
+from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
+from fpg_bench.products.leaderboard.about import ResponseFile
 from fpg_bench.products.leaderboard.crossplay import CrossplayEntry
+from fpg_bench.products.leaderboard.folders import RESPONSE_ABOUT
 from fpg_bench.products.leaderboard.playing import Part
-from fpg_bench.products.leaderboard.response_recipe import OWN, RECIPE
-from fpg_bench.products.leaderboard.submission import read_policy, slug_problems
+from fpg_bench.products.leaderboard.submission import MOST_TEXT_BYTES, read_policy, slug_problems
 from fpg_bench.products.leaderboard.targets import Target
-from fpg_bench.products.sandbox.client import Policy, check_policies
+from fpg_bench.products.sandbox.client import AGENT_FILES, Policy, check_policies
 
+FILES = {**AGENT_FILES, RESPONSE_ABOUT: MOST_TEXT_BYTES}  # of a response, and their most bytes
 ROUNDS = 100  # of each training seed of an entry against a response
 
 
@@ -35,21 +39,18 @@ class Response:
         target: the entry.
         slug: its name among the responses to the entry.
         policy: its policy.
+        about: who made it.
     """
 
     target: Target
     slug: str
     policy: Policy
+    about: ResponseFile
 
     @property
     def name(self) -> str:
         """Its name on the board, ``track/entry/slug``."""
         return f"{self.target.name}/{self.slug}"
-
-    @property
-    def is_recipe(self) -> bool:
-        """True if its name is that of a response of the recipe."""
-        return self.slug.startswith(OWN)
 
     @property
     def key(self) -> str:
@@ -86,18 +87,10 @@ def read_response(folder: Path, target: Target, inspect_onnx: bool = True) -> Re
     where = f"response {target.name}/{folder.name}"
     for line in slug_problems(folder):
         raise UserError(f"{where}: {line}")
-    policy, problems = read_policy(folder, None, other_side(target.side))
+    policy, problems = read_policy(folder, None, other_side(target.side), FILES)
     if policy is not None and not problems and inspect_onnx:
         problems = [f"/policy.onnx: {line}" for line in check_policies([policy.model])[0]]
     if policy is None or policy.card is None or problems:
         raise UserError(f"{where}{problems[0]}")
-    number = folder.name.removeprefix(OWN)
-    if folder.name.startswith(OWN):
-        is_known = number in map(str, range(RECIPE.n_responses))
-        difference = RECIPE.difference(policy.card, target, int(number)) if is_known else "no such number"
-        if difference is not None:
-            raise UserError(
-                f"{where}/agent.json: not the recipe's response to this policy: {difference}; make it again: "
-                f"fpg-bench leaderboard exploit {target.name}"
-            )
-    return Response(target, folder.name, policy)
+    about = parse(ResponseFile, read_yaml(folder / RESPONSE_ABOUT, where), f"{where}/{RESPONSE_ABOUT}")
+    return Response(target, folder.name, policy, about)

@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -411,19 +411,23 @@ def _has_stated_hash(policy: Policy) -> bool:
     return policy.card is None or policy.card.policy_sha256 == policy.sha256
 
 
-def read_policy(path: Path, seed: int | None, side: str | None) -> tuple[Policy | None, list[str]]:
+def read_policy(
+    path: Path, seed: int | None, side: str | None, files: Mapping[str, int] = AGENT_FILES
+) -> tuple[Policy | None, list[str]]:
     """Return the policy of a folder, and the folder's problems; the ONNX file is not inspected.
 
     Args:
         path: contains ``agent.json`` and ``policy.onnx``.
         seed: the training seed that it must have; None: any or none.
         side: the side that it must play; None: either.
+        files: all that it must contain, and their most bytes.
     """
     if problem := folder_problem(path):
         return None, [f": {problem}"]
-    lines = [f"/{line}" for line in stray_files(path, AGENT_FILES)]
-    limits = AGENT_FILES.items()
-    unreadable = [f"/{name}: {line}" for name, most in limits if (line := file_problem(path / name, most))]
+    lines = [f"/{line}" for line in stray_files(path, files)]
+    unreadable = [
+        f"/{name}: {line}" for name, most in files.items() if (line := file_problem(path / name, most))
+    ]
     if unreadable:
         return None, lines + unreadable
     card, wrong = _read_card(path / "agent.json", seed, side)

@@ -10,9 +10,8 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.verification import Verdicts
-from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.crossplay import CrossplayEntry
-from fpg_bench.products.leaderboard.folders import submission_folders
+from fpg_bench.products.leaderboard.folders import ANSWERED, submission_folders
 from fpg_bench.products.leaderboard.playing import Part
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import PUBLIC
@@ -62,22 +61,26 @@ class Target:
 def answered_entries(
     board: Path, names: Sequence[str], verdicts: Verdicts | None = None, every: bool = False
 ) -> Iterator[Target]:
-    """Yield the verified entries of a board that have responses.
+    """Yield the verified allies of a board that have responses.
 
     Args:
         board: the leaderboard's folder.
-        names: the entries, ``track/name`` each; empty: all allies and opponents.
+        names: the entries, ``track/name`` each; empty: all.
         verdicts: where orphans get a bad verdict; None: nowhere.
         every: yield those without responses, too.
     """
-    folders = {f"{folder.parent.name}/{folder.name}": folder for folder in submission_folders(board, names)}
+    folders = {
+        f"{folder.parent.name}/{folder.name}": folder
+        for folder in submission_folders(board, names)
+        if folder.parent.name == ANSWERED
+    }
     answered = {f"{path.parent.name}/{path.name}" for path in (board / "responses").glob("*/[!.]*")}
     if verdicts is not None and not names:
         for name in sorted(answered - folders.keys()):
-            verdicts.give(name, False, f"responses/{name}: no such submission")
+            verdicts.give(name, False, f"responses/{name}: no such ally")
     reader = board_reader(board)
     for name, folder in folders.items():
-        if name.partition("/")[0] not in SIDES or not (every or name in answered):
+        if not (every or name in answered):
             continue
         try:
             case = load_case(board, folder, reader=reader)

@@ -199,32 +199,27 @@ def crossplay(
     raise typer.Exit(1 if bad else 0)
 
 
-@leaderboard.command()
-@with_fields
-def exploit(
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Entries, track/name. Default: all allies and opponents.")
+@leaderboard.command("break")
+def break_entry(
+    entry: Annotated[str, typer.Argument(help="The entry, ally/name.")],
+    agent: Annotated[Path, typer.Argument(help="Folder of an opponent's agent.")],
+    name: Annotated[str, typer.Option(help="Name of the attacker on the board, such as Tabular search.")],
+    author: Annotated[list[str], typer.Option(help="Who made it; can be repeated.")],
+    seconds: Annotated[
+        float | None, typer.Option(help="CPU seconds of the search. Default: those in agent.json.")
     ] = None,
-    work: Annotated[Path, typer.Option(help="Folder of the trainings; a stopped call resumes there.")] = Path(
-        "runs/exploited"
-    ),
     folder: FolderOption = Path("leaderboard"),
-    workers: WorkersOption = Workers(1),
 ) -> None:
-    """Train the board's own responses to verified entries, and play them.
+    """Enter an agent as a response to an entry: check it, and play it against all its training seeds.
 
-    Two responses are trained to each entry, in about three minutes of one core. Each is on the board, with
-    its result, as soon as it is finished.
-
-    Example: fpg-bench leaderboard exploit ally/expert
+    Example: fpg-bench leaderboard break ally/clock runs/table/agent --name "A table" --author "A. Name"
     """
-    require_extra("train", "torch")
     from fpg_bench.products.leaderboard.folders import at_work
-    from fpg_bench.products.leaderboard.response_training import exploit as make_responses
+    from fpg_bench.products.leaderboard.response_results import enter_response
 
+    about = {"name": name, "authors": author} | ({} if seconds is None else {"seconds": seconds})
     with at_work(folder):
-        for line in make_responses(folder, work, names or (), workers=workers):
-            print_line(line)
+        print_line(enter_response(folder, entry, agent, about))
 
 
 @leaderboard.command()

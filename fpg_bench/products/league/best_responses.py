@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,23 +59,6 @@ class BestResponses(_Measured):
     lowest: Lowest
 
 
-# Kinds of responses in a full search, as fields of the configuration. No kind finds the lowest return of
-# every player, so there are four: SAC with few steps, and random scripts; PPO with stacked frames; the same
-# with discrete actions; and that after imitating the strongest response of these.
-DISCRETE_PPO: Mapping[str, Any] = {
-    "algorithm": "ppo-stack8",
-    "steps": 3_000_000,
-    "n_seeds": 2,
-    "actions": "discrete",
-}
-FULL_SEARCH: tuple[Mapping[str, Any], ...] = (
-    {"algorithm": "sac", "steps": 200_000, "n_seeds": 2, "n_scripts": 100},
-    {"algorithm": "ppo-stack8", "steps": 3_000_000, "n_seeds": 2},
-    DISCRETE_PPO,
-    {**DISCRETE_PPO, "start": "strongest"},
-)
-
-
 def best_responses(config: BestResponseConfig, out: str | Path, *, progress: bool = True) -> BestResponses:
     """Train best responses to a fixed player, and evaluate the player against them.
 
@@ -130,20 +112,6 @@ def best_responses(config: BestResponseConfig, out: str | Path, *, progress: boo
                 result["lowest"] = _lowest_return(result)
                 write_json(file, result)
     return result
-
-
-def full_search(config: BestResponseConfig, out: str | Path, *, progress: bool = True) -> BestResponses:
-    """Find the lowest return of a player with four kinds of responses, which takes about half an hour.
-
-    Args:
-        config: the player, its game and the reward; each kind of :data:`FULL_SEARCH` replaces the rest.
-        out, progress: see :func:`best_responses`, which is called for each kind.
-
-    Returns:
-        The content of ``best_responses.json`` after the last of them.
-    """
-    kinds = [dataclasses.replace(config, **{"actions": None, **kind}) for kind in FULL_SEARCH]
-    return [best_responses(kind, out, progress=progress) for kind in kinds][-1]
 
 
 def _respond(

@@ -30,6 +30,7 @@ from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import NonNegativeInt, Strict, parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.match import versions
 from fpg_bench.evaluation.play import SeedSource
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, TRAINING_STRIDE, training_seed
@@ -60,6 +61,7 @@ from fpg_bench.products.league.best_responses import RESPONSE_REWARDS, ResponseT
 from fpg_bench.products.league.evaluation import evaluate_against
 from fpg_bench.products.league.folder import check_same
 from fpg_bench.training.export import Graph, counted, rows_of
+from fpg_bench.training.run_folder import command_line, revision
 
 MOST_CELLS = 4096
 
@@ -467,6 +469,10 @@ def tabular_response(
     edges = {name: list(map(float, of)) for name, of in features.items()}
     settings, folder = settings_of(target, seeds, reward, seed), Path(out)
     about: Row = {**settings, "features": edges}
+    given: Row = {"budget": budget, "side": side, "reward": reward, "scenario": scenario, "path": path}
+    command = command_line("best-response", agent, search="tabular", out=folder, **given)
+    if seed or edges != {name: list(of) for name, of in DEFAULT_FEATURES[other].items()}:
+        command = None  # that verb has no options for these
     file = RowFile(folder / ROWS)
     with own_folder(folder, RESULT, "tabular search"):
         rows = [parse(_Generation, row, f"rows {file.path}") for row in file.read()]
@@ -493,6 +499,9 @@ def tabular_response(
             "training_steps": search.steps,
             "seconds": round(seconds, 1),
             "recipe": {"features": edges, "cells": cells},
+            "command": command,
+            "versions": versions(),
+            "revision": revision(),
         }
         table = TabularPolicy(side=cast("Any", other), features=edges, cells=cells)
         write_agent(folder / "agent", table_onnx(table, target.scenario), **about_agent)

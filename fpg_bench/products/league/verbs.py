@@ -65,16 +65,6 @@ def best_response(
         ),
     ] = None,
     budget: Annotated[float, typer.Option(help="CPU seconds of --search.", rich_help_panel=TRAINING)] = 200.0,
-    full: Annotated[
-        bool,
-        typer.Option(
-            "--full",
-            help="Run the full search instead: SAC, PPO with stacked frames (continuous, discrete, and "
-            "discrete from the strongest), two seeds each, and 100 scripts with random constants; about "
-            "half an hour.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = False,
 ) -> None:
     """Train best responses to a fixed player and report its return against each.
 
@@ -82,14 +72,13 @@ def best_response(
     """
     check_writable(out)
     require_libraries()
-    from fpg_bench.products.league.best_responses import best_responses, full_search, response_label
+    from fpg_bench.products.league.best_responses import best_responses, response_label
 
     if search is not None:
         asked = {name: options.get(name) for name in ("side", "reward", "actions", "allow")}
         _search_response(search, agent, out, budget, **asked, **game)
         return
-    find = full_search if full else best_responses
-    row = find(BestResponseConfig(agent=agent, game=game, **options), out)
+    row = best_responses(BestResponseConfig(agent=agent, game=game, **options), out)
     for response in row["responses"]:
         print_line(
             f"{response_label(response)}: {response['return']:.2f} per step, {_jamming(response)}; "

@@ -25,12 +25,11 @@ from fpg_bench.products.leaderboard.board import (
     Improvement,
     NashMixture,
     Profiles,
-    SeedCase,
     SeedsGap,
     UnitScores,
     WorstCase,
 )
-from fpg_bench.products.leaderboard.exploited import Exploited
+from fpg_bench.products.leaderboard.exploited import RESPONSE, Attack, Exploited
 from fpg_bench.products.leaderboard.past_seasons import SeasonRow, season_rows
 from fpg_bench.products.leaderboard.site import page_data
 from fpg_bench.products.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
@@ -223,7 +222,7 @@ def _figures(
         score=_score(score, 6, SEEDS),
         scores={role: _score(value, 6, SEEDS) for role, value in scores.items()},
         worst=_worst(index, by_rival[PUBLIC]),
-        exploited=_exploited(text) if index == 2 else None,
+        exploited=_exploited(index, text),
         by_rival=by_rival,
         by_group={
             group: _score(sum(by_rival[suite.role][name].value for name in names) / len(names), 9)
@@ -267,13 +266,17 @@ def _worst(index: int, scores: dict[str, Interval]) -> WorstCase:
     if index % 3 == 0:
         return WorstCase("player-1", CROSSPLAY, Interval(-30.0), Interval(-13.96))
     rival, score = min(scores.items(), key=lambda item: item[1].value)
-    return WorstCase(rival, PUBLIC, score, _score(2.5, 0.5), SeedCase(3, "player-1", CROSSPLAY, -1.25))
+    return WorstCase(rival, PUBLIC, score, _score(2.5, 0.5))
 
 
-def _exploited(text: str) -> Exploited:
-    """Return what is known of an entry whose first training seed was answered by somebody's agent."""
-    reward = _score(-14.65, 0.35, "matches")
-    return Exploited(reward, 0, "breaker", f"PPO {text}".strip(), 1_500_000, False, 3)
+def _exploited(index: int, text: str) -> Exploited:
+    """Return the lowest known return; the first training seed of the third entry was answered by somebody."""
+    rival = Attack("player-1", CROSSPLAY, Interval(-13.96), 3)
+    if index != 2:
+        return Exploited(rival)
+    attack = Attack("breaker-1", RESPONSE, _score(-14.65, 0.35, "matches"), 0, f"Breaker {text}".strip())
+    attack = dataclasses.replace(attack, authors=(f"A. Name {text}".strip(),), seconds=1200.0)
+    return Exploited(attack, (attack, dataclasses.replace(attack, rival="breaker-2")))
 
 
 def _measures(rng: np.random.Generator) -> dict[str, float | None]:

@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
+from scipy.stats import rankdata, spearmanr
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
@@ -149,12 +150,12 @@ def columns(site, kind='[^"]*'):
 def test_tables_have_columns_for_what_was_played(site, tmp_path):
     mission = ["Overlap ratio", "Jamming success rate"]  # right after the score, in the default columns
     scores = ["Score, unseen", "From the leader", *mission, "Public", "Gap", "Herders", "Aimers", "Shifted"]
-    assert columns(site) == ["Entry", *scores, "Worst", "Exploited", "Return per step"]
-    shown = [c for c in columns(site, "num") if c not in ("From the leader", "Worst", "Exploited")]
+    assert columns(site) == ["Entry", *scores, "Worst", "Lowest known", "Return per step"]
+    shown = [c for c in columns(site, "num") if c not in ("From the leader", "Worst", "Lowest known")]
     assert shown == ["Score, unseen", *mission, "Public"]
     assert "Against herders" in (site / "entries/ally/player-1.html").read_text()
     build_site(example_board(3, season=None), tmp_path)
-    last = ["Worst", "Exploited", "Return per step"]
+    last = ["Worst", "Lowest known", "Return per step"]
     assert columns(tmp_path) == ["Entry", "Score, public", "From the leader", *mission, *last]
     assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
@@ -180,16 +181,18 @@ def test_the_worst_case_names_an_entry_of_the_other_side(pages, page):
     assert "−13.96 per step" in pages[page].text
 
 
-def test_what_fresh_trainings_take_stands_beside_the_worst_case_and_is_an_upper_bound(pages):
+def test_the_lowest_known_return_stands_beside_the_worst_case_with_who_found_it(pages):
     ranking, entry, other = (pages[name].text for name in ("ranking.html", entry_file(2), entry_file(1)))
     assert "at most −14.65" in ranking
-    assert "1,500,000 steps, seed 0, by breaker" in ranking
-    assert "not searched" in ranking
-    assert "seed 3 alone −1.25 per step" in ranking
-    assert "Exploited: at most −14.65 per step (−15.00 to −14.30)" in entry
-    assert "of 3 such" in entry
-    assert "seed 3 alone −1.25 per step, against Player 1" in entry
-    assert "No agent was trained to lower it yet" in other
+    assert "1,200 CPU s, seed 0" in ranking
+    assert "nobody tried" in ranking
+    assert "at most −13.96" in ranking
+    assert (
+        "lowest known return of a single training seed is at most −14.65 per step (−15.00 to −14.30)" in entry
+    )
+    assert "2 responses were made to lower it" in entry
+    assert "single training seed is at most −13.96 per step, against Player 1" in other
+    assert ", cross-play, seed 3. Nobody made a response to it yet" in other
     assert "among the entries; no guarantee" in pages["crossplay.html"].text
 
 
@@ -453,11 +456,50 @@ def test_scores_can_be_downloaded_as_csv_with_metadata_of_both_files(site):
         content = (site / file["contentUrl"]).read_bytes()
         assert file["sha256"] == hashlib.sha256(content).hexdigest()
         assert file["contentSize"] == f"{len(content)} B"
-    (records,) = about["recordSet"]
-    columns = [field["source"]["extract"]["column"] for field in records["field"]]
-    assert columns == list(rows[0])
-    sources = {field["source"]["fileObject"]["@id"] for field in records["field"]}
-    assert sources == {"scores.csv"} < {file["@id"] for file in about["distribution"]}
+    heads = {name: (site / name).read_text().splitlines()[0] for name in ("scores.csv", "unbroken.csv")}
+    for records, (name, head) in zip(about["recordSet"], heads.items(), strict=True):
+        assert [field["source"]["extract"]["column"] for field in records["field"]] == head.split(",")
+        assert {field["source"]["fileObject"]["@id"] for field in records["field"]} == {name}
+    assert heads.keys() < {file["@id"] for file in about["distribution"]}
+
+
+def test_who_is_unbroken_and_who_broke_what_stand_below_the_table_of_a_track(pages, site):
+    text = pages["ranking.html"].text
+    assert text.count("Entries by their lowest known return, and attackers") == 1  # one track has responses
+    page = (site / "ranking.html").read_text()
+    assert '<td class="num">−14.65</td><td class="num">−15.00 to −14.30</td><td>Breaker' in page
+    assert '<td class="num">1</td><td class="num">1</td><td>Player 2' in page
+    with (site / "unbroken.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["entry"], row["response"], row["return_per_step"]) for row in rows] == [
+        ("player-2", "breaker-1", "-14.65"),
+        ("player-2", "breaker-2", "-14.65"),
+    ]
+
+
+def test_what_a_score_means_is_a_correlation_alone_and_at_equal_hops():
+    rng = np.random.default_rng(0)
+    values = {name: rng.normal(size=9) for name in ("score", "hop_rate", "outage")}
+    values["score"] = values["score"] + values["hop_rate"]
+    figures = [
+        SimpleNamespace(
+            rank=(1, 9), score=Interval(s), measures={"hop_rate": h, "outage": o, "overlap_ratio": None}
+        )
+        for s, h, o in zip(*values.values(), strict=True)
+    ]
+    track = SimpleNamespace(side="ally", verified=lambda: [(None, each) for each in figures])
+    (outage, alone, equal), (hops, with_hops, none) = views.correlations(track)
+    assert (outage.label, hops.label) == ("Outage", "Hops")
+    assert alone == pytest.approx(spearmanr(values["score"], values["outage"]).statistic)
+    assert with_hops == pytest.approx(spearmanr(values["score"], values["hop_rate"]).statistic)
+    assert np.isnan(none)
+    score, rate, broken = map(rankdata, values.values())
+    rests = [of - np.polyval(np.polyfit(rate, of, 1), rate) for of in (score, broken)]
+    assert equal == pytest.approx(np.corrcoef(rests)[0, 1])
+    figures[0].rank = None
+    assert views.correlations(track)[0][1] != pytest.approx(alone)
+    track.side = "opponent"
+    assert views.correlations(track) == []
 
 
 def test_commands_that_train_an_entry_name_an_agent_of_the_zoo_or_a_champion():

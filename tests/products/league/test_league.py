@@ -135,19 +135,6 @@ def lowest(result):
     return {"return": rows[name]["return"], "against": name}
 
 
-def test_the_full_search_tries_every_kind_of_response_with_two_seeds(tmp_path, monkeypatch):
-    calls = []
-    measures = {"return": 0.0, "measures": {"jamming_success_rate": 0.0}}
-    row = {"responses": [], "scripts": {"tone": measures}, "lowest": {"return": 0.0, "against": "tone"}}
-    monkeypatch.setattr(responding, "best_responses", lambda config, *a, **k: calls.append(config) or row)
-    best_response("expert", tmp_path / "out", full=True, options={"reward": "own"}, game={"path": "circle"})
-    assert [call.algorithm for call in calls] == ["sac", "ppo-stack8", "ppo-stack8", "ppo-stack8"]
-    assert {(call.n_seeds, call.reward, call.game["path"]) for call in calls} == {(2, "own", "circle")}
-    assert [call.actions for call in calls] == [None, None, "discrete", "discrete"]
-    assert calls[0].n_scripts == 100
-    assert calls[3].start == "strongest"
-
-
 @pytest.mark.slow
 def test_scripts_with_other_constants_are_tried_beside_the_scripts(ally, tmp_path):
     out = tmp_path / "responses"

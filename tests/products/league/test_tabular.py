@@ -2,15 +2,19 @@
 
 import json
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.match import versions
 from fpg_bench.game.scenario import as_scenario, preset
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.players.policy_runner import PolicyRunner
@@ -93,6 +97,20 @@ def test_an_obvious_hole_is_found_in_a_second_and_exported_as_an_agent(tmp_path)
     assert result == json.loads((tmp_path / "out" / "tabular.json").read_text())
     card = load_agent(tmp_path / "out" / "agent", "opponent").card
     assert (card.algorithm, card.recipe["cells"]) == ("tabular", result["cells"])
+    assert card.command is None  # the verb has no option for features
+    assert card.to_dict()["versions"] == versions()
+
+
+@pytest.mark.slow
+def test_the_agent_of_a_table_says_the_command_that_makes_it_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    again = []
+    for out in ("first", "second"):
+        tabular_response("idle", Path(out), side="ally", budget=0.01)
+        again.append(load_agent(tmp_path / out / "agent", "opponent").card)
+    words = again[0].command.replace("--out first", "--out third").split()[1:]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert load_agent(tmp_path / "third" / "agent", "opponent").card.policy_sha256 == again[1].policy_sha256
 
 
 @pytest.mark.slow

@@ -25,15 +25,28 @@ _COLUMNS = {
 }
 
 
+_ATTACK_COLUMNS = {
+    **{name: _COLUMNS[name] for name in ("track", "entry")},
+    "name": ("sc:Text", "name of the attacker"),
+    "authors": ("sc:Text", "authors of the response"),
+    "response": ("sc:Text", "address of the response among those to the entry"),
+    "return_per_step": ("sc:Float", "of the entry's training seed that keeps least"),
+    "low": ("sc:Float", "lower end of its 95 % interval over matches"),
+    "high": ("sc:Float", "upper end of its 95 % interval over matches"),
+    "training_seed": ("sc:Integer", "that training seed; empty for scripts"),
+    "seconds": ("sc:Float", "CPU seconds of the search, as its authors say"),
+}
+
+
 def dataset_files(board: Board, board_json: str) -> dict[str, str]:
-    """Return ``scores.csv`` and ``croissant.json`` of a board.
+    """Return ``scores.csv``, ``unbroken.csv`` and ``croissant.json`` of a board.
 
     Args:
         board: the board.
         board_json: content of the site's ``board.json``, which the metadata describe, too.
     """
-    scores = scores_csv(board)
-    files = {"scores.csv": scores, "board.json": board_json}
+    tables = {"scores.csv": scores_csv(board), "unbroken.csv": unbroken_csv(board)}
+    files = {**tables, "board.json": board_json}
     about = metadata(
         "fpg-bench-leaderboard",
         "Verified results of the fpg-bench leaderboard: scores of agents, scripts and planners against "
@@ -58,9 +71,12 @@ def dataset_files(board: Board, board_json: str) -> dict[str, str]:
             ),
         },
         datePublished=board.built,
-        recordSet=[record_set("scores", "scores.csv", _COLUMNS)],
+        recordSet=[
+            record_set("scores", "scores.csv", _COLUMNS),
+            record_set("unbroken", "unbroken.csv", _ATTACK_COLUMNS),
+        ],
     )
-    return {"scores.csv": scores, "croissant.json": json.dumps(about, indent=2) + "\n"}
+    return {**tables, "croissant.json": json.dumps(about, indent=2) + "\n"}
 
 
 def scores_csv(board: Board) -> str:
@@ -73,4 +89,17 @@ def scores_csv(board: Board) -> str:
                 ends = (score.low, score.high) if math.isfinite(score.half) else (None, None)
                 numbers = [score.value, *ends, score.over]
                 lines.append([*about, *(figures.rank or (None, None)), role, *numbers])
+    return csv_text(lines)
+
+
+def unbroken_csv(board: Board) -> str:
+    """Return the responses to entries as CSV; first those to the entry that keeps most."""
+    lines: list[list[object]] = [[*_ATTACK_COLUMNS]]
+    for track in board.tracks:
+        known = [(e.slug, f.exploited) for e, f in track.verified() if f.exploited and f.exploited.attacks]
+        for slug, exploited in sorted(known, key=lambda each: -each[1].lowest.return_per_step.value):
+            for attack in exploited.attacks:
+                kept = attack.return_per_step
+                about = [track.key, slug, attack.name, ", ".join(attack.authors), attack.rival]
+                lines.append([*about, kept.value, kept.low, kept.high, attack.training_seed, attack.seconds])
     return csv_text(lines)

@@ -135,7 +135,7 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
         role=ROLES[role].label.lower(),
         axis=Axis.of_scores(charted),
         worst=worst_view(board, track, figures),
-        exploited=exploited_view(figures),
+        exploited=exploited_view(board, track, figures),
         seeds_gap=seeds_gap_text(figures),
         lost=lost_text(figures),
         same_policies=same_policies_text(figures),

@@ -7,10 +7,13 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.stats import rankdata
+
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
-from fpg_bench.products.leaderboard.exploited import invalid_text
+from fpg_bench.products.leaderboard.exploited import RESPONSE
 from fpg_bench.products.leaderboard.tracks import (
     PUBLIC,
     PUBLIC_SEEDS,
@@ -80,6 +83,8 @@ MEASURES = {
     "share_broadband": Measure("Broadband", "share", "time in which it jams a broad band"),
     "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
 }
+HOPS = "hop_rate"
+CORRELATED = ("outage", "jamming_success_rate", "overlap_ratio", "capacity_mbit_s", "delivered_share")
 MISSION = ("overlap_ratio", "jamming_success_rate")  # the two measures of the mission, right after each score
 
 
@@ -202,35 +207,23 @@ class Axis:
 
 @dataclass(frozen=True)
 class WorstView:
-    """The worst case of an entry: its rival's name, and where they met, in words.
-
-    Attributes:
-        seed: the lowest return of a single training seed, in words; empty where there are fewer than two.
-        seed_rival: against whom that was.
-    """
+    """The worst case of an entry: its rival's name, and where they met, in words."""
 
     score: Interval
     return_per_step: Interval
     rival: str
     where: str
-    seed: str
-    seed_rival: str
 
 
 def worst_view(board: Board, track: BoardTrack, figures: Figures) -> WorstView:
     """Return the presentation of an entry's worst case."""
-    worst, seed = figures.worst, figures.worst.seed
-    text = ""
-    if seed is not None:
-        text = f"seed {seed.training_seed} alone {format_number(seed.return_per_step, 'step')} per step"
-    return WorstView(
-        worst.score,
-        worst.return_per_step,
-        _rival(board, track, worst.rival, worst.where),
-        worst.where if worst.where == CROSSPLAY else ROLES[worst.where].label.lower(),
-        text,
-        "" if seed is None else _rival(board, track, seed.rival, seed.where),
-    )
+    worst = figures.worst
+    rival = _rival(board, track, worst.rival, worst.where)
+    return WorstView(worst.score, worst.return_per_step, rival, _place(worst.where))
+
+
+def _place(where: str) -> str:
+    return where if where == CROSSPLAY else ROLES[where].label.lower()
 
 
 def _rival(board: Board, track: BoardTrack, rival: str, where: str) -> str:
@@ -242,28 +235,38 @@ def _rival(board: Board, track: BoardTrack, rival: str, where: str) -> str:
 
 @dataclass(frozen=True)
 class ExploitedView:
-    """The least that an entry keeps against responses to it, in words; see :class:`Exploited`."""
+    """The lowest known return of an entry, in words; see :class:`Exploited`.
+
+    Attributes:
+        found_by: who found it, and for how many CPU seconds.
+        n_responses: number of responses to it.
+    """
 
     value: float
     at_most: str
     interval: str
-    search: str
+    found_by: str
+    n_responses: int
 
 
-def exploited_view(figures: Figures) -> ExploitedView | None:
-    """Return the presentation of what an entry keeps against responses; None where none was trained."""
-    lowest = figures.exploited
-    if lowest is None:
+def exploited_view(board: Board, track: BoardTrack, figures: Figures) -> ExploitedView | None:
+    """Return the presentation of the lowest known return of an entry; None for planners."""
+    if figures.exploited is None:
         return None
+    lowest = figures.exploited.lowest
     reward = lowest.return_per_step
-    low, high = (format_number(end, "step") for end in (reward.low, reward.high))
-    seed = "" if lowest.training_seed is None else f", seed {lowest.training_seed}"
-    search = f"{lowest.algorithm}, {lowest.steps:,} steps{seed}{invalid_text(lowest)}"
+    ends = (format_number(end, "step") for end in (reward.low, reward.high))
+    if lowest.where == RESPONSE:
+        lost = f", {lowest.invalid:,} rounds lost by invalid answers" if lowest.invalid else ""
+        found_by = f"{lowest.name} ({', '.join(lowest.authors)}), {lowest.seconds or 0:,.0f} CPU s{lost}"
+    else:
+        found_by = f"{_rival(board, track, lowest.rival, lowest.where)}, {_place(lowest.where)}"
     return ExploitedView(
         reward.value,
         f"at most {format_number(reward.value, 'step')}",
-        f"{low} to {high}",
-        search if lowest.is_recipe else f"{search}, by {lowest.response}",
+        " to ".join(ends) if math.isfinite(reward.half) else "",
+        found_by if lowest.training_seed is None else f"{found_by}, seed {lowest.training_seed}",
+        len(figures.exploited.attacks),
     )
 
 
@@ -321,6 +324,51 @@ class RowView:
     warnings: list[str]
 
 
+def correlations(track: BoardTrack) -> list[tuple[Measure, float, float]]:
+    """Return Spearman's correlations of measures with the score over the ranked allies.
+
+    The second number is the partial correlation at equal rates of hops.
+    """
+    ranked = [figures for _, figures in track.verified() if figures.rank is not None]
+    columns = {"score": [figures.score.value for figures in ranked]}
+    for name in (HOPS, *CORRELATED):
+        values = [value for figures in ranked if (value := figures.measures.get(name)) is not None]
+        columns |= {name: values} if len(values) == len(ranked) else {}
+    if track.side != "ally" or HOPS not in columns or min(len(set(of)) for of in columns.values()) < 4:
+        return []
+    rho = np.corrcoef([rankdata(of) for of in columns.values()])
+    score, hops = rho[0], rho[1]
+    partial = (score - score[1] * hops) / np.sqrt((1 - score[1] ** 2) * np.maximum(1 - hops**2, 1e-9))
+    rows = zip(columns, score.tolist(), partial.tolist(), strict=True)
+    return [(MEASURES[name], alone, equal) for name, alone, equal in rows if name not in ("score", HOPS)] + [
+        (MEASURES[HOPS], float(score[1]), math.nan)
+    ]
+
+
+@dataclass(frozen=True)
+class AttackerView:
+    """An attacker: the entries that its responses answer, and those that nobody else brought lower."""
+
+    name: str
+    authors: str
+    answered: list[str]
+    broken: list[str]
+
+
+def attacker_views(track: BoardTrack) -> list[AttackerView]:
+    """Return the attackers of a track, from that which broke most."""
+    views: dict[tuple[str, str], AttackerView] = {}
+    for entry, figures in track.verified():
+        for attack in figures.exploited.attacks if figures.exploited else ():
+            key = attack.name, ", ".join(attack.authors)
+            view = views.setdefault(key, AttackerView(*key, [], []))
+            if entry.name not in view.answered:
+                view.answered.append(entry.name)
+            if figures.exploited and attack == figures.exploited.lowest:
+                view.broken.append(entry.name)
+    return sorted(views.values(), key=lambda view: (-len(view.broken), -len(view.answered), view.name))
+
+
 @dataclass(frozen=True)
 class TrackView:
     """A track's table and heat map.
@@ -330,6 +378,9 @@ class TrackView:
         mission: presentations of the two measures of the mission by name, as far as they were measured.
         heat_suites: suites of the heat map; ``heat_rows`` have a score and a tint, 0 to 8, per rival.
         leaders: names of the entries that may be best, the first one first.
+        unbroken: entries that have responses, by their lowest known return.
+        attackers: who answered them, by the number of entries that nobody brought lower.
+        correlations: of measures with the score; see :func:`correlations`.
     """
 
     track: BoardTrack
@@ -344,6 +395,9 @@ class TrackView:
     heat_suites: list[BoardSuite]
     heat_rows: list[tuple[RowView, list[tuple[float, int] | None]]]
     leaders: list[str]
+    unbroken: list[RowView]
+    attackers: list[AttackerView]
+    correlations: list[tuple[Measure, float, float]]
 
 
 def track_view(board: Board, track: BoardTrack) -> TrackView:
@@ -376,6 +430,12 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
             (row, _heat_cells(row.figures, heat_suites, top)) for row in rows if row.figures is not None
         ],
         leaders=[entry.name for entry, figures in verified if figures.may_be_best],
+        unbroken=sorted(
+            (row for row in rows if row.exploited is not None and row.exploited.n_responses),
+            key=lambda row: -(row.exploited.value if row.exploited else 0.0),
+        ),
+        attackers=attacker_views(track),
+        correlations=correlations(track),
     )
 
 
@@ -391,7 +451,7 @@ def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
         public=scores.get(PUBLIC),
         shifted=scores.get(SHIFTED),
         worst=None if figures is None else worst_view(board, track, figures),
-        exploited=None if figures is None else exploited_view(figures),
+        exploited=None if figures is None else exploited_view(board, track, figures),
         warnings=warnings(figures),
     )
 
