@@ -45,7 +45,8 @@ A score is the mean over a suite's rivals of the return per step, on the scale o
 column only. The first suite is the one that `fpg-bench zoo` shows; with `@season-3` it is played on the
 seeds of that season, as the leaderboard plays it, and the scores are the leaderboard's. Agents may be trained
 against all rivals but those of a season suite, which were trained after the entries of that season had been
-closed. The last columns are of the first suite.
+closed. The last columns are of the first suite. The oracle sees the full state: it shows what a player of
+observations may still win, and has no rank.
 
 Intervals are 95 %, by Student's t: over training seeds, and for scripts
 over matches. † marks fewer than three training seeds. Time is that of training, on one core, without
@@ -159,7 +160,7 @@ def _table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[S
 def _scripts(zoo: Zoo, group: ZooGroup) -> list[Summary]:
     """Return the summaries of the scripts on the suite that scores a group's trainings, best first."""
     suite = load_suite(group.training_suite)
-    return summarise(zoo.read_script_records(suite), suite)
+    return [of for of in summarise(zoo.read_script_records(suite), suite) if not of.is_bound]
 
 
 def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summary]]) -> list[str]:
@@ -170,7 +171,7 @@ def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summar
     worst = min(lows, key=lambda name: lows[name])
     scores = [f"{number(s.score.value)} {bounds(s.score)}{few}" if s else "-" for s in (summary, *elsewhere)]
     return [
-        f"**{summary.entry}**" if summary.trained else summary.entry,
+        f"**{summary.entry}**" if summary.trained else summary.label,
         str(summary.training_seeds or "-"),
         steps,
         *scores,

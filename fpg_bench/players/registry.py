@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import ALL_TACTICS, BAYES, NAMED, SCRIPTS, action_modes, other_side
+from fpg_bench.common.ids import ALL_TACTICS, BAYES, NAMED, ORACLES, SCRIPTS, action_modes, other_side
 from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
@@ -32,7 +32,7 @@ from fpg_bench.players.preprocessing import (
     unknown,
 )
 from fpg_bench.players.remote import is_remote
-from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted, player_noise
+from fpg_bench.players.scripted import OracleAlly, OracleOpponent, Scripted, player_noise
 from fpg_bench.players.seeded import Seeded
 from fpg_bench.players.tactics import Tactic
 from fpg_bench.players.theory import BayesJammer, OracleLinkAlly

@@ -272,9 +272,6 @@ def player_seeds(round_keys: np.ndarray, side: str) -> np.ndarray:
     return seeds
 
 
-ORACLES = ("oracle",)
-
-
 def _away(state: np.ndarray, side: int, box_m: np.ndarray) -> np.ndarray:
     """Return ``(n, 3)``, the relative position in m that a side observes; its numbers begin at ``side``."""
     root = state[:, side + RELATIVE_POSITION : side + RELATIVE_POSITION + 3]

@@ -253,28 +253,30 @@ def play_bayes(
     points = rules.points
     for i in range(observations.shape[0]):
         seen, of = observations[i], memory[i]
-        game.distance_m = fly_at_ally(seen, actions[i], scales)
+        fly_at_ally(seen, actions[i], scales)
         for axis in range(3):
             game.opponent_position[axis] = (seen[OWN_POSITION + axis] + 1.0) / 2.0 * rules.box[axis]
             game.ally_position[axis] = game.opponent_position[axis] + away_m(seen, scales, axis)
         frequency, is_heard = seen[KNOWN_FREQUENCY], seen[KNOWN_AGE] <= 0.0
         if truth is not None:
             frequency, is_heard = truth[i, 0], True
+        last, centre_mhz = -1, rules.band_middle + seen[JAM_CENTRE] * rules.band_half
+        for j in range(TYPES):
+            if seen[JAM_TYPE + j] > 0.0:
+                last = j
         is_new = of.weight.sum() <= 0.0
         if is_new:
             of.weight[:], of.stayed[:] = 1.0, 1.0
-        elif truth is None and of.due:
-            _weigh_waveform(of, seen, game, rules, radio)
+        elif truth is None and of.due and last >= 0:
+            _weigh_waveform(of, seen[LAST_CHECK] > 0.0, game, last, centre_mhz, rules, radio)
         if is_heard:
             point = nearest_point(frequency, rules)
             if not is_new:
                 _weigh_hazards(of, point, points)
             of.point, of.stayed[:] = point, 1.0
-        kind, hit = 0, 0
-        for j in range(TYPES):
-            if seen[JAM_TYPE + j] > 0.0:
-                centre = rules.band_middle + seen[JAM_CENTRE] * rules.band_half
-                hit = int(covers(j, centre, point_mhz(of.point, rules), of.spread > 0.5, rules, radio))
+        hit = 0
+        if last >= 0:
+            hit = int(covers(last, centre_mhz, point_mhz(of.point, rules), of.spread > 0.5, rules, radio))
         stays = 0.0
         for k in range(hazards.shape[0]):
             of.stayed[k] *= 1.0 - hazards[k, hit]
@@ -288,7 +290,7 @@ def play_bayes(
             case, middle, point, waveform = cases[k]
             _jam_point(game, case, point_mhz(middle, rules), point, waveform == 1, rules, radio)
             losses[k] = game.opponent_reward
-        best, best_centre = -math.inf, 0
+        best, kind, best_centre = -math.inf, 0, 0
         for j in range(TYPES):
             for centre in range(points):
                 expected = 0.0
@@ -320,13 +322,19 @@ def _weigh_hazards(of: Record, point: int, points: int) -> None:
 
 
 @compiled
-def _weigh_waveform(of: Record, seen: np.ndarray, game: Record, rules: Record, radio: Record | None) -> None:
-    """Update the chance that the ally spreads by the result of the check just made."""
-    is_heard = seen[LAST_CHECK] > 0.0
-    game.frequency_mhz, game.jamming_type = point_mhz(of.point, rules), -1
-    game.spreading = True
+def _weigh_waveform(
+    of: Record,
+    is_heard: bool,
+    game: Record,
+    kind: int,
+    centre_mhz: float,
+    rules: Record,
+    radio: Record | None,
+) -> None:
+    """Update the chance that the ally spreads by the result of the check just made, under a jamming."""
+    _jam_point(game, kind, centre_mhz, of.point, True, rules, radio)
     spread = of.spread * (SURE if detects_ally(game, None, rules, radio) == is_heard else 1.0 - SURE)
-    game.spreading = False
+    _jam_point(game, kind, centre_mhz, of.point, False, rules, radio)
     plain = SURE if detects_ally(game, None, rules, radio) == is_heard else 1.0 - SURE
     of.spread = spread / (spread + (1.0 - of.spread) * plain)
     of.spreads += of.spread
