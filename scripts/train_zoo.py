@@ -22,7 +22,7 @@ from zoo_page import keep_curve, write_page
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.ids import DUEL, SCRIPTED, sides_of
+from fpg_bench.common.ids import DUEL, ORACLES, SCRIPTED, sides_of
 from fpg_bench.common.locks import locked
 from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, Workers, run_jobs
@@ -131,7 +131,7 @@ def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
     Returns:
         All records of the group.
     """
-    scripts = [player_entry(name) for name in SCRIPTED[group.side]]
+    scripts = [player_entry(name) for name in (*SCRIPTED[group.side], *ORACLES)]
     agents = [agent.entry() for agent in zoo.members(group.name) if agent.shipped]
     records = []
     for suite in map(load_suite, group.suites):

@@ -39,7 +39,8 @@ Agents that are shipped, each a player by its name: `fpg_bench.load_agent("ally-
 the last of its suites, which is the held-out one where there is one, with its 95 % interval over training
 seeds ([protocol](../docs/benchmark/protocol.md)). *All agents* has the scores of every algorithm and script,
 with steps, minutes and measures. Beside it are learning curves on tuning seeds, performance profiles and the
-probability of improvement (Agarwal et al. 2021).
+probability of improvement (Agarwal et al. 2021). An oracle sees the full state: it shows what a player of
+observations may still win, and has no rank.
 
 """
 _FOOT = f"""
@@ -128,7 +129,7 @@ def table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[Su
 def _scripts(zoo: Zoo, group: ZooGroup) -> list[Summary]:
     """Return the summaries of the scripts on the suite that scores a group's trainings, best first."""
     suite = load_suite(group.training_suite)
-    return summarise(zoo.read_script_records(suite), suite)
+    return [of for of in summarise(zoo.read_script_records(suite), suite) if not of.is_bound]
 
 
 def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summary]]) -> list[str]:
@@ -139,7 +140,7 @@ def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summar
     worst = min(lows, key=lambda name: lows[name])
     scores = [f"{number(s.score.value)} {bounds(s.score)}{few}" if s else "-" for s in (summary, *elsewhere)]
     return [
-        summary.entry,
+        summary.label,
         str(summary.training_seeds or "-"),
         steps,
         *scores,

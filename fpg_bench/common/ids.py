@@ -113,12 +113,17 @@ TACTICS = {
     "ally": ("sulk", "by-type"),
     "opponent": ("scan", "alternate", "guard", "herd"),
 }  # with constants to change
-LATER_TACTICS = {"ally": ("evidence", "clock"), "opponent": ("hunter",)}  # newer than all-scripted
+LATER_TACTICS = {"ally": ("evidence", "clock", "range"), "opponent": ("hunter",)}  # newer than all-scripted
 ALL_TACTICS = {side: (*TACTICS[side], *LATER_TACTICS[side]) for side in TACTICS}
 LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
 # What all-scripted stands for, and what searches and self-play begin with: frozen, as results name them.
 SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
-SCRIPTS = {side: (*SCRIPTED[side], *LATER_TACTICS[side]) for side in SCRIPTED}
+BAYES = "bayes"  # the jammer of fpg_bench.players.theory
+ORACLES = ("oracle",)  # of either side; they see the full state, and tables tell them apart
+SCRIPTS = {
+    "ally": (*SCRIPTED["ally"], *LATER_TACTICS["ally"]),
+    "opponent": (*SCRIPTED["opponent"], *LATER_TACTICS["opponent"], BAYES),
+}
 # All players of the package without a policy.
 NAMED = {"ally": (*SCRIPTS["ally"], *LEARNERS), "opponent": SCRIPTS["opponent"]}
 

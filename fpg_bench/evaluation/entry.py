@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from fpg_bench.common.checks import title
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import NAMED, SCRIPTED
+from fpg_bench.common.ids import NAMED, ORACLES, SCRIPTED
 from fpg_bench.common.imports import code_fingerprint, is_code
 from fpg_bench.common.schema import Word, parse
 from fpg_bench.envs.two_player import PlannerSpec
@@ -90,8 +90,9 @@ def entries_of(
         name: name of the agents among them; None: their algorithm.
 
     Raises:
-        UserError: no such player, one of the other side, an oracle, two agents of one entry with the same
-            training seed, a name for several entries, or one that is a script's or begins with a sign.
+        UserError: no such player, one of the other side, one that sees the full state, two agents of one
+            entry with the same training seed, a name for several entries, or one that is a script's or
+            begins with a sign.
     """
     given: dict[str, list[PlayerSpec]] = {}
     every: list[PlayerSpec] = []
@@ -139,12 +140,16 @@ def _named_entry(name: str, specs: list[PlayerSpec], suite: Suite) -> list[Evalu
     entries = entries_of(specs, suite)
     if len({entry.name for entry in entries}) > 1:
         raise UserError(f"{name}: {' and '.join(entry.name for entry in entries)} are several entries")
+    if name not in ORACLES and entries[0].name in ORACLES:
+        raise UserError(
+            f"{name}={entries[0].name}: tables tell it apart by its name; write {entries[0].name}"
+        )
     return [dataclasses.replace(entry, name=name) for entry in entries]
 
 
 def check_name(name: str, side: str) -> None:
     """Refuse a name for an entry that is a script's, or that a table or a spreadsheet cannot show."""
-    if name.casefold() in NAMED[side]:
+    if name.casefold() in (*NAMED[side], *ORACLES):
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
     try:
         title(name)
@@ -201,7 +206,8 @@ def same_policies(policies: Mapping[int | None, str]) -> Iterator[str]:
 
 def _player(spec: PlayerSpec, suite: Suite) -> Player:
     player = suite.as_player(spec, suite.side, suite.scenario)
-    if Abilities.of(player).sees_state or hasattr(player, "join"):
+    is_oracle = isinstance(spec, str) and spec in ORACLES
+    if (Abilities.of(player).sees_state and not is_oracle) or hasattr(player, "join"):
         raise UserError(f"{suite.side} {spec!r}: sees the full state, which no suite allows")
     return player
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import ORACLES
 from fpg_bench.evaluation.record import Pooled, Record, pool
 from fpg_bench.evaluation.statistics import Interval, crossed_interval
 from fpg_bench.evaluation.suite import Suite
@@ -53,6 +54,16 @@ class Summary:
 
     def __repr__(self) -> str:
         return f"Summary({self.entry!r}, {self.suite.name!r}, score={self.score.value:.1f})"
+
+    @property
+    def is_bound(self) -> bool:
+        """True for an oracle, which no table ranks."""
+        return self.entry in ORACLES
+
+    @property
+    def label(self) -> str:
+        """Its name in tables."""
+        return f"{self.entry} (a bound)" if self.is_bound else self.entry
 
     @property
     def training_seeds(self) -> int:
@@ -118,9 +129,12 @@ class Summary:
 
 
 def summarise(records: Iterable[Record], suite: Suite) -> list[Summary]:
-    """Return one summary per entry with complete records, best first; other suites' records are skipped."""
+    """Return one summary per entry with complete records; other suites' records are skipped.
+
+    The best comes first, oracles last.
+    """
     summaries = [_summary(of_entry, suite) for of_entry in by_entry(records, suite).values()]
-    return sorted(filter(None, summaries), key=lambda summary: (-summary.score.value, summary.entry))
+    return sorted(filter(None, summaries), key=lambda s: (s.is_bound, -s.score.value, s.entry))
 
 
 def by_entry(records: Iterable[Record], suite: Suite) -> dict[str, list[Record]]:

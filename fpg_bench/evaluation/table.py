@@ -161,8 +161,8 @@ class Standing:
     """The place of an entry in its table.
 
     Attributes:
-        rank: best and worst rank; None where an entry of the table has a single unit, or the table more than
-            ``MOST_RANKED`` entries.
+        rank: best and worst rank; None for an oracle, and where an entry of the table has a single unit, or
+            the table more than ``MOST_RANKED`` entries.
         may_be_best: see :func:`fpg_bench.evaluation.statistics.may_be_best`; None as for the rank.
         behind: its score minus that of the first.
     """
@@ -176,12 +176,15 @@ def standings(summaries: Sequence[Summary]) -> dict[str, Standing]:
     """Return the standing of each entry of a table by its name.
 
     Args:
-        summaries: best first.
+        summaries: best first, oracles last.
     """
     samples = [summary.samples for summary in summaries]
-    is_compared = len(samples) <= MOST_RANKED and all(sample.size > 1 for sample in samples)
-    none = [None] * len(samples)
-    ranks, best = (rank_ranges(samples), may_be_best(samples)) if is_compared else (none, none)
+    count = sum(not summary.is_bound for summary in summaries)
+    is_compared = count <= MOST_RANKED and all(sample.size > 1 for sample in samples[:count])
+    ranks: list[tuple[int, int] | None] = [None] * len(samples)
+    best: list[bool | None] = [None] * len(samples)
+    if is_compared:
+        ranks[:count], best[:count] = rank_ranges(samples[:count]), may_be_best(samples[:count])
     behind = [Interval(0.0, 0.0, 0.0), *(difference(sample, samples[0]) for sample in samples[1:])]
     placed = map(Standing, ranks, best, behind)  # of nobody: none
     return dict(zip((summary.entry for summary in summaries), placed, strict=False))
@@ -419,7 +422,7 @@ def _worst(s: Summary) -> str:
 
 _FIRST_MEASURE = 4  # what they can be spared for: before the columns of returns
 _OF_PLAYERS = (
-    Column("player", lambda s: s.entry),
+    Column("player", lambda s: s.label),
     Column("seeds", lambda s: str(s.training_seeds or "-"), spare=2),
     Column("steps", lambda s: short(s.training.steps), spare=3),
     Column("minutes", lambda s: number(s.training.seconds, 1 / 60), spare=4),

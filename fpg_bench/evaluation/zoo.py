@@ -12,7 +12,7 @@ from pydantic import Field as Constraint
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
-from fpg_bench.common.ids import SCRIPTED, sides_of
+from fpg_bench.common.ids import ORACLES, SCRIPTED, sides_of
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.common.strict_json import JsonObject
@@ -194,8 +194,8 @@ class Zoo:
         return [*self.read_script_records(suite), *_read(self.records_file(group), suite, agents)]
 
     def read_script_records(self, suite: Suite) -> list[Record]:
-        """Return the records of the present scripts on a suite; empty where there are none."""
-        names = SCRIPTED.get(suite.side, ())
+        """Return the records of the present scripts and oracles on a suite; empty where there are none."""
+        names = (*SCRIPTED.get(suite.side, ()), *ORACLES)
         scripts: dict[tuple[str, int | None], str] = {(name, None): name[:16] for name in names}
         return _read(self.records_file(suite), suite, scripts)
 

@@ -85,7 +85,7 @@ def play(
         move_opponent(game, opponent_action, waypoints[i], buildings, rules, radio)
         speed_m_s = move_ally(game, ally_action, rules)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
-        _transmit(game, fading, speed_m_s, buildings, channel, rules, radio)
+        transmit_step(game, fading, speed_m_s, buildings, channel, rules, radio)
         reward(game, speed_m_s, rules, radio)
         run_detection_check(game, buildings, rules, radio)
         update_spectrum_monitor(game, centre_error, rules)
@@ -171,7 +171,7 @@ def trace_ally(path: np.ndarray, games: np.ndarray, rules_array: np.ndarray) -> 
 
 
 @compiled
-def _transmit(
+def transmit_step(
     game: Record,
     fading: float,
     speed_m_s: float,

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import ALL_TACTICS, NAMED, SCRIPTS, action_modes, other_side
+from fpg_bench.common.ids import ALL_TACTICS, BAYES, NAMED, ORACLES, SCRIPTS, action_modes, other_side
 from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
@@ -32,9 +32,10 @@ from fpg_bench.players.preprocessing import (
     unknown,
 )
 from fpg_bench.players.remote import is_remote
-from fpg_bench.players.scripted import ORACLES, OracleAlly, OracleOpponent, Scripted, player_noise
+from fpg_bench.players.scripted import OracleAlly, OracleOpponent, Scripted, player_noise
 from fpg_bench.players.seeded import Seeded
 from fpg_bench.players.tactics import Tactic
+from fpg_bench.players.theory import BayesJammer, OracleLinkAlly
 
 _VARIANT = re.compile(r"([a-z-]+)\((.*)\)")
 
@@ -74,10 +75,14 @@ def any_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         return _script_with(variant[1], variant[2], side, scenario)
     if name in ALL_TACTICS[side]:
         return Tactic(side, name, scenario)
+    if name == BAYES and side == "opponent":
+        return BayesJammer(scenario)
     if name in SCRIPTS[side]:
         return Scripted(side, name, scenario)
     if name in NAMED[side]:
         return Learner(name, scenario)
+    if name in ORACLES and scenario.snr_model == "link":
+        return OracleLinkAlly(scenario) if side == "ally" else BayesJammer(scenario, is_oracle=True)
     if name in ORACLES:
         return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
     if name.startswith("suite:"):

@@ -22,6 +22,7 @@ from fpg_bench.game.actions import (
 )
 from fpg_bench.game.choices import PURSUIT_M
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.elementary import DB, log
 from fpg_bench.game.full_state import ALLY, OPPONENT
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import (
@@ -31,6 +32,7 @@ from fpg_bench.game.sensing import (
     KNOWN_FREQUENCY,
     NEXT_CHECK,
     OWN_FREQUENCY,
+    OWN_POSITION,
     RELATIVE_POSITION,
     SENSED_COVERS,
     SNR,
@@ -59,6 +61,9 @@ SCALES = np.dtype(
         ("sprint_m", "f8"),
         ("tuning_span_mhz", "f8"),
         ("point_spacing_mhz", "f8"),
+        ("base_m", "f8", (3,)),
+        ("js_db", "f8"),  # jamming over signal at equal distances
+        ("speeds_m_s", "f8", (2,)),  # of an ally
     ],
     align=True,
 )
@@ -69,7 +74,9 @@ def scenario_scales(scenario: Scenario) -> np.ndarray:
     s = scenario
     values = (s.snr_scale_db, s.snr_threshold_db, s.spreading_scale_s, s.frequency_points, s.box_m)
     thresholds = (s.script_threat_db, s.script_broadband_m, s.script_comb_m, s.script_sprint_m)
-    return np.array([(*values, *thresholds, s.tuning_span_mhz, s.point_spacing_mhz)], SCALES)
+    js = max(s.jamming_coefficients) * s.opponent_power_dbm - s.base_power_dbm
+    tuning = (s.tuning_span_mhz, s.point_spacing_mhz)
+    return np.array([(*values, *thresholds, *tuning, s.base_station_m, js, s.ally_speed_m_s)], SCALES)
 
 
 @compiled
@@ -183,7 +190,7 @@ def _stayed(seen: np.ndarray, checked: bool) -> bool:
 @compiled
 def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: Record) -> float:
     """Fill the velocity of an opponent that flies at the ally; returns their distance in m."""
-    x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
+    x, y, z = away_m(seen, scales, 0), away_m(seen, scales, 1), away_m(seen, scales, 2)
     distance = math.sqrt(x * x + y * y + z * z)
     reach = max(distance, PURSUIT_M)
     action[VELOCITY], action[VELOCITY + 1], action[VELOCITY + 2] = x / reach, y / reach, z / reach
@@ -193,8 +200,19 @@ def fly_at_ally(seen: np.ndarray, action: np.ndarray, scales: Record) -> float:
 @compiled
 def separation_m(seen: np.ndarray, scales: Record) -> float:
     """Return the distance between both sides in m, as either side observes it."""
-    x, y, z = _away_m(seen, scales, 0), _away_m(seen, scales, 1), _away_m(seen, scales, 2)
+    x, y, z = away_m(seen, scales, 0), away_m(seen, scales, 1), away_m(seen, scales, 2)
     return math.sqrt(x * x + y * y + z * z)
+
+
+@compiled
+def js_db(seen: np.ndarray, scales: Record) -> float:
+    """Return the jamming over the signal in dB at an ally, both in free space on its own frequency."""
+    squares = 0.0
+    for axis in range(3):
+        metres = (seen[OWN_POSITION + axis] + 1.0) / 2.0 * scales.box_m[axis] - scales.base_m[axis]
+        squares += metres * metres
+    apart_m = separation_m(seen, scales)
+    return scales.js_db + DB * log(max(squares, 1.0) / max(apart_m * apart_m, 1.0))
 
 
 @compiled
@@ -204,7 +222,7 @@ def ally_speed(seen: np.ndarray, scales: Record) -> float:
 
 
 @compiled
-def _away_m(seen: np.ndarray, scales: Record, axis: int) -> float:
+def away_m(seen: np.ndarray, scales: Record, axis: int) -> float:
     """Return the relative position in m; the observation holds its signed root over the box."""
     root = seen[RELATIVE_POSITION + axis]
     return math.copysign(root * root, root) * scales.box_m[axis]
@@ -252,9 +270,6 @@ def player_seeds(round_keys: np.ndarray, side: str) -> np.ndarray:
     purpose = rng.PLAYER_SEED if side == "ally" else rng.OPPONENT_PLAYER_SEED
     rng.derived_keys(seeds, np.ascontiguousarray(round_keys), purpose)
     return seeds
-
-
-ORACLES = ("oracle",)
 
 
 def _away(state: np.ndarray, side: int, box_m: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from fpg_bench.game.sensing import (
     JAM_TYPE,
     KNOWN_AGE,
     KNOWN_FREQUENCY,
+    OWN_POSITION,
     SENSED_COVERS,
     SENSED_TYPE,
     SNR,
@@ -36,17 +37,20 @@ from fpg_bench.players.scripted import (
     TONE,
     WATCHFUL,
     ally_speed,
+    away_m,
     draw,
     fitting_type,
     fly_at_ally,
     jam,
+    js_db,
     scenario_scales,
     separation_m,
 )
 from fpg_bench.players.seeded import SeededPolicy
 
-SULK, BY_TYPE, EVIDENCE, CLOCK = range(len(ALL_TACTICS["ally"]))
+SULK, BY_TYPE, EVIDENCE, CLOCK, RANGE = range(len(ALL_TACTICS["ally"]))
 SCAN, ALTERNATE, GUARD, HERD, HUNTER = range(len(ALL_TACTICS["opponent"]))
+SPRINT_M, CRUISE_M_S = 250.0, 10.0  # of an ally that keeps its range
 
 ALLY_MEMORY = np.dtype(
     [
@@ -57,6 +61,7 @@ ALLY_MEMORY = np.dtype(
         ("level", "f8"),  # of evidence at which it hops; 0 where none has been drawn
         ("hits", "i8"),  # in a row
         ("since", "i8"),  # steps since the first of the last hits in a row
+        ("place", "f8", (3,)),  # its position as it is seen
     ]
 )
 OPPONENT_MEMORY = np.dtype(
@@ -126,6 +131,11 @@ def constants(name: str, scenario: Scenario) -> dict[str, Constant]:
             "spread_from_s": Constant(3, 1, 60, True),
             "spread_to_s": Constant(6, 0, 60, True),
         },
+        "range": {
+            "js_db": Constant(-7, -60, 60),
+            "sprint_m": Constant(SPRINT_M, 0, 5000),
+            "cruise_m_s": Constant(CRUISE_M_S, 0, 30),
+        },
         "hunter": {
             "type": Constant(NARROWBAND, 0, TYPES - 1, True),
             "hold_s": replace(hold, default=2),
@@ -184,6 +194,8 @@ def play_ally(
             if kind == CLOCK and of.since <= constant[9]:
                 spread = of.since >= constant[8]
             spread = spread and separation_m(seen, scales) > constant[6]
+        elif kind == RANGE:
+            spread = js_db(seen, scales) >= constant[0]
         elif kind == SULK:
             if snr >= constant[0]:
                 of.hops = 0
@@ -200,10 +212,26 @@ def play_ally(
         action[HOP_GATE] = 1.0 if hop else -1.0
         action[SPREAD_GATE] = 1.0 if spread else -1.0
         action[SPEED] = ally_speed(seen, scales)
+        if kind == RANGE:
+            action[SPEED] = range_speed(of, seen, constant[1], constant[2], scales)
         action[KNOWLEDGE_GATE] = -1.0 if is_random else action[HOP_GATE]
         if is_random:
             action[PREFERENCE] = draw(keys, i, step, 3)
         of.step += 1
+
+
+@compiled
+def range_speed(of: Record, seen: np.ndarray, sprint_m: float, cruise_m_s: float, scales: Record) -> float:
+    """Return the speed of an ally that sprints while it is near the opponent and flies away from it."""
+    along = 0.0
+    for axis in range(3):
+        place = seen[OWN_POSITION + axis] * scales.box_m[axis]
+        along += (place - of.place[axis]) * away_m(seen, scales, axis)
+        of.place[axis] = place
+    if (of.step == 0 or along < 0.0) and separation_m(seen, scales) < sprint_m:
+        return 1.0
+    low, high = scales.speeds_m_s[0], scales.speeds_m_s[1]
+    return 2.0 * (cruise_m_s - low) / (high - low) - 1.0
 
 
 @compiled

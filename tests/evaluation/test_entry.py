@@ -10,7 +10,7 @@ from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.evaluation.entry import entries_of, player_entry
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.players.agent import baselines_folder, load_agent
-from fpg_bench.players.scripted import Scripted
+from fpg_bench.players.scripted import OracleAlly, Scripted
 from tests.training.making import make_agent, make_zoo
 
 
@@ -154,7 +154,8 @@ def test_a_name_for_several_entries_or_of_a_script_is_refused(suite, agent):
 
 def test_oracles_wrong_sides_and_unknown_players_never_enter(suite):
     for spec, message in (
-        ("oracle", "sees the full state, which no suite allows"),
+        (OracleAlly(suite.scenario), "sees the full state, which no suite allows"),
+        ("mine=oracle", "mine=oracle: tables tell it apart by its name; write oracle"),
         ("adaptive", "'adaptive' plays the opponent"),
         ("expertt", "did you mean 'expert'"),
         (5, "expected a player's name or an object with predict"),

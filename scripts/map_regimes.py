@@ -1,0 +1,262 @@
+"""Map what the radio link is worth over hop time, reaction and power, with players that adapt at each point.
+
+python scripts/map_regimes.py docs/results/regimes.csv [--page docs/results/regimes.md]
+
+A point is the preset ``link`` with another hop time, interval of checks and jamming power. There scripts, the
+Bayes jammer, the range rule and shipped agents meet; both sides then look for better answers among scripts
+with other constants, and the matrix is solved as a zero-sum game of the ally's reward. A lever is what the
+side loses without one ability, when the players that matter choose anew without it. Rows are written as they
+finish; a row that is there is not played again. The page gets a table and the figures beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from lineage import fill
+from make_diagrams import write
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from measure_payoffs import Frozen, Values
+
+from fpg_bench.common.canvas import blank_figure
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import csv_text
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.payoffs import nash
+from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.evaluation.table import markdown_table
+from fpg_bench.game.actions import HOP_GATE, IN_BAND_GATE, KNOWLEDGE_GATE, SPEED, SPREAD_GATE, TUNING
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.scenario import Scenario, preset
+from fpg_bench.players.registry import as_player
+from fpg_bench.players.tactics import draw_variants
+
+HOPS = (0.02, 0.1, 0.3, 0.5)  # hop time over dwell: the share of a step that a hop loses
+REACTIONS = ((1, 3), (1, 1), (4, 6), (12, 18))  # dwells from one check to the next; first that of link
+POWERS_DBM = (33.0, 27.0, 39.0)  # of the jammer, first that of link; the base station has 36 dBm
+MATCHES, CHOSEN_ON = 16, 1_000_000  # matches of a pair, and the first seed of those that choose variants
+SEARCHES, VARIANTS = 2, 8  # of variants of each side
+MOST = 3  # players of a side that a lever is measured with
+AGENTS = "ppo-stack8/seed_0"
+ALLIES = (
+    *("idle", "reactive", "expert", "by-type", "always-hop", "evidence", "clock"),
+    *("range", "range(js_db=0)", "range(js_db=5)"),
+    *(f"ally-link{kind}/{AGENTS}" for kind in ("", "-population", "-champion")),
+)
+OPPONENTS = (
+    *("tone", "narrowband", "broadband", "comb", "adaptive", "watchful", "alternate"),
+    *("hunter", "hunter(type=0, hold_s=1)", "bayes"),
+    *(f"opponent-link{kind}/{AGENTS}" for kind in ("", "-strangers")),
+    "opponent-link-population/dqn-stack8/seed_0",
+)
+SEARCHED = {"ally": ("range", "clock", "evidence", "by-type"), "opponent": ("hunter", "alternate", "herd")}
+ALLY_LEVERS: Mapping[str, Sequence[Values]] = {  # of several constants the best one counts
+    "hop": [{HOP_GATE: -1.0}],
+    "spread": [{SPREAD_GATE: -1.0}],
+    "speed": [{SPEED: -0.2}, {SPEED: 0.4}],  # 10 and 17.5 m/s
+    "knowledge": [{KNOWLEDGE_GATE: -1.0}],
+    "own point": [{KNOWLEDGE_GATE: 1.0}],
+}
+TUNED: Values = {TUNING: 0.0, IN_BAND_GATE: -1.0}
+LEVERS = (*ALLY_LEVERS, "type", "tuning")
+COLUMNS = (
+    *("hop_dwell", "reaction_dwell", "power_dbm", "free", "idle", "value", "standard_error"),
+    *LEVERS,
+    *("allies", "opponents", "seconds"),
+)
+Line = dict[str, str]
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of the map."""
+
+    hop_s: float
+    checks: tuple[int, int]
+    power_dbm: float
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """The first columns of its row."""
+        return f"{self.hop_s:g}", f"{sum(self.checks) / 2:g}", f"{self.power_dbm:g}"
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario ``link`` at this point."""
+        return replace(
+            preset("link"),
+            hop_airtime_s=self.hop_s,
+            opponent_power_dbm=self.power_dbm,
+            first_check_s=self.checks,
+            check_interval_s=self.checks,
+            check_scale_s=float(self.checks[1]),
+        )
+
+
+@dataclass
+class Meetings:
+    """Rewards per step of allies against opponents in a scenario, each pair played once.
+
+    Attributes:
+        scenario: what is played.
+        ally, opponent: values that replace those of the actions of a side.
+        matches, first_seed: of a pair.
+    """
+
+    scenario: Scenario
+    ally: Values = field(default_factory=dict)
+    opponent: Values = field(default_factory=dict)
+    matches: int = MATCHES
+    first_seed: int = 0
+    _known: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
+
+    def rewards(self, ally: str, opponent: str) -> np.ndarray:
+        """Return ``(matches,)``, what the ally earns per step."""
+        if (ally, opponent) not in self._known:
+            players = [
+                Frozen(as_player(name, side, self.scenario), values) if values else name
+                for side, name, values in (("ally", ally, self.ally), ("opponent", opponent, self.opponent))
+            ]
+            match = make_match(TwoPlayerBatch(self.scenario, self.matches, threads=1), *players)
+            play_round(match, seeds=np.arange(self.first_seed, self.first_seed + self.matches))
+            tallies = match.duel.batch.tallies
+            self._known[ally, opponent] = tallies["ally_return"] / tallies["steps"]
+        return self._known[ally, opponent]
+
+    def matrix(self, allies: Sequence[str], opponents: Sequence[str]) -> np.ndarray:
+        """Return ``(allies, opponents, matches)``."""
+        return np.array([[self.rewards(ally, opponent) for opponent in opponents] for ally in allies])
+
+    def solve(self, allies: Sequence[str], opponents: Sequence[str]) -> Solution:
+        """Return the equilibrium of these players."""
+        samples = self.matrix(allies, opponents)
+        found = nash(-samples.mean(axis=2))
+        earned = np.einsum("a,abm,b->m", found.rows, samples, found.columns)
+        return Solution(
+            -found.value,
+            float(earned.std(ddof=1) / len(earned) ** 0.5),
+            dict(zip(allies, found.rows.tolist(), strict=True)),
+            dict(zip(opponents, found.columns.tolist(), strict=True)),
+        )
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Value of a zero-sum game with its standard error, and the shares of both sides' players."""
+
+    value: float
+    error: float
+    allies: Mapping[str, float]
+    opponents: Mapping[str, float]
+
+
+def adapt(game: Meetings, seed: int) -> tuple[list[str], list[str]]:
+    """Return the players of a point: the usual ones, and variants that answer their equilibrium better."""
+    allies, opponents = list(ALLIES), list(OPPONENTS)
+    chosen = replace(game, first_seed=CHOSEN_ON, _known={})
+    for search in range(SEARCHES):
+        solution = game.solve(allies, opponents)
+        for side, pool, rivals in (
+            ("ally", allies, solution.opponents),
+            ("opponent", opponents, solution.allies),
+        ):
+            met = {name: share for name, share in rivals.items() if share > 0.02}
+            shares, number = list(met.values()), seed * SEARCHES + search
+            drawn = draw_variants(side, VARIANTS, game.scenario, number, SEARCHED[side])
+            pairs = [product([name], met) if side == "ally" else product(met, [name]) for name in drawn]
+            earned = [
+                np.average([chosen.rewards(*pair).mean() for pair in own], weights=shares) for own in pairs
+            ]
+            pool.append(drawn[int(np.argmax(earned) if side == "ally" else np.argmin(earned))])
+    return allies, opponents
+
+
+def shortlist(names: Sequence[str], shares: Mapping[str, float], worst: np.ndarray) -> list[str]:
+    """Return the players that a lever is measured with: of the equilibrium, then those of the best worst."""
+    order = sorted(range(len(names)), key=lambda k: (-round(shares[names[k]], 2), -worst[k]))
+    return [names[k] for k in order[:MOST]]
+
+
+def measure(point: Point, seed: int) -> Line:
+    """Return the row of a point."""
+    began, scenario = time.process_time(), point.scenario
+    game = Meetings(scenario)
+    allies, opponents = adapt(game, seed)
+    whole, values = game.solve(allies, opponents), game.matrix(allies, opponents).mean(axis=2)
+    own = shortlist(allies, whole.allies, values.min(axis=1))
+    others = shortlist(opponents, whole.opponents, -values.max(axis=0))
+    own += [name for name in ("range", "range(js_db=5)") if name not in own]
+    others += [name for name in ("bayes", "broadband") if name not in others]
+    value = game.solve(own, others).value
+    lost = {
+        name: value - max(Meetings(scenario, ally=frozen).solve(own, others).value for frozen in constants)
+        for name, constants in ALLY_LEVERS.items()
+    }
+    of_type = []
+    for kind, name in enumerate(JAMMING_TYPES):
+        alike = [name, f"alternate(type={kind})", f"hunter(type={kind}, blind_type={kind})", "bayes"]
+        of_type.append(Meetings(replace(scenario, jamming_types=(name,))).solve(own, alike).value)
+    lost["type"] = min(of_type) - value
+    lost["tuning"] = Meetings(scenario, opponent=TUNED).solve(own, others).value - value
+    silent = Meetings(replace(scenario, opponent_power_dbm=-100.0))
+    figures = {
+        "free": float(silent.rewards("range", "tone").mean()),
+        "idle": float(values[allies.index("idle")].min()),
+        "value": whole.value,
+        "standard_error": whole.error,
+    }
+    return {
+        **dict(zip(COLUMNS[:3], point.key, strict=True)),
+        **{name: f"{number:.3f}" for name, number in (figures | lost).items()},
+        "allies": _mixture(whole.allies),
+        "opponents": _mixture(whole.opponents),
+        "seconds": f"{time.process_time() - began:.0f}",
+    }
+
+
+def _mixture(shares: Mapping[str, float]) -> str:
+    """Return the shares of an equilibrium, greatest first."""
+    kept = sorted(((share, name) for name, share in shares.items() if share > 0.02), reverse=True)
+    return "; ".join(f"{name.removesuffix('/' + AGENTS)} {share:.2f}" for share, name in kept)
+
+
+def read_rows(path: Path) -> list[Line]:
+    """Return the rows of a map that have been measured."""
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def main() -> None:
+    """Measure the points that are missing, and write the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("file", type=Path, help="CSV file of the rows")
+    parser.add_argument("--page", type=Path, help="page that gets the table, and figures beside it")
+    parser.add_argument("--most", type=int, default=10_000, help="points to measure at most")
+    options = parser.parse_args()
+    rows = read_rows(options.file)
+    done = {tuple(row[name] for name in COLUMNS[:3]) for row in rows}
+    points = [Point(hop, checks, POWERS_DBM[0]) for checks, hop in product(REACTIONS, HOPS)]
+    points += [Point(hop, REACTIONS[0], power) for power, hop in product(POWERS_DBM[1:], HOPS)]
+    for seed, point in [pair for pair in enumerate(points) if pair[1].key not in done][: options.most]:
+        rows.append(measure(point, seed))
+        write_whole(options.file, csv_text([COLUMNS, *([row[name] for name in COLUMNS] for row in rows)]))
+        print(*rows[-1].values(), sep=", ", flush=True)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except UserError as error:
+        sys.exit(f"map_regimes: {error}")
