@@ -16,7 +16,15 @@ from fpg_bench.common.parallel import Workers
 from fpg_bench.common.schema import Items, NonNegativeInt, parse
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
 from fpg_bench.evaluation.store import EncounterStore, StrictResult
-from fpg_bench.evaluation.verification import (
+from fpg_bench.players.player import SIDES
+from fpg_bench.products.leaderboard.changed_entries import rows_at
+from fpg_bench.products.leaderboard.crossplay import play_rounds, rewards_of
+from fpg_bench.products.leaderboard.folders import exploited_file, response_folders
+from fpg_bench.products.leaderboard.playing import work_store
+from fpg_bench.products.leaderboard.responses import Response, read_response
+from fpg_bench.products.leaderboard.result import round_finite
+from fpg_bench.products.leaderboard.targets import answered_entries
+from fpg_bench.products.leaderboard.verdicts import (
     EXACT,
     SHARE_OF_ROUNDS,
     WITHIN,
@@ -29,14 +37,6 @@ from fpg_bench.evaluation.verification import (
     check_share,
     draw,
 )
-from fpg_bench.players.player import SIDES
-from fpg_bench.products.leaderboard.changed_entries import rows_at
-from fpg_bench.products.leaderboard.crossplay import play_rounds, rewards_of
-from fpg_bench.products.leaderboard.folders import exploited_file, response_folders
-from fpg_bench.products.leaderboard.playing import work_store
-from fpg_bench.products.leaderboard.responses import Response, read_response
-from fpg_bench.products.leaderboard.result import round_finite
-from fpg_bench.products.leaderboard.targets import answered_entries
 
 
 class ResponseResult(StrictResult):
