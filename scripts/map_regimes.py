@@ -21,20 +21,14 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from lineage import fill
-from make_diagrams import write
-from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from measure_payoffs import Frozen, Values
 
-from fpg_bench.common.canvas import blank_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.rounds import make_match, play_round
-from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.actions import HOP_GATE, IN_BAND_GATE, KNOWLEDGE_GATE, SPEED, SPREAD_GATE, TUNING
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset

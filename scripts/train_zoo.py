@@ -32,7 +32,6 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import MatchupKey, Record, read_record
 from fpg_bench.evaluation.store import pairings
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
-from fpg_bench.evaluation.verification import RECORD
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training.config import RunConfig
@@ -173,6 +172,8 @@ def compact(zoo: Zoo) -> int:
 
 def differences(zoo: Zoo, agent: ZooAgent) -> list[str]:
     """Evaluate a shipped agent again, and return the differences from its records, one text per rival."""
+    from fpg_bench.products.leaderboard.verdicts import RECORD  # zoos are made without products, too
+
     entry, problems = agent.entry(), []
     for suite in map(load_suite, agent.group.suites):
         records = zoo.read_records(agent.group, suite)

@@ -30,6 +30,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Workers
+from fpg_bench.common.products import load
 from fpg_bench.training.algorithms import ALGORITHMS, JOINT
 from fpg_bench.training.config import RunConfig
 
@@ -244,11 +245,11 @@ def export(
             exported = export_runs(source, out, side)
         else:
             from fpg_bench.game.spec import GameSpec
-            from fpg_bench.training.sb3_zip import export_zip
 
             check_free(out)
             if game and env_id is None:
                 raise UserError(f"{next(iter(game))}: is of the game of --id, which is not given")
+            export_zip = load("player", ".zip")
             spec = None if env_id is None else GameSpec.of(env_id, **game)
             exported = {out: export_zip(source, out, algo, spec, seed, is_plain=not_normalized)}
     for agent, difference in exported.items():

@@ -22,9 +22,9 @@ Kinds of offers:
 - ``planner``: a class of planners of the opponent's path, made for a scenario if it takes an argument.
 - ``joint algorithm``, ``offline algorithm``: a class of SB3's ``BaseAlgorithm`` that trains both sides, or
   learns from a data set.
-- ``player``: the function that fetches an agent by a scheme (``hf://``), and the player of agents of others
-  (``untrusted``).
-- ``rendering``: what draws rounds and matches, by suffix or by name.
+- ``player``: the function that fetches an agent by a scheme (``hf://``), or makes one of a file by its suffix
+  (``.zip``), and the player of agents of others (``untrusted``).
+- ``rendering``: what draws rounds, or shows link budgets, by suffix or by name.
 - ``language model``: the functions that record, replay and pay for language models, and the options that
   they add to verbs.
 """

@@ -12,7 +12,6 @@ from fpg_bench.evaluation.record import pool, read_record
 from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.evaluation.verification import RECORD
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +81,7 @@ def test_a_record_of_before_is_read_and_has_no_entropy(suite):
     row = new[0].row()
     del row["tally"][HOP_BITS]
     old = read_record(row, "here")
-    assert RECORD.is_same(new[0], old)
+    assert new[0].tally == old.tally | {HOP_BITS: new[0].tally[HOP_BITS]}
     assert pool([old, new[1]]).measures["hop_entropy_bits"] is None
     each = [record.tally[HOP_BITS] / record.tally["hops"] for record in new]
     assert min(each) <= pool(new).measures["hop_entropy_bits"] <= max(each)

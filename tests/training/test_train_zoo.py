@@ -13,7 +13,7 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
-from fpg_bench.evaluation.verification import RECORD
+from fpg_bench.products.leaderboard.verdicts import RECORD
 from tests.training.making import (
     add_missing_records,
     evaluations,

@@ -27,19 +27,6 @@ from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
 from fpg_bench.evaluation.store import EncounterStore, StrictResult
 from fpg_bench.evaluation.suite import Scale, Suite
-from fpg_bench.evaluation.verification import (
-    EXACT,
-    SHARE_OF_ROUNDS,
-    Check,
-    Replayed,
-    Tolerances,
-    Verdict,
-    Verdicts,
-    Within,
-    check_share,
-    draw,
-)
-from fpg_bench.evaluation.verification import WITHIN as SAME_WITHIN
 from fpg_bench.game.flight import rotary_wing_w
 from fpg_bench.game.rules import radio_record
 from fpg_bench.game.scenario import Scenario, as_scenario
@@ -51,6 +38,19 @@ from fpg_bench.products.leaderboard.playing import Part, parts_of, running_playe
 from fpg_bench.products.leaderboard.result import round_finite
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SCENARIOS
+from fpg_bench.products.leaderboard.verdicts import (
+    EXACT,
+    SHARE_OF_ROUNDS,
+    Check,
+    Replayed,
+    Tolerances,
+    Verdict,
+    Verdicts,
+    Within,
+    check_share,
+    draw,
+)
+from fpg_bench.products.leaderboard.verdicts import WITHIN as SAME_WITHIN
 from fpg_bench.products.leaderboard.verification import Case, board_reader, load_case
 
 _logger = logging.getLogger(__name__)

@@ -21,19 +21,6 @@ from fpg_bench.common.parallel import Workers
 from fpg_bench.common.schema import Items, NonNegativeInt, parse
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
 from fpg_bench.evaluation.store import EncounterStore, StrictResult
-from fpg_bench.evaluation.verification import (
-    EXACT,
-    SHARE_OF_ROUNDS,
-    WITHIN,
-    Check,
-    Replayed,
-    Tolerances,
-    Verdict,
-    Verdicts,
-    Within,
-    check_share,
-    draw,
-)
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.about import ResponseFile
 from fpg_bench.products.leaderboard.changed_entries import rows_at
@@ -50,6 +37,19 @@ from fpg_bench.products.leaderboard.responses import Response, read_response
 from fpg_bench.products.leaderboard.result import round_finite
 from fpg_bench.products.leaderboard.submission import read_policy
 from fpg_bench.products.leaderboard.targets import answered_entries
+from fpg_bench.products.leaderboard.verdicts import (
+    EXACT,
+    SHARE_OF_ROUNDS,
+    WITHIN,
+    Check,
+    Replayed,
+    Tolerances,
+    Verdict,
+    Verdicts,
+    Within,
+    check_share,
+    draw,
+)
 
 
 class ResponseResult(StrictResult):

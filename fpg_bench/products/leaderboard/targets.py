@@ -9,12 +9,12 @@ from pathlib import Path
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import Suite
-from fpg_bench.evaluation.verification import Verdicts
 from fpg_bench.products.leaderboard.crossplay import CrossplayEntry
 from fpg_bench.products.leaderboard.folders import ANSWERED, submission_folders
 from fpg_bench.products.leaderboard.playing import Part
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import PUBLIC
+from fpg_bench.products.leaderboard.verdicts import Verdicts
 from fpg_bench.products.leaderboard.verification import board_reader, load_case
 
 _logger = logging.getLogger(__name__)

@@ -19,7 +19,6 @@ from fpg_bench.common.parallel import Job, Workers, folder_job, outcome_of, run_
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.summary import summary_of
-from fpg_bench.evaluation.verification import RECORD, Verdict, Verdicts, check_share, judge, replays_of
 from fpg_bench.products.leaderboard.changed_entries import changed_entries
 from fpg_bench.products.leaderboard.folders import (
     TRACK_FOLDERS,
@@ -52,6 +51,7 @@ from fpg_bench.products.leaderboard.result import (
 )
 from fpg_bench.products.leaderboard.submission import Reader, Submission, load_submission, name_conflicts
 from fpg_bench.products.leaderboard.tracks import PUBLIC, TrackSuites, ranked_by
+from fpg_bench.products.leaderboard.verdicts import RECORD, Verdict, Verdicts, check_share, judge, replays_of
 
 _logger = logging.getLogger(__name__)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from pathlib import Path
 
-from fpg_bench.common.croissant import file_object, metadata
 from fpg_bench.common.strict_json import Json
+from fpg_bench.products.croissant.description import file_object, metadata
 from fpg_bench.products.offline.spec import DatasetSpec
 from fpg_bench.version import __version__
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from fpg_bench.common.differences import first_difference, short
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.products import load
@@ -23,7 +24,6 @@ from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.envs.two_player import PlannerSpec, TwoPlayerBatch
 from fpg_bench.evaluation.record import LATER_TALLIES
 from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match
-from fpg_bench.evaluation.verification import first_difference, short
 from fpg_bench.game.batch import check_seeds
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.recording import Recording

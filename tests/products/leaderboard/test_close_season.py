@@ -20,7 +20,6 @@ import yaml
 from fpg_bench import UserError
 from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.evaluation.verification import Verdict
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.registry import as_player
@@ -52,6 +51,7 @@ from fpg_bench.products.leaderboard.season.selection import (
     select_diverse,
     select_representative,
 )
+from fpg_bench.products.leaderboard.verdicts import Verdict
 from tests.logged import logged
 from tests.policies import dividing_by_zero, model, node, through, weights, write_seed
 from tests.products.leaderboard.making import write_submission

@@ -16,12 +16,12 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.play import LOST_SCORE
-from fpg_bench.evaluation.verification import RECORD
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.folders import work_folder
 from fpg_bench.products.leaderboard.result import summaries_of
 from fpg_bench.products.leaderboard.tracks import PUBLIC
+from fpg_bench.products.leaderboard.verdicts import RECORD
 from fpg_bench.products.leaderboard.verification import (
     draw_sample,
     load_case,

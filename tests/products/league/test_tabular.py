@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fpg_bench.evaluation.match import versions
 from typer.testing import CliRunner
 
 from fpg_bench.cli.main import app
@@ -14,7 +15,6 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.common.rows import RowFile
 from fpg_bench.common.schema import parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.match import versions
 from fpg_bench.game.scenario import as_scenario, preset
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.players.policy_runner import PolicyRunner

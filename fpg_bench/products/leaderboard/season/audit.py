@@ -14,7 +14,6 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Store
-from fpg_bench.evaluation.verification import WITHIN, Verdict
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.season.candidates import (
@@ -28,6 +27,7 @@ from fpg_bench.products.leaderboard.season.candidates import (
 from fpg_bench.products.leaderboard.season.entries import SeasonEntry, read_entries, season_seed
 from fpg_bench.products.leaderboard.season.recipes import Recipe, shuffled
 from fpg_bench.products.leaderboard.season.season import Season, SeasonMember, load_season
+from fpg_bench.products.leaderboard.verdicts import WITHIN, Verdict
 from fpg_bench.training.run_folder import RunFolder
 
 _TITLES = {"opponent": "Opponents, rivals of allies", "ally": "Allies, rivals of opponents"}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fpg_bench.evaluation.verification import Verdict
+from fpg_bench.products.leaderboard.verdicts import Verdict
 
 AGREEMENT = 0.8  # least Spearman correlation of two orders of the entries
 SPLITS = 200

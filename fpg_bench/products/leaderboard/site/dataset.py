@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import math
 
-from fpg_bench.common.croissant import file_object, metadata, record_set
 from fpg_bench.common.output import csv_text
+from fpg_bench.products.croissant.description import file_object, metadata, record_set
 from fpg_bench.products.leaderboard.board import Board
 
 _COLUMNS = {

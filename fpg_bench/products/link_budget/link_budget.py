@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import typer
 
+from fpg_bench.cli.options import print_json
 from fpg_bench.common.canvas import blank_figure, write_figure
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import require_extra
 from fpg_bench.game import link
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.rules import radio_record, rules_record
@@ -28,6 +31,12 @@ gain      = {chips:g} MHz of chips / {spread:g} MHz of symbols (dB)
 SINR      = signal / (noise + jamming passed / gain), or with a notch of {notch:g} MHz if that is better (dB)
 rate      = symbol rate x min({efficiency:g} log2(1 + SINR / {loss:g} dB), {top:g}) (Mbit/s)
             0 below {least_snr:g} dB"""
+
+
+_HEADS: tuple[str, ...] = (
+    *("jamming", "waveform", "m", "EIRP dBm", "loss dB", "received dBm", "noise dBm", "gain dB"),
+    *("J/S dB", "passes dB", "SINR dB", "Mbit/s"),
+)
 
 
 class Row(NamedTuple):
@@ -181,3 +190,30 @@ def draw_link_budget(scenario: Scenario, path: Path, link_m: float = 500.0) -> N
     spectra.set(xlabel="frequency (MHz)", ylabel="density of the jamming (dBm EIRP per MHz)")
     spectra.legend(fontsize=7, loc="center left")
     write_figure(figure, path)
+
+
+def show_link_budget(scenario: Scenario, link_m: float, picture: Path | None, as_json: bool) -> None:
+    """Print the link budget of a scenario as a table or as JSON, and draw it into a file."""
+    rows = link_budget(scenario, link_m)
+    if as_json:
+        print_json(row._asdict() for row in rows)
+    else:
+        typer.echo(f"\nLink budget; rows with jamming: base station at {link_m:g} m, distance of the jammer")
+        typer.echo(formulas(scenario) + "\n")
+        _print_table(rows)
+    if picture is not None:
+        require_extra("evaluate", "matplotlib")
+        draw_link_budget(scenario, picture, link_m)
+        typer.echo(f"drawn: {picture}", err=as_json)
+
+
+def _print_table(rows: list[Row]) -> None:
+    lines = [_HEADS]
+    for jamming, waveform, metres, *levels in rows:
+        texts = ("-" if level is None else f"{level:.1f}" for level in levels)
+        lines.append((jamming, waveform, f"{metres:g}", *texts))
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        cells = [line[0].ljust(widths[0]), line[1].ljust(widths[1])]
+        cells += [cell.rjust(width) for cell, width in zip(line[2:], widths[2:], strict=True)]
+        typer.echo("  ".join(cells))

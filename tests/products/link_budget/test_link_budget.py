@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.link_budget import draw_link_budget, link_budget
 from fpg_bench.game.scenario import STANDARD, preset
+from fpg_bench.products.link_budget.link_budget import draw_link_budget, link_budget
 from tests.game.playing import NARROWBAND, ally, begin, opponent, place, to_point
 from tests.programs import fpg
 

@@ -9,13 +9,14 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import TALLIES, Plans, Record
 from fpg_bench.evaluation.store import pairings
 from fpg_bench.evaluation.suite import load_suite
-from fpg_bench.evaluation.verification import (
+from fpg_bench.products.leaderboard.verdicts import (
     EXACT,
     RECORD,
     Tolerances,
     fields_of,
     replays_of,
 )
+from tests.evaluation.test_record import PLANS, TALLY, record
 
 pytestmark = pytest.mark.slow
 
@@ -218,3 +219,16 @@ def test_a_sum_that_a_record_of_before_lacks_is_not_compared(records, suites):
     assert (disagreements(records, kept, suites), count_identical(records, kept, suites)) == ([], 2)
     (line,) = disagreements(records, changed(records, tally=records[0].tally | {"new": 1.0}), suites)
     assert line.endswith("new None, the result says 1")
+
+
+def test_the_seconds_of_planning_do_not_make_another_line():
+    slow = record(plans=dataclasses.replace(PLANS, seconds=9.0))
+    assert RECORD.changed(slow, record(plans=PLANS)) == []
+    assert RECORD.changed(slow, record(plans=dataclasses.replace(PLANS, tokens=41))) == ["plans"]
+    assert RECORD.changed(record(), record(returns=(10.0, 20.001))) == ["returns"]
+
+
+def test_a_count_that_the_stored_record_lacks_is_not_compared():
+    new = record(tally=TALLY | {"clean_hits": 3.0})
+    assert RECORD.is_same(new, record())
+    assert not RECORD.is_same(new, record(tally=TALLY | {"clean_hits": 4.0}))

@@ -17,8 +17,8 @@ from fpg_bench.cli.training import export
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import agent_folder, load_agent
+from fpg_bench.products.sb3_zip.zip_file import load_zip
 from fpg_bench.training.export import export_agent
-from fpg_bench.training.sb3_zip import load_zip
 from tests.training.tiny import ALLY, train_tiny
 
 OF_AN_AGENT = ["agent.json", "policy.onnx"]

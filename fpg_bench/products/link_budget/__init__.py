@@ -1,0 +1,1 @@
+"""Link budgets of scenarios of the model link."""
