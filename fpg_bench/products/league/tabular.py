@@ -30,7 +30,6 @@ from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import NonNegativeInt, Strict, parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.match import versions
 from fpg_bench.evaluation.play import SeedSource
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, TRAINING_STRIDE, training_seed
@@ -62,6 +61,7 @@ from fpg_bench.products.league.evaluation import evaluate_against
 from fpg_bench.products.league.folder import check_same
 from fpg_bench.training.export import Graph, counted, rows_of
 from fpg_bench.training.run_folder import command_line, revision
+from fpg_bench.version import versions
 
 MOST_CELLS = 4096
 

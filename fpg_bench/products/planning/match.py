@@ -6,7 +6,6 @@ import contextlib
 import dataclasses
 import hashlib
 import json
-import platform
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +32,7 @@ from fpg_bench.players.planner import Planner, as_planner, asks_language_model
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.registry import as_player, player_name
 from fpg_bench.players.remote import pinned
-from fpg_bench.version import __version__
+from fpg_bench.version import versions
 
 ROUNDS = 10
 
@@ -232,11 +231,6 @@ class Match:
         row |= {"seed": self.seed, "rounds": self.rounds, "llm": self.llm, "versions": versions()}
         row |= {"scenario": scenario, "scenario_hash": self.scenario.hash}
         return _as_written(row)
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the software that plays a match."""
-    return {"fpg_bench": __version__, "numpy": np.__version__, "python": platform.python_version()}
 
 
 class MatchFile:

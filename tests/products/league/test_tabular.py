@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fpg_bench.evaluation.match import versions
 from typer.testing import CliRunner
 
 from fpg_bench.cli.main import app
@@ -33,6 +32,7 @@ from fpg_bench.products.league.tabular import (
     training_seeds,
 )
 from fpg_bench.products.league.verbs import best_response
+from fpg_bench.version import versions
 from tests.training.tiny import settings
 
 FEW = {"known_age_s": [1, 3]}
