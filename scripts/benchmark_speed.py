@@ -227,10 +227,8 @@ def waiting(quick: bool) -> list[Figure]:
     program = ("-m", "fpg_bench")
     runs = {verb: partial(child_seconds, *program, verb) for verb in ("zoo", "players", "suites")}
     seconds = {verb: float(np.median(of)) for verb, of in interleaved(repeats, **runs).items()}
-    play = (
-        "-c",
-        f"import fpg_bench as f; g = f.make_sb3({ENV_ID!r}); g.reset(); g.step(g.action_space.sample()[None])",
-    )
+    make = f"import fpg_bench; games = fpg_bench.make_sb3({ENV_ID!r})"
+    play = ("-c", f"{make}; games.reset(); games.step(games.action_space.sample()[None])")
     warm = child_seconds(*play)
     with tempfile.TemporaryDirectory() as folder:
         cold = child_seconds(*play, NUMBA_CACHE_DIR=folder)
