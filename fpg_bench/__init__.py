@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from fpg_bench.players.agent import load_agent, write_agent
     from fpg_bench.training.config import RunConfig
     from fpg_bench.training.export import export_agent
+    from fpg_bench.training.fast_ppo import FastPPO
     from fpg_bench.training.run import Run
     from fpg_bench.training.train import train
 
@@ -46,12 +47,14 @@ _HOMES = {
     "load_agent": "fpg_bench.players.agent",
     "write_agent": "fpg_bench.players.agent",
     "export_agent": "fpg_bench.training.export",
+    "FastPPO": "fpg_bench.training.fast_ppo",
     "Run": "fpg_bench.training.run",
     "RunConfig": "fpg_bench.training.config",
     "train": "fpg_bench.training.train",
 }
 
 __all__ = [
+    "FastPPO",
     "GameSpec",
     "PolicyEvaluator",
     "Run",

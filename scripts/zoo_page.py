@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,13 @@ import numpy as np
 from fpg_bench.common.canvas import blank_figure, image_of
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
-from fpg_bench.common.rows import RowFile
+from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS, GREY, Styles, draw_curves, styles_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, probability_of_improvement
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import bounds, markdown_table, number
-from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup
+from fpg_bench.evaluation.zoo import SCORES, Zoo, ZooAgent, ZooGroup
 
 PAGE, TABLE, CURVES = "README.md", "table.csv", "curves.jsonl"
 PICTURES = ("curves", "profiles", "improvement")
@@ -81,7 +81,40 @@ def write_page(zoo: Zoo) -> Path:
             write_whole(zoo.scores(group) / TABLE, csv_text(table(zoo, group, public, others)))
             draw_pictures(zoo, group, public)
     write_whole(zoo.folder / PAGE, page(zoo))
+    write_scores(zoo)
     return zoo.folder / PAGE
+
+
+def write_scores(zoo: Zoo) -> None:
+    """Write what ``fpg-bench zoo`` prints: the scores of all shipped agents on the first suite of a group."""
+    rows = [row for group in zoo.groups for row in _scores(zoo, group)]
+    write_whole(zoo.folder / SCORES, json.dumps({"agents": rows}, indent=1) + "\n")
+
+
+def _scores(zoo: Zoo, group: ZooGroup) -> Iterator[Row]:
+    suite = load_suite(group.suites[0])
+    summaries = {each.entry: each for each in summarise(zoo.read_records(group, suite), suite)}
+    for algorithm in group.steps:
+        agents = [agent for agent in zoo.members(f"{group.name}/{algorithm}") if agent.shipped]
+        summary = summaries.get(algorithm)
+        scores = {} if summary is None else summary.seed_scores()
+        if agents:
+            yield {
+                "agent": f"{group.name}/{algorithm}",
+                "suite": suite.name,
+                "steps": agents[0].card().played_steps,
+                "score": None if summary is None else summary.score.value,
+                "low": None if summary is None else summary.score.low,
+                "high": None if summary is None else summary.score.high,
+                "seeds": {
+                    f"seed_{agent.seed}": {
+                        "steps": agent.card().played_steps,
+                        "score": scores.get(agent.seed),
+                        "policy": agent.card().policy_sha256,
+                    }
+                    for agent in agents
+                },
+            }
 
 
 def page(zoo: Zoo) -> str:

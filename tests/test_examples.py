@@ -19,7 +19,6 @@ NEEDS = {
     "benchmarl_maddpg": "benchmarl",
     "benchmarl_qmix": "benchmarl",
     "dqn_single_file": "torch",
-    "ppo_fast": "torch",
     "ppo_single_file": "torch",
     "rllib_ppo": "ormsgpack",  # ray is here without what RLlib needs
     "sbx_ppo": "sbx",

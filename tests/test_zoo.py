@@ -21,7 +21,7 @@ from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import load_agent
 from fpg_bench.products.league.champions import load_champions
 from tests.programs import python
-from tests.training.making import add_missing_records, make_agent, make_zoo, page
+from tests.training.making import add_missing_records, make_agent, make_zoo, page, write_scores
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = load_zoo()
@@ -121,7 +121,7 @@ def test_the_page_is_what_the_records_give():
 
 def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsys):
     zoo = make_zoo(tmp_path)
-    monkeypatch.setattr("fpg_bench.evaluation.zoo.load_zoo", lambda: zoo)
+    monkeypatch.setattr("fpg_bench.players.agent.baselines_folder", lambda: tmp_path)
     list_zoo()
     assert capsys.readouterr().out.startswith("no agents are shipped")
     scored, changed, _, unscored, *_ = zoo.members()
@@ -129,6 +129,8 @@ def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsy
     add_missing_records(zoo, scored.group)
     make_agent(changed)
     make_agent(unscored)
+    shutil.copytree(SHIPPED.folder / "agents/opponent-champion", tmp_path / "agents/opponent-champion")
+    write_scores(zoo)
     (changed.folder / "policy.onnx").write_bytes(b"torn")
     list_zoo()
     head, suite, ppo, td3, bad, last, *champions = capsys.readouterr().out.splitlines()
@@ -136,7 +138,7 @@ def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsy
     assert suite == "on small-v1"
     assert ppo.split()[:3] == ["small/ppo", "2", "2,000"]
     assert td3.split() == ["small/td3", "1", "1,000", "-", "-"]
-    assert bad == "CHANGED: small/ppo/seed_1: not the policy that agent.json describes"
+    assert bad == "CHANGED: small/ppo/seed_1: not the policy that was scored"
     assert last.startswith("3 agents, ")
     assert last.endswith("1 policies are changed")
     assert "opponent-champion/ppo/seed_0" in "".join(champions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -12,14 +12,12 @@ from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import JsonOption, game_options, name_all, print_json, print_wrapped
 from fpg_bench.common.documentation import page
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.extras import require_extra
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
     from fpg_bench.common.ids import EnvConfig
     from fpg_bench.evaluation.suite import Suite
-    from fpg_bench.evaluation.summary import Summary
     from fpg_bench.evaluation.zoo import ZooAgent
 
 _BOTH_SIDES = "Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry."
@@ -110,26 +108,15 @@ def zoo(
 
     Example: fpg-bench zoo
     """
-    require_extra("evaluate", "scipy")
-    from fpg_bench.evaluation.suite import read_suite
-    from fpg_bench.evaluation.summary import summarise
-    from fpg_bench.evaluation.table import number
-    from fpg_bench.evaluation.zoo import load_zoo
+    from fpg_bench.evaluation.zoo import policy_digest, read_scores
+    from fpg_bench.players.agent import baselines_folder
     from fpg_bench.players.player import SIDES
 
-    shipped = load_zoo()
-    members = [member for member in shipped.members() if member.shipped]
-    if not members:
+    scores, agents = read_scores(baselines_folder()), baselines_folder() / "agents"
+    if not scores:
         typer.echo("no agents are shipped; python scripts/train_zoo.py trains them")
         return
-    rows: list[Row] = []
-    for group in shipped.groups:
-        suite = read_suite(group.suites[0])
-        summaries = {s.entry: s for s in summarise(shipped.read_records(group, suite), suite)}
-        for algorithm in group.steps:
-            own = [m for m in members if m.group == group and m.algorithm == algorithm]
-            if own:
-                rows += [row | {"suite": suite.name} for row in _rows(own, summaries.get(algorithm), every)]
+    rows = [row for of in scores for row in _rows(of, every)]
     if as_json:
         print_json(rows)
         return
@@ -141,42 +128,35 @@ def zoo(
             typer.echo(f"on {suite_name}")
         interval = "-" if "seeds" in row else ""
         if row["low"] is not None:
-            interval = f"[{number(row['low'])}, {number(row['high'])}]"
+            interval = f"[{_number(row['low'])}, {_number(row['high'])}]"
         typer.echo(
-            f"{row['agent']:{width}} {row.get('seeds', ''):5} {row['steps']:9,} {number(row['score']):>6} "
+            f"{row['agent']:{width}} {row.get('seeds', ''):5} {row['steps']:9,} {_number(row['score']):>6} "
             f"{interval:>13}".rstrip()
         )
-    damaged = [member.name for member in members if not member.is_whole()]
+    policies = {f"{of['agent']}/{seed}": one["policy"] for of in scores for seed, one in of["seeds"].items()}
+    damaged = [name for name, policy in policies.items() if policy_digest(agents / name) != policy]
     for name in damaged:
-        typer.echo(f"CHANGED: {name}: not the policy that agent.json describes")
-    size = sum(file.stat().st_size for member in members for file in member.folder.iterdir())
+        typer.echo(f"CHANGED: {name}: not the policy that was scored")
+    size = sum(file.stat().st_size for name in policies for file in (agents / name).glob("*"))
     whole = "all policies are whole" if not damaged else f"{len(damaged)} policies are changed"
-    typer.echo(f"{len(members)} agents, {size / 1e6:.1f} MB; {whole}")
+    typer.echo(f"{len(policies)} agents, {size / 1e6:.1f} MB; {whole}")
     name_all("champions", (name for side in SIDES for name in _champions(side)))
 
 
-def _rows(agents: Sequence[ZooAgent], summary: Summary | None, every: bool) -> Iterator[Row]:
-    """Yield one row for all training seeds of an algorithm, or one per seed if ``every``."""
+def _rows(of: Row, every: bool) -> list[Row]:
+    """Return one row for all training seeds of an algorithm, or one per seed if ``every``."""
+    suite = {"suite": of["suite"]}
     if not every:
-        score = None if summary is None else summary.score
-        yield {
-            "agent": f"{agents[0].group.name}/{agents[0].algorithm}",
-            "seeds": len(agents),
-            "steps": agents[0].card().played_steps,
-            "score": None if score is None else score.value,
-            "low": None if score is None else score.low,
-            "high": None if score is None else score.high,
-        }
-        return
-    scores = {} if summary is None else summary.seed_scores()
-    for agent in agents:
-        yield {
-            "agent": agent.name,
-            "steps": agent.card().played_steps,
-            "score": scores.get(agent.seed),
-            "low": None,
-            "high": None,
-        }
+        return [{**of, "seeds": len(of["seeds"]), **suite}]
+    unknown = {"low": None, "high": None, **suite}
+    return [
+        {"agent": f"{of['agent']}/{seed}", "steps": one["steps"], "score": one["score"], **unknown}
+        for seed, one in of["seeds"].items()
+    ]
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{round(value, 1) + 0.0:.1f}"  # never -0.0
 
 
 def players() -> None:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field as Constraint
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.files import read_yaml
+from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import ORACLES, SCRIPTED, sides_of
-from fpg_bench.common.rows import RowFile
+from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, Strict, parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.record import Record, read_records
@@ -26,6 +26,8 @@ from fpg_bench.players.player import SIDES
 if TYPE_CHECKING:
     from fpg_bench.evaluation.entry import EvaluatedPlayer
     from fpg_bench.evaluation.store import Store
+
+SCORES = "scores/summary.json"  # of a zoo's folder
 
 
 class _GroupFile(Strict):
@@ -101,9 +103,7 @@ class ZooAgent:
 
     def is_whole(self) -> bool:
         """Return True if the policy is the file that ``agent.json`` describes."""
-        policy = self.folder / "policy.onnx"
-        digest = hashlib.sha256(policy.read_bytes()).hexdigest() if policy.is_file() else None
-        return digest == self.card().policy_sha256
+        return policy_digest(self.folder) == self.card().policy_sha256
 
     def card(self) -> AgentCard:
         """Return the agent's card; raises UserError where it cannot be read."""
@@ -213,6 +213,18 @@ def _read(file: Path, suite: Suite, players: Mapping[tuple[str, int | None], str
 def _draws(group: ZooGroup) -> bool:
     """Return True if the agents of a group were trained against several players."""
     return any(isinstance(group.options.get(side), list) for side in SIDES)
+
+
+def policy_digest(agent: Path) -> str | None:
+    """Return the SHA-256 of an agent's policy; None if it has none."""
+    policy = agent / "policy.onnx"
+    return hashlib.sha256(policy.read_bytes()).hexdigest() if policy.is_file() else None
+
+
+def read_scores(folder: Path) -> list[Row]:
+    """Return the scores of the shipped agents, as they were when the zoo's page was made."""
+    file = folder / SCORES
+    return list(read_json(file, "zoo")["agents"]) if file.is_file() else []
 
 
 def load_zoo(folder: Path | None = None) -> Zoo:

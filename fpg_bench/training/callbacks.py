@@ -39,9 +39,20 @@ _logger = logging.getLogger(__name__)
 
 
 class GameMeasuresCallback(BaseCallback):
-    """Log the means of the game's measures over the last rounds, as ``game/...`` beside SB3's curves."""
+    """Log the means of the game's measures over the last rounds, as ``game/...`` beside SB3's curves.
+
+    Args:
+        interval: rollouts from one log to the next.
+    """
+
+    def __init__(self, interval: int = 1) -> None:
+        super().__init__()
+        self._interval, self._rollouts = interval, 0
 
     def _on_rollout_start(self) -> None:
+        self._rollouts += 1
+        if self._rollouts % self._interval:
+            return
         infos = self.model.ep_info_buffer or ()
         for name in {name: None for info in infos for name in info if name not in _OF_MONITOR}:
             self.logger.record(f"game/{name}", float(np.mean([info[name] for info in infos if name in info])))
@@ -115,13 +126,15 @@ class ProgressCallback(BaseCallback):
         self._progress.start()
 
     def _on_step(self) -> bool:
-        self._progress.update(self._task, completed=self.num_timesteps)
+        if not self._progress.disable:
+            self._progress.update(self._task, completed=self.num_timesteps)
         if time.monotonic() - self._logged_at >= LINE_EVERY_S:
             self._log()
         return True
 
     def _on_rollout_end(self) -> None:
-        self._progress.update(self._task, status=self._status())
+        if not self._progress.disable:
+            self._progress.update(self._task, status=self._status())
         tenths = 10 * self.num_timesteps // self._total
         if tenths > self._tenths:
             self._tenths = tenths

@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EVALUATIONS = 20
+LOGS = 100  # at least, of a long run that learns from rollouts
 RIVAL = "rival"  # folder and option of the rival that learns at the same time
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
 _logger = logging.getLogger(__name__)
@@ -554,11 +555,12 @@ class _Run:
             try:
                 if model.num_timesteps < budget:
                     steps = budget - model.num_timesteps
+                    interval = _log_interval(model, budget)
                     _warn_of_overshoot(model, steps)
                     about = DescriptionCallback(started, tuple(evaluators))
-                    callbacks = [about, GameMeasuresCallback(), *turns, checkpoints, *bars]
-                    model.learn(steps, callbacks, log_interval=1, reset_num_timesteps=False)
-            except ValueError as error:
+                    callbacks = [about, GameMeasuresCallback(interval), *turns, checkpoints, *bars]
+                    model.learn(steps, callbacks, log_interval=interval, reset_num_timesteps=False)
+            except (RuntimeError, ValueError) as error:
                 if tells_divergence(error, sides) or not is_finite(model):
                     raise self._divergence() from error
                 raise
@@ -606,6 +608,13 @@ class _Run:
         result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         about.model_copy(update=result).write(self.folder.path)
         shutil.rmtree(self.folder.checkpoints, ignore_errors=True)
+
+
+def _log_interval(model: BaseAlgorithm, budget: int) -> int:
+    """Return after how many rollouts, of off-policy algorithms rounds, SB3 logs."""
+    if not isinstance(model, OnPolicyAlgorithm):
+        return 1
+    return max(1, budget // (model.n_envs * model.n_steps) // LOGS)
 
 
 def _warn_of_overshoot(model: BaseAlgorithm, steps: int) -> None:

@@ -15,7 +15,7 @@ from fpg_bench.players.trust import remember_exported
 from fpg_bench.training.config import RunConfig
 from tests.policies import policy
 
-add_missing_records, page = script.add_missing_records, zoo_page.page
+add_missing_records, page, write_scores = script.add_missing_records, zoo_page.page, zoo_page.write_scores
 SUITE = """\
 side: ally
 scenario: standard

@@ -17,6 +17,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.training.algorithms import ALGORITHMS, JOINT, OFFLINE, find_algorithm
 from fpg_bench.training.export import export_onnx
+from fpg_bench.training.fast_ppo import FastPPO
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import as_activation, make_model
 from tests.environments import ROOT
@@ -36,7 +37,7 @@ def model_of(algorithm, values):
 
 def test_an_algorithm_is_found_by_its_name_or_class():
     for name, kind, frames in (
-        ("ppo-fast", PPO, None),
+        ("ppo-fast", FastPPO, None),
         ("td3-stack4", TD3, 4),
         ("recurrent-ppo", RecurrentPPO, None),
         ("sb3_contrib:TQC", TQC, None),

@@ -26,7 +26,7 @@ from tests.logged import logged
 from tests.programs import ROOT, held_elsewhere, python
 from tests.training.tiny import settings, train_tiny
 
-ALGORITHMS = ["sac", "dqn", "recurrent-ppo", "ppo-stack3"]
+ALGORITHMS = ["sac", "dqn", "recurrent-ppo", "ppo-stack3", "ppo-fast"]
 
 
 class Watched(BaseCallback):
