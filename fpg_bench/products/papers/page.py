@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,8 @@ from fpg_bench.evaluation.statistics import mean_interval
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.products.papers.reproduction import NOT_RUN, SEEDS, Paper, PaperResults, verdict, verdict_of
 
-_COLOURS = (
-    ALLY,
-    OPPONENT,
-    "#009e73",
-    "#cc79a7",
-    "#e69f00",
-    "#56b4e9",
-    "#999999",
-)  # Okabe and Ito's, and grey
+# Okabe and Ito's palette, and grey
+_COLOURS = (ALLY, OPPONENT, "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#999999")
 
 
 def write_page(paper: Paper, results: PaperResults, command: str, path: Path) -> list[Path]:
@@ -62,19 +56,13 @@ def write_page(paper: Paper, results: PaperResults, command: str, path: Path) ->
 
 def _side_by_side(paper: Paper, results: PaperResults) -> str:
     first = next(iter(paper.measures))
-    head = ["", *(cell for name in paper.conditions for cell in (name, "paper"))]
-    lines = [
-        [
-            player,
-            *(
-                cell
-                for name in paper.conditions
-                for cell in (_own(results, player, name, first), _published(paper, player, name))
-            ),
-        ]
-        for player in paper.players
-    ]
-    return markdown_table([head, *lines])
+    lines = [["", *chain.from_iterable((name, "paper") for name in paper.conditions)]]
+    for player in paper.players:
+        published = paper.facts.published.get(player, {})
+        cells = ((_own(results, player, name, first), published.get(name, "-")) for name in paper.conditions)
+        shown = (cell if isinstance(cell, str) else f"{cell:.3f}" for cell in chain.from_iterable(cells))
+        lines.append([player, *shown])
+    return markdown_table(lines)
 
 
 def _measure(paper: Paper, results: PaperResults, measure: str) -> str:
@@ -89,11 +77,6 @@ def _own(results: PaperResults, player: str, condition: str, measure: str) -> st
     if interval is None:
         return NOT_RUN
     return f"{interval.value:.3f}" + ("" if np.isnan(interval.half) else f" ± {interval.half:.3f}")
-
-
-def _published(paper: Paper, player: str, condition: str) -> str:
-    value = paper.facts.published.get(player, {}).get(condition, "-")
-    return value if isinstance(value, str) else f"{value:.3f}"
 
 
 def _claims(paper: Paper, results: PaperResults) -> str:

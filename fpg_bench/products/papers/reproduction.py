@@ -107,6 +107,13 @@ class PaperClaim:
     parts: Callable[[PaperResults], Mapping[str, np.ndarray]]
 
 
+def differences(
+    measure: str, pairs: Mapping[str, tuple[tuple[str, str], tuple[str, str]]]
+) -> Callable[[PaperResults], Mapping[str, np.ndarray]]:
+    """Return the parts of a claim that the first of two (player, condition) has more of a measure."""
+    return lambda results: {part: results.difference(measure, *pair) for part, pair in pairs.items()}
+
+
 @dataclass(frozen=True)
 class Paper:
     """A published result, and how it is reproduced.

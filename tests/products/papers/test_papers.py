@@ -94,6 +94,16 @@ def test_the_jammers_of_the_waterfall_do_what_the_paper_says():
     )
 
 
+def test_who_leaves_a_random_jammer_after_the_slot_that_it_was_met_in_reaches_the_optimum():
+    env = liu_2018.WaterfallEnv("random")
+    env.reset(seed=0)
+    got = []
+    for slot in range(4_000):
+        channel = 8 if slot % 2 and got[-1] == 0 else 0
+        got.append(env.step(np.int64(channel))[4]["throughput"])
+    assert np.mean(got) == pytest.approx(liu_2018.OPTIMUM["random"], abs=0.02)
+
+
 def test_a_sender_that_stays_is_swept_as_often_as_in_the_published_data():
     """0.87 is the published throughput of each agent that stays: 13 of 100 slots are jammed."""
     played = ali_2023.play("stay", "sweeping, cost 0.15", 0, 1.0)
@@ -150,7 +160,7 @@ def test_a_prioritised_buffer_draws_great_errors_and_weighs_them_less():
 def test_a_dueling_network_has_a_value_and_advantages_that_cancel_out():
     env = ali_2023.ProactiveJammerEnv()
     variant = ali_2023.VARIANTS["dueling DDQN"]
-    network = ali_2023.train(variant, gymnasium.wrappers.RecordEpisodeStatistics(env), 1, 0).q_net
+    network = ali_2023.train(variant, env, 1, 0).q_net
     assert isinstance(network, DuelingNetwork)
     scans = torch.zeros(2, 8)
     values = network(scans)
