@@ -20,7 +20,7 @@ CHANNELS = 8
 SLOTS = 100
 JAMMERS = ("constant", "sweeping", "random")
 DYNAMIC = "dynamic"
-COSTS = (0.0, 0.05, 0.1, 0.15)
+COSTS = (0.0, 0.1)
 EPISODES = 100
 MEASURES = {
     "throughput": "mean reward per slot, as the paper counts throughput",
@@ -148,13 +148,13 @@ def play(player: str, condition: str, seed: int, share: float) -> dict[str, floa
     return dict(zip(MEASURES, (totals / (EPISODES * SLOTS)).tolist(), strict=True))
 
 
-_FREE, _DEAR = f"{DYNAMIC}, cost {COSTS[0]}", f"{DYNAMIC}, cost {COSTS[2]}"
+_FREE, _DEAR = CONDITIONS = tuple(f"{DYNAMIC}, cost {cost}" for cost in COSTS)
 _PLAIN, *_OTHERS = VARIANTS
 _DATA = "published data"
 PAPER = Paper(
     facts=read_facts("ali_2023"),
     players=(*VARIANTS, *RULES),
-    conditions=tuple(f"{DYNAMIC}, cost {cost}" for cost in COSTS),
+    conditions=CONDITIONS,
     measures=MEASURES,
     claims=(
         PaperClaim(
