@@ -19,7 +19,7 @@ from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 
 @dataclass(frozen=True)
 class Variant:
-    """Which extensions of DQN are in use.
+    """Extensions of DQN that are in use.
 
     Attributes:
         target: the bootstrapped value is that of a slowly moving copy of the network.

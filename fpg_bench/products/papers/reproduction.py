@@ -35,7 +35,7 @@ class Number(Strict):
 
 
 class Facts(Strict):
-    """What is known of a paper, a YAML file.
+    """Facts of a paper, a YAML file.
 
     Attributes:
         name: name on the command line.
