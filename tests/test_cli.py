@@ -186,7 +186,7 @@ def test_version():
         ((*TRAIN, "--backend", "ray"), "backend: needs several runs; list their --seeds"),
         (("tune", "run", "pqo", "FPG/AllyVsScripted-v0", "--out", "study"), "did you mean 'ppo'"),
         (("tune", "report", "nowhere"), "holds no study"),
-        (("reproduce", "fig7", "--out", "/dev/null"), "out: /dev/null is a file; name a folder"),
+        (("reproduce", "yang-2026", "fig7", "--out", "/dev/null"), "out: /dev/null is a file; name a folder"),
         (("play", "--scenario", "papr"), "did you mean 'paper'"),
         (("play", "--seed", "-1"), "seed"),
         (("play", "--out", "round.xyz"), ".xyz"),

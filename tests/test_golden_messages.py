@@ -35,7 +35,7 @@ LINES = (
     "self-play --actions many --out out",
     "fictitious-self-play --algorithm pppo --out out",
     "export nowhere --out mine",
-    "reproduce fig99",
+    "reproduce yang-2026 fig99",
     "envs FPG/AllyVsScripted-v9",
     "players surplus",
     "suites ally-v9",

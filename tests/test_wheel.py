@@ -115,14 +115,14 @@ EXTRAS = {
     ),
     "llm": Extra(tries=("plan probe --deadline 1",)),
     "local-llm": Extra(tries=("llm serve --model agent.json",)),
-    "fast": Extra(("reproduce tables --learner jax --n-seeds 1 --out fast",), base="train"),
+    "fast": Extra(("reproduce yang-2026 tables --learner jax --n-seeds 1 --out fast",), base="train"),
     "train": Extra(
         (
             "leaderboard season season-3",
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
             "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 0 --out run",
             "export run --out exported/seed_0",
-            "reproduce tables --n-seeds 1 --out reproduced",
+            "reproduce yang-2026 tables --n-seeds 1 --out reproduced",
         ),
         (
             "fictitious-self-play --generations 1 --out nowhere",

@@ -87,7 +87,7 @@ WORKING = (
     "self-play --iterations 1 --steps 1 --out out",
     "fictitious-self-play --generations 1 --steps 1 --n-evals 0 --out out",
     "export nowhere.zip --out out --algo ppo --id FPG/AllyVsScripted-v0 --scenario standard --seed 0",
-    "reproduce fig3 --out out",
+    "reproduce yang-2026 fig3 --out out",
     "envs FPG/AllyVsScripted-v0",
     "suites ally-v1",
     "scenario show standard",

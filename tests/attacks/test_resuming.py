@@ -39,7 +39,7 @@ VERBS = {
     "match": "plan run --planner hill-climb --ally expert --seed 1 --rounds 6 --out FOLDER",
     "generations": "fictitious-self-play --generations 2 --steps 800 --hyperparams {scratch}/tiny.yml"
     + " --out FOLDER",
-    "reproduce": "reproduce fig4 --n-seeds 1 --n-jobs 1 --out FOLDER",
+    "reproduce": "reproduce yang-2026 fig4 --n-seeds 1 --n-jobs 1 --out FOLDER",
 }
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
 _MOST_KILLS = 3

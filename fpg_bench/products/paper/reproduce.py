@@ -66,9 +66,8 @@ def reproduce(
         names = [name for each in _conditions(ALL, scenario, BUDGETS["full"], True) for name in each.runs]
         results = read_results(file, dict.fromkeys(names, seeds))
         drawn = draw(results, scenario, out / "figures")
-        command = (
-            f"fpg-bench reproduce {target} --scenario {scenario} --budget {budget.name} --n-seeds {count}"
-        )
+        command = f"fpg-bench reproduce yang-2026 {target} --scenario {scenario}"
+        command += f" --budget {budget.name} --n-seeds {count}"
         command += f" --first-seed {first_seed}" if first_seed else ""
         command += f" --learner {learner}" if learner != LEARNERS[0] else ""
         reports = write_report(results, scenario, budget, drawn, out, command, target == TABLES)

@@ -28,7 +28,7 @@ def test_claims_that_are_true_hold_with_ten_seeds():
 )
 def test_the_report_begins_with_claims_that_do_not_hold(tmp_path, levels, first):
     path, *_ = write_report(
-        results(levels), "paper", BUDGETS["full"], [], tmp_path, "fpg-bench reproduce all"
+        results(levels), "paper", BUDGETS["full"], [], tmp_path, "fpg-bench reproduce yang-2026 all"
     )
     text = path.read_text()
     assert text.split("## What could not be reproduced\n\n")[1].startswith(first)

@@ -1,0 +1,196 @@
+"""Learners of the papers: DQN with its variants on top of Stable-Baselines3, and tabular Q-learning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from stable_baselines3 import DQN
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.type_aliases import PyTorchObs, ReplayBufferSamples
+from stable_baselines3.common.utils import update_learning_rate
+from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Extensions of DQN that are in use.
+
+    Attributes:
+        target: the bootstrapped value is that of a slowly moving copy of the network.
+        double: the network chooses the action whose value the copy tells (van Hasselt et al. 2016).
+        dueling: the network adds a value and advantages (Wang et al. 2016).
+        prioritised: transitions are drawn by their last error (Schaul et al. 2016).
+    """
+
+    target: bool = True
+    double: bool = False
+    dueling: bool = False
+    prioritised: bool = False
+
+
+class PrioritisedBuffer(ReplayBuffer):
+    """A replay buffer that draws transitions in proportion to a power of their last error.
+
+    Attributes:
+        drawn: indices of the last batch.
+        weights: its importance-sampling weights, the greatest of which is 1.
+    """
+
+    alpha, beta, least = 0.6, 0.1, 1e-8
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._errors = np.zeros(self.buffer_size)
+        self.drawn, self.weights = np.zeros(0, int), np.zeros(0)
+
+    def add(self, *args: Any, **kwargs: Any) -> None:
+        """Add a transition with the greatest error so far, so that it is drawn soon."""
+        self._errors[self.pos] = max(1.0, self._errors.max())
+        super().add(*args, **kwargs)
+
+    def sample(self, batch_size: int, env: Any = None) -> ReplayBufferSamples:
+        """Draw a batch."""
+        chances = (self._errors[: self.size()] + self.least) ** self.alpha
+        chances /= chances.sum()
+        self.drawn = np.random.choice(len(chances), batch_size, p=chances)  # noqa: NPY002 (SB3 seeds this generator)
+        weights = (len(chances) * chances[self.drawn]) ** -self.beta
+        self.weights = weights / weights.max()
+        return self._get_samples(self.drawn, env)
+
+    def update(self, errors: np.ndarray) -> None:
+        """Store the errors of the last batch."""
+        self._errors[self.drawn] = np.abs(errors)
+
+
+class DuelingNetwork(QNetwork):
+    """A Q-network whose last output is a value, and the others are advantages."""
+
+    def __init__(
+        self, observation_space: Any, action_space: gymnasium.spaces.Discrete, **kwargs: Any
+    ) -> None:
+        super().__init__(observation_space, gymnasium.spaces.Discrete(int(action_space.n) + 1), **kwargs)
+
+    def forward(self, obs: PyTorchObs) -> torch.Tensor:
+        """Return the values of all actions."""
+        output = super().forward(obs)
+        advantages = output[:, :-1]
+        return output[:, -1:] + advantages - advantages.mean(1, keepdim=True)
+
+
+class DuelingPolicy(DQNPolicy):
+    """SB3's policy of DQN with dueling networks."""
+
+    def make_q_net(self) -> QNetwork:
+        """Return a dueling network."""
+        return DuelingNetwork(**self._update_features_extractor(self.net_args)).to(self.device)
+
+
+class VariantDQN(DQN):
+    """DQN with its variants, the squared error, and rates that the caller sets.
+
+    Args:
+        env: environment.
+        variant: extensions in use.
+        rate: learning rate, given the mean return of the last hundred episodes (None before the first ends).
+        exploration: share of random actions, given the number of finished episodes.
+        tau: share by which the copy of the network moves in each step.
+        kwargs: of SB3's ``DQN``.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        variant: Variant,
+        rate: Callable[[float | None], float],
+        exploration: Callable[[int], float],
+        tau: float,
+        **kwargs: Any,
+    ) -> None:
+        self.variant, self._rate, self._exploration = variant, rate, exploration
+        super().__init__(
+            DuelingPolicy if variant.dueling else DQNPolicy,
+            env,
+            learning_rate=rate(None),
+            tau=tau if variant.target else 1.0,
+            target_update_interval=1,
+            train_freq=1,
+            replay_buffer_class=PrioritisedBuffer if variant.prioritised else None,
+            device="cpu",
+            **kwargs,
+        )
+        self.exploration_rate = exploration(0)
+        self.set_logger(configure(None, []))
+
+    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
+        """Update the network."""
+        returns = [episode["r"] for episode in self.ep_info_buffer or ()]
+        update_learning_rate(self.policy.optimizer, self._rate(float(np.mean(returns)) if returns else None))
+        buffer = self.replay_buffer
+        assert buffer is not None
+        for _ in range(gradient_steps):
+            batch = buffer.sample(batch_size)
+            with torch.no_grad():
+                values = self.q_net_target(batch.next_observations)
+                chosen = self.q_net(batch.next_observations) if self.variant.double else values
+                following = values.gather(1, chosen.argmax(1, keepdim=True))
+                targets = batch.rewards + (1 - batch.dones) * self.gamma * following
+            errors = self.q_net(batch.observations).gather(1, batch.actions.long()) - targets
+            squares = errors.square()
+            if isinstance(buffer, PrioritisedBuffer):
+                squares = squares * torch.as_tensor(buffer.weights[:, None], dtype=squares.dtype)
+                buffer.update(errors.detach().numpy()[:, 0])
+            self.policy.optimizer.zero_grad()
+            squares.mean().backward()
+            torch.nn.utils.clip_grad_norm_(self.policy.parameters(), self.max_grad_norm)
+            self.policy.optimizer.step()
+        self._n_updates += gradient_steps
+
+    def _on_step(self) -> None:
+        super()._on_step()
+        self.exploration_rate = self._exploration(self._episode_num)
+
+
+def q_learning(
+    env: gymnasium.Env[Any, np.int64],
+    state_of: Callable[[Any], int],
+    states: int,
+    steps: int,
+    seed: int,
+    *,
+    rate: float,
+    gamma: float,
+    exploration: Callable[[float], float],
+) -> np.ndarray:
+    """Learn a table of values by Q-learning (Watkins 1989).
+
+    Args:
+        env: environment with discrete actions.
+        state_of: number of the state of an observation.
+        states: number of states.
+        steps: steps of the training.
+        seed: of the environment and of random actions.
+        rate: learning rate.
+        gamma: discount factor.
+        exploration: share of random actions, given the share of the training that is over.
+
+    Returns:
+        The values, ``(states, actions)``.
+    """
+    actions = int(env.action_space.n)  # type: ignore[attr-defined]
+    values, generator = np.zeros((states, actions)), np.random.default_rng(seed)
+    state = state_of(env.reset(seed=seed)[0])
+    for step in range(steps):
+        random = generator.random() < exploration(step / steps)
+        action = generator.integers(actions) if random else values[state].argmax()
+        observation, reward, terminated, truncated, _ = env.step(np.int64(action))
+        following = state_of(observation)
+        target = float(reward) + gamma * values[following].max() * (not terminated)
+        values[state, action] += rate * (target - values[state, action])
+        state = state_of(env.reset()[0]) if terminated or truncated else following
+    return values

@@ -1,0 +1,121 @@
+"""The page of a reproduction: own figures beside the paper's, claims, and the source of each number."""
+
+from __future__ import annotations
+
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, write_figure
+from fpg_bench.common.files import write_whole
+from fpg_bench.evaluation.statistics import mean_interval
+from fpg_bench.evaluation.table import markdown_table
+from fpg_bench.products.papers.reproduction import NOT_RUN, SEEDS, Paper, PaperResults, verdict, verdict_of
+
+# Okabe and Ito's palette, and grey
+_COLOURS = (ALLY, OPPONENT, "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#999999")
+
+
+def write_page(paper: Paper, results: PaperResults, command: str, path: Path) -> list[Path]:
+    """Write the page and its figure, and return both paths.
+
+    Args:
+        paper: the paper.
+        results: its runs.
+        command: command that repeats the runs.
+        path: the page; the figure stands beside it.
+    """
+    figure = path.with_suffix(".svg")
+    _draw(paper, results, figure)
+    seeds = sorted({seed for *_, seed in results.rows})
+    rows = results.rows.values()
+    versions = ", ".join(sorted({str(row["versions"]) for row in rows}))
+    minutes = sum(float(row["seconds"]) for row in rows) / 60
+    first, *others = paper.measures
+    what = {name: about.capitalize() for name, about in paper.measures.items()}
+    sections = [
+        f"# {paper.facts.title}",
+        f"{paper.facts.citation}\n\n{paper.facts.about}",
+        f"## Side by side\n\n{what[first]}: mean over seeds with its 95 % interval, and "
+        f"the paper's value ({paper.facts.published_in}).\n\n{_side_by_side(paper, results)}\n\n"
+        f"![{what[first]}; diamonds: the paper]({figure.name})",
+        f"## Claims\n\n{_claims(paper, results)}\n\nA part is a mean of differences over seeds with its 95 % "
+        "interval by Student's t: it holds above zero, does not below, and is open where the interval has "
+        "zero in it. A claim holds if all its parts do.",
+        *(f"## {what[name]}\n\n{_measure(paper, results, name)}" for name in others),
+        f"## Where each number comes from\n\n{_numbers(paper)}",
+        "## What could not be had, and what differs\n\n"
+        + "\n".join(f"- {each}" for each in paper.facts.missing),
+        f"## How it was made\n\n`{command}`: seeds {', '.join(map(str, seeds))}; {minutes:.0f} minutes "
+        f"in all. {versions}.",
+    ]
+    write_whole(path, "\n\n".join(sections) + "\n")
+    return [path, figure]
+
+
+def _side_by_side(paper: Paper, results: PaperResults) -> str:
+    first = next(iter(paper.measures))
+    lines = [["", *chain.from_iterable((name, "paper") for name in paper.conditions)]]
+    for player in paper.players:
+        published = paper.facts.published.get(player, {})
+        cells = ((_own(results, player, name, first), published.get(name, "-")) for name in paper.conditions)
+        shown = (cell if isinstance(cell, str) else f"{cell:.3f}" for cell in chain.from_iterable(cells))
+        lines.append([player, *shown])
+    return markdown_table(lines)
+
+
+def _measure(paper: Paper, results: PaperResults, measure: str) -> str:
+    lines = [
+        [who, *(_own(results, who, name, measure) for name in paper.conditions)] for who in paper.players
+    ]
+    return markdown_table([["", *paper.conditions], *lines])
+
+
+def _own(results: PaperResults, player: str, condition: str, measure: str) -> str:
+    interval = results.interval(player, condition, measure)
+    if interval is None:
+        return NOT_RUN
+    return f"{interval.value:.3f}" + ("" if np.isnan(interval.half) else f" ± {interval.half:.3f}")
+
+
+def _claims(paper: Paper, results: PaperResults) -> str:
+    lines = [["claim", "source", "part", "difference", "verdict"]]
+    for claim in paper.claims:
+        lines.append([f"**{claim.statement}**", claim.source, "", "", f"**{verdict(claim, results)}**"])
+        for part, values in claim.parts(results).items():
+            interval = mean_interval(values, SEEDS) if len(values) > 1 else None
+            shown = f"{interval.value:.3f} [{interval.low:.3f}, {interval.high:.3f}]" if interval else ""
+            lines.append(["", "", part, shown, verdict_of(values)])
+    return markdown_table(lines)
+
+
+def _numbers(paper: Paper) -> str:
+    lines = [[each.name, each.value, each.source, each.where] for each in paper.facts.numbers]
+    return markdown_table([["number or choice", "value", "source", "place, or reason"], *lines])
+
+
+def _draw(paper: Paper, results: PaperResults, path: Path) -> None:
+    """Draw the first measure as bars with intervals, and the paper's values as diamonds."""
+    first = next(iter(paper.measures))
+    figure = blank_figure(9, 3.6)
+    axes = figure.subplots()
+    width = 0.8 / len(paper.players)
+    for index, player in enumerate(paper.players):
+        for place, condition in enumerate(paper.conditions):
+            x = place + (index - (len(paper.players) - 1) / 2) * width
+            interval = results.interval(player, condition, first)
+            if interval is not None:
+                label = player if place == 0 else None
+                half = 0 if np.isnan(interval.half) else interval.half
+                colour = _COLOURS[index % len(_COLOURS)]
+                axes.bar(x, interval.value, width, yerr=half, color=colour, label=label, error_kw={"lw": 0.8})
+            published = paper.facts.published.get(player, {}).get(condition)
+            if isinstance(published, float):
+                axes.plot(x, published, "D", color="black", markersize=4)
+    axes.set_xticks(range(len(paper.conditions)), paper.conditions)
+    axes.set_ylabel(first)
+    axes.set_ylim(0, 1.05)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    write_figure(figure, path)

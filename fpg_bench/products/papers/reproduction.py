@@ -1,0 +1,150 @@
+"""The shape of a reproduction: a paper's numbers with their sources, its players, measures and claims."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from fpg_bench.common.files import read_yaml
+from fpg_bench.common.rows import Row
+from fpg_bench.common.schema import Items, Strict, parse
+from fpg_bench.evaluation.statistics import Interval, mean_interval, student_half
+
+HOLDS, FAILS, OPEN, NOT_RUN = "holds", "does not hold", "open", "not run"
+SEEDS = "training seeds"
+
+
+class Number(Strict):
+    """A number or a choice, and where it comes from.
+
+    Attributes:
+        name: what it is.
+        value: the value, with its unit.
+        source: the paper's text, a public implementation, or an assumption.
+        where: the place, or why it was assumed.
+    """
+
+    name: str
+    value: str
+    source: Literal["paper's text", "public implementation", "assumption"]
+    where: str
+
+
+class Facts(Strict):
+    """Facts of a paper, a YAML file.
+
+    Attributes:
+        name: name on the command line.
+        title: title of its page.
+        citation: authors, title, place.
+        about: what is played, a paragraph.
+        published_in: where the published values stand.
+        published: the paper's values of the first measure, by player and condition.
+        numbers: its numbers.
+        missing: what could not be had or differs, a sentence each.
+    """
+
+    name: str
+    title: str
+    citation: str
+    about: str
+    published_in: str
+    published: dict[str, dict[str, float | str]]
+    numbers: Items[Number]
+    missing: Items[str]
+
+
+def read_facts(name: str) -> Facts:
+    """Return the facts in ``<name>.yml``."""
+    return parse(Facts, read_yaml(Path(__file__).with_name(f"{name}.yml"), "paper"), f"paper {name}")
+
+
+@dataclass(frozen=True)
+class PaperResults:
+    """Finished runs: values by player, condition and measure, each ``(seeds,)`` in the order of seeds.
+
+    Attributes:
+        rows: rows of the file by player, condition and seed.
+    """
+
+    rows: Mapping[tuple[str, str, int], Row]
+
+    def values(self, player: str, condition: str, measure: str) -> dict[int, float]:
+        """Return a measure by seed."""
+        return {
+            seed: float(row[measure])
+            for (who, where, seed), row in sorted(self.rows.items())
+            if (who, where) == (player, condition)
+        }
+
+    def interval(self, player: str, condition: str, measure: str) -> Interval | None:
+        """Return the mean over seeds; None if nothing was run."""
+        values = self.values(player, condition, measure)
+        return mean_interval(np.array(list(values.values())), SEEDS) if values else None
+
+    def difference(self, measure: str, one: tuple[str, str], other: tuple[str, str]) -> np.ndarray:
+        """Return the differences of a measure between two (player, condition) on the seeds of both."""
+        first, second = (self.values(*pair, measure) for pair in (one, other))
+        return np.array([first[seed] - second[seed] for seed in first if seed in second])
+
+
+@dataclass(frozen=True)
+class PaperClaim:
+    """A claim of a paper.
+
+    Attributes:
+        statement: what is claimed.
+        source: where the paper says so.
+        parts: by what each of its parts states, values by seed whose mean is positive if the part holds.
+    """
+
+    statement: str
+    source: str
+    parts: Callable[[PaperResults], Mapping[str, np.ndarray]]
+
+
+def differences(
+    measure: str, pairs: Mapping[str, tuple[tuple[str, str], tuple[str, str]]]
+) -> Callable[[PaperResults], Mapping[str, np.ndarray]]:
+    """Return the parts of a claim that the first of two (player, condition) has more of a measure."""
+    return lambda results: {part: results.difference(measure, *pair) for part, pair in pairs.items()}
+
+
+@dataclass(frozen=True)
+class Paper:
+    """A published result, and how it is reproduced.
+
+    Attributes:
+        facts: what is known of it.
+        players: names of learners and rules.
+        conditions: names of conditions.
+        measures: what each measure of a row is; the first one is compared with the paper's.
+        claims: what is tested.
+        play: trains a player under a condition, given the seed and the share of the paper's training, and
+            returns its measures.
+    """
+
+    facts: Facts
+    players: tuple[str, ...]
+    conditions: tuple[str, ...]
+    measures: Mapping[str, str]
+    claims: tuple[PaperClaim, ...]
+    play: Callable[[str, str, int, float], Mapping[str, float]]
+
+
+def verdict_of(values: np.ndarray) -> str:
+    """Return whether the mean of values by seed is positive, as its 95 % interval says."""
+    if len(values) < 2:
+        return NOT_RUN
+    mean, half = float(values.mean()), student_half(values)
+    return HOLDS if mean - half > 0 else FAILS if mean + half < 0 else OPEN
+
+
+def verdict(claim: PaperClaim, results: PaperResults) -> str:
+    """Return the verdict on a claim: it holds if all parts do, and does not if one part does not."""
+    verdicts = [verdict_of(values) for values in claim.parts(results).values()]
+    return next((word for word in (NOT_RUN, FAILS, OPEN) if word in verdicts), HOLDS)

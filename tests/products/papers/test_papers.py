@@ -1,0 +1,281 @@
+"""Reproductions of published results: their games, learners, claims, rows and pages."""
+
+import json
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.utils.env_checker import check_env
+
+import fpg_bench.cli.main as cli
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.rows import RowFile
+from fpg_bench.products.papers import ali_2023, liu_2018
+from fpg_bench.products.papers.learners import DuelingNetwork, PrioritisedBuffer, q_learning
+from fpg_bench.products.papers.page import write_page
+from fpg_bench.products.papers.reproduce import reproduce
+from fpg_bench.products.papers.reproduction import (
+    FAILS,
+    HOLDS,
+    NOT_RUN,
+    OPEN,
+    Facts,
+    Paper,
+    PaperClaim,
+    PaperResults,
+    verdict,
+    verdict_of,
+)
+from fpg_bench.products.papers.verbs import reproduce as reproduce_verb
+from tests.programs import ROOT
+
+PAPERS = (ali_2023.PAPER, liu_2018.PAPER)
+NAMES = [paper.facts.name for paper in PAPERS]
+COMMITTED = ROOT / "docs/results/papers"
+BAD = {
+    "ali-2022": "unknown paper 'ali-2022'; did you mean 'ali-2023'?",
+    "ali-2023 fig3": "ali-2023 has no target 'fig3'; omit it, or name yang-2026",
+    "liu-2018 --scenario link": "liu-2018 has no --scenario; omit it, or name yang-2026",
+    "liu-2018 --budget paper": "budget: unknown 'paper'",
+}
+
+
+@pytest.mark.parametrize("name", ["Ali2023", "Liu2018"])
+def test_games_are_environments_of_gymnasium(name):
+    made = gymnasium.make(f"fpg_bench.products.papers:FPG-papers/{name}-v0")
+    for jammer in (*ali_2023.JAMMERS, "dynamic") if name == "Ali2023" else liu_2018.JAMMERS:
+        check_env(type(made.unwrapped)(jammer), skip_render_check=True)
+    vectorised = gymnasium.make_vec(made.spec, num_envs=2, vectorization_mode="sync")
+    observations, _ = vectorised.reset(seed=[1, 1])
+    assert (observations[0] == observations[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ali_2023.ProactiveJammerEnv("reactive"), "jammer: expected one of constant, sweeping"),
+        (lambda: ali_2023.ProactiveJammerEnv(cost=2.0), "cost: expected 0 to 1, got 2.0"),
+        (
+            lambda: liu_2018.WaterfallEnv("dynamic"),
+            "jammer: expected one of sweep, comb, random, intelligent",
+        ),
+    ],
+)
+def test_an_option_that_a_paper_lacks_is_refused(make, message):
+    with pytest.raises(UserError, match=message):
+        make()
+
+
+def received(channels, jammer):
+    """The share of each slot in which these channels, one for each slot, are received."""
+    env = liu_2018.WaterfallEnv(jammer)
+    env.reset(seed=0)
+    return np.array([env.step(np.int64(channel))[4]["throughput"] for channel in channels])
+
+
+def test_signals_have_the_power_and_the_bandwidth_of_the_paper():
+    for centre in liu_2018.CHANNELS_MHZ:
+        signal = liu_2018.spectrum(np.array(centre), 30.0)
+        assert signal.sum() == pytest.approx(1000.0, rel=1e-3)
+        assert (signal > 1e-9).sum() == 40  # bins of 100 kHz
+
+
+def test_the_jammers_of_the_waterfall_do_what_the_paper_says():
+    assert [received([channel] * 9, "comb").mean() for channel in range(9)] == [0, 0, 1, 0, 0, 0, 1, 0, 0]
+    assert received([0] * 40, "sweep").mean() == pytest.approx(0.7)  # jammed for 6 ms of 20
+    assert received([8, 0] * 20, "sweep").min() == 1.0  # 1 GHz/s: half of the band in each slot
+    assert received([0] * 2_000, "random").mean() == pytest.approx(0.8, abs=0.05)  # one of five places
+    assert np.ptp(received([0] * 40, "random").reshape(-1, 2), axis=1).max() == 0  # for 20 ms
+    # The intelligent one stays where the sender was most often in the last 20 slots.
+    assert (
+        received([0] * 20 + [8] * 10 + [8] * 10, "intelligent")[-25:].tolist() == [0] * 5 + [1] * 11 + [0] * 9
+    )
+
+
+def test_who_leaves_a_random_jammer_after_the_slot_that_it_was_met_in_reaches_the_optimum():
+    env = liu_2018.WaterfallEnv("random")
+    env.reset(seed=0)
+    got = []
+    for slot in range(4_000):
+        channel = 8 if slot % 2 and got[-1] == 0 else 0
+        got.append(env.step(np.int64(channel))[4]["throughput"])
+    assert np.mean(got) == pytest.approx(liu_2018.OPTIMUM["random"], abs=0.02)
+
+
+def test_a_sender_that_stays_is_swept_as_often_as_in_the_published_data():
+    """0.87 is the published throughput of each agent that stays: 13 of 100 slots are jammed."""
+    played = ali_2023.play("stay", "sweeping, cost 0.15", 0, 1.0)
+    assert played == {"throughput": pytest.approx(0.87), "sent": pytest.approx(0.87), "hops": 0.0}
+
+
+def test_the_rule_is_never_jammed_and_pays_for_each_change():
+    played = ali_2023.play("leave if jammed", "dynamic, cost 0.1", 0, 1.0)
+    assert played["sent"] == 1.0
+    assert played["throughput"] == pytest.approx(1 - 0.1 * played["hops"])
+
+
+def test_q_learning_finds_the_free_channels_of_the_comb():
+    played = liu_2018.play("Q-learning", "comb", 0, 0.5)
+    assert played["throughput"] > 0.95 > 0.5 > liu_2018.play("random", "comb", 0, 0.5)["throughput"]
+
+
+def test_q_learning_bootstraps_at_the_end_of_time_and_not_at_the_end_of_a_task():
+    class Corridor(gymnasium.Env):
+        action_space, observation_space = gymnasium.spaces.Discrete(1), gymnasium.spaces.Discrete(1)
+
+        def __init__(self, terminates):
+            self.terminates = terminates
+
+        def reset(self, *, seed=None, options=None):
+            return 0, {}
+
+        def step(self, action):
+            return 0, 1.0, self.terminates, not self.terminates, {}
+
+    for terminates, value in ((True, 1.0), (False, 2.0)):
+        table = q_learning(
+            Corridor(terminates), int, 1, 500, 0, rate=0.5, gamma=0.5, exploration=lambda share: 0.0
+        )
+        assert table == pytest.approx(np.array([[value]]))
+
+
+def test_a_prioritised_buffer_draws_great_errors_and_weighs_them_less():
+    box = gymnasium.spaces.Box(-1, 1, (1,))
+    buffer = PrioritisedBuffer(10, box, gymnasium.spaces.Discrete(2), "cpu")
+    for index in range(4):
+        state = np.full((1, 1), index / 4, np.float32)
+        buffer.add(state, state, np.array([[0]]), np.array([0.0]), np.array([False]), [{}])
+    np.random.seed(0)  # noqa: NPY002 (SB3 draws from it)
+    buffer.sample(4)
+    buffer.drawn = np.arange(4)
+    buffer.update(np.array([0.0, 0.0, 0.0, -5.0]))
+    batch = buffer.sample(200)
+    assert (buffer.drawn == 3).mean() > 0.95
+    assert batch.observations[buffer.drawn == 3].unique().tolist() == [0.75]
+    assert buffer.weights.max() == 1.0 or (buffer.drawn == 3).all()
+
+
+def test_a_dueling_network_has_a_value_and_advantages_that_cancel_out():
+    env = ali_2023.ProactiveJammerEnv()
+    variant = ali_2023.VARIANTS["dueling DDQN"]
+    network = ali_2023.train(variant, env, 1, 0).q_net
+    assert isinstance(network, DuelingNetwork)
+    scans = torch.zeros(2, 8)
+    values = network(scans)
+    assert values.shape == (2, 8)
+    output = network.q_net(network.extract_features(scans, network.features_extractor))
+    assert values.mean(1).detach().numpy() == pytest.approx(output[:, -1].detach().numpy(), abs=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ali_2023.VARIANTS)
+def test_the_same_seed_trains_the_same_network(variant):
+    first, second = (ali_2023.play(variant, "dynamic, cost 0.1", 3, 0.02) for _ in range(2))
+    assert first == second != ali_2023.play(variant, "dynamic, cost 0.1", 4, 0.02)
+
+
+@pytest.mark.slow
+def test_the_waterfall_is_enough_to_evade_the_comb():
+    assert liu_2018.play("DQN", "comb", 0, 0.3)["throughput"] > 0.9
+
+
+def test_verdicts_follow_from_intervals():
+    assert verdict_of(np.array([0.1, 0.2, 0.3])) == OPEN
+    assert verdict_of(np.array([0.1, 0.11, 0.12])) == HOLDS
+    assert verdict_of(np.array([-0.1, -0.11, -0.12])) == FAILS
+    assert verdict_of(np.array([0.1])) == NOT_RUN
+    parts = {"a": np.array([1.0, 1.1]), "b": np.array([-1.0, -1.1])}
+    both = PaperClaim("both", "", lambda results: parts)
+    assert verdict(both, PaperResults({})) == FAILS
+
+
+@pytest.mark.parametrize("paper", PAPERS, ids=NAMES)
+def test_published_values_are_those_of_players_and_conditions(paper):
+    for player, values in paper.facts.published.items():
+        assert player in paper.players
+        assert {*values} <= {*paper.conditions}
+    assert {number.source for number in paper.facts.numbers} >= {"public implementation", "assumption"}
+
+
+def small(play):
+    facts = Facts(
+        name="small",
+        title="Small",
+        citation="Nobody",
+        about="Nothing.",
+        published_in="nowhere",
+        published={"a": {"c": 0.5}},
+        numbers=(),
+        missing=(),
+    )
+    better = PaperClaim(
+        "a beats b",
+        "text",
+        lambda results: {"a - b": results.difference("m", ("a", "c"), ("b", "c"))},
+    )
+    return Paper(facts, ("a", "b"), ("c",), {"m": "measure", "n": "other"}, (better,), play)
+
+
+def test_rows_are_kept_and_only_missing_ones_are_run(tmp_path):
+    played = []
+
+    def play(player, condition, seed, share):
+        played.append((player, seed))
+        return {"m": 0.8 + 0.001 * seed if player == "a" else 0.2, "n": share}
+
+    rows, page, figure = reproduce(small(play), tmp_path, n_seeds=2)
+    assert played == [("a", 0), ("b", 0), ("a", 1), ("b", 1)]
+    rows.write_bytes(rows.read_bytes()[:-20])  # as if it was stopped while it wrote
+    reproduce(small(play), tmp_path, n_seeds=3)
+    assert played[4:] == [("b", 1), ("a", 2), ("b", 2)]
+    text = page.read_text()
+    assert "| a | 0.801 ± 0.002 | 0.500 |" in text
+    assert "| **a beats b** | text |  |  | **holds** |" in text
+    assert "`fpg-bench reproduce small --budget quick --n-seeds 3`: seeds 0, 1, 2" in text
+    assert figure.stat().st_size > 1000
+    assert all(json.loads(line)["versions"].startswith("fpg-bench") for line in rows.open())
+
+
+def test_a_failed_run_is_named_and_the_others_are_kept(tmp_path):
+    def play(player, condition, seed, share):
+        if player == "b":
+            raise UserError("no")
+        return {"m": 1.0, "n": 0.0}
+
+    with pytest.raises(UserError, match="small b c seed 0"):
+        reproduce(small(play), tmp_path, n_seeds=1)
+    assert [row["player"] for row in RowFile(tmp_path / "small-quick.jsonl").read()] == ["a"]
+
+
+@pytest.mark.parametrize("words", BAD)
+def test_a_wrong_name_or_option_is_one_line(words, monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(sys, "argv", ["fpg-bench", "reproduce", *words.split(), "--out", f"{tmp_path}/out"])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    error = capsys.readouterr().err
+    assert (end.value.code, error.count("\n"), BAD[words] in error) == (2, 1, True)
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_a_name_the_papers_are_listed(capsys):
+    reproduce_verb(None)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["yang-2026", *NAMES]
+    assert all(len(line) <= 80 for line in lines)
+
+
+@pytest.mark.parametrize(("paper", "budget"), [*zip(PAPERS, ("tenth", "full"), strict=True)], ids=NAMES)
+def test_committed_pages_follow_from_committed_rows(paper, budget, tmp_path):
+    name = f"{paper.facts.name}-{budget}"
+    rows = {
+        (row["player"], row["condition"], row["seed"]): row
+        for row in RowFile(COMMITTED / f"{name}.jsonl").read()
+    }
+    seeds = {seed for *_, seed in rows}
+    assert len(rows) == len(paper.players) * len(paper.conditions) * len(seeds)
+    assert len(seeds) >= 5
+    command = f"fpg-bench reproduce {paper.facts.name} --budget {budget} --n-seeds {len(seeds)}"
+    page, _ = write_page(paper, PaperResults(rows), command, tmp_path / f"{name}.md")
+    assert page.read_text() == (COMMITTED / f"{name}.md").read_text()
