@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from fpg_bench.common.errors import UserError
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.actions import HOP_GATE, SPREAD_GATE
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
-from fpg_bench.products.league.config import TabularSelfPlayConfig
+from fpg_bench.products.league.champions import load_champions, ship_champion, train_champion
 from fpg_bench.products.league.tabular_self_play import (
     ALLY_EDGES,
     OPPONENT_CHOICES,
@@ -21,16 +22,9 @@ from fpg_bench.products.league.tabular_self_play import (
     count_cells,
     share_games,
     stochastic_table_onnx,
-    tabular_self_play,
 )
 
 CELLS, OTHER_CELLS, WAYS = count_cells(ALLY_EDGES), count_cells(OPPONENT_EDGES), len(OPPONENT_CHOICES)
-
-
-@pytest.fixture(scope="module")
-def agent(tmp_path_factory):
-    config = TabularSelfPlayConfig(iterations=3, games=16, seed=5)
-    return tabular_self_play(config, tmp_path_factory.mktemp("tables") / "play")
 
 
 @pytest.mark.parametrize("rival", ["hunter", "random", "adaptive"])
@@ -98,10 +92,26 @@ def test_opponents_that_leave_least_are_met_most_and_each_is_met():
     assert counts[1] > counts[0] > counts[3] >= 64
 
 
-def test_same_seed_same_agent(agent, tmp_path):
-    again = tabular_self_play(TabularSelfPlayConfig(iterations=3, games=16, seed=5), tmp_path / "again")
-    assert (agent / "policy.onnx").read_bytes() == (again / "policy.onnx").read_bytes()
-    card = load_agent(agent, "ally").card
+def test_a_champion_of_tables_is_trained_and_shipped_and_the_same_seed_makes_the_same(tmp_path):
+    file = tmp_path / "champions.yml"
+    file.write_text("few: {verb: tabular-self-play, iterations: 3, games: 32, seeds: 1}")
+    config = load_champions(file)["few"]
+    agents = [train_champion(config, 5, tmp_path / runs) for runs in ("runs", "again")]
+    first, again = [(agent / "policy.onnx").read_bytes() for agent in agents]
+    assert first == again
+    ship_champion(agents[0], tmp_path / "shipped", config, 5, "make few")
+    card = load_agent(tmp_path / "shipped", "ally").card
     assert card.sample
-    assert card.training_seed == 5
-    assert card.training_steps == 3 * 16 * STANDARD.steps_per_round
+    assert (card.algorithm, card.training_seed, card.command) == ("tabular", 5, "make few")
+    assert card.recipe == {"name": "few", "verb": "tabular-self-play", "iterations": 3, "games": 32}
+    assert card.training_steps == 3 * 32 * STANDARD.steps_per_round
+
+
+def test_a_champion_of_tables_refuses_what_it_does_not_know(tmp_path):
+    file = tmp_path / "champions.yml"
+    file.write_text("few: {verb: tabular-self-play, iteration: 3}")
+    with pytest.raises(UserError, match="iteration"):
+        load_champions(file)
+    file.write_text("few: {verb: tabular-self-play, iterations: 0}")
+    with pytest.raises(UserError, match="few: iterations: expected a whole number above 0"):
+        load_champions(file)
