@@ -97,6 +97,12 @@ CHAMPIONS = {
         "thirteen scripted opponents, and mostly a rival that learned at the same time",
         "ally",
     ),
+    "ally-champion-4": (
+        "ally-champion-4",
+        "fourth ally champion",
+        "only opponents that learned at the same time",
+        "ally",
+    ),
     "ally-link-champion": (
         "ally-link-champion",
         "ally champion on a radio link",
@@ -130,6 +136,7 @@ ALGORITHMS = {
     "qr-dqn": ("QR-DQN", "1710.10044", SMALL_BUDGET),
     "sac": ("SAC", "1801.01290", SMALL_BUDGET),
     "td3": ("TD3", "1802.09477", SMALL_BUDGET),
+    "tabular": ("Stochastic table", "2206.05825", "It knows six features, of `standard` alone."),
     "maddpg": ("MADDPG", "1706.02275", "It has no memory, and met nobody but its own opponent."),
 }
 SCRIPTS = {

@@ -23,6 +23,7 @@ from fpg_bench.products.league.champions import (
     ship_champion,
     train_champion,
 )
+from fpg_bench.products.league.config import SearchConfig
 from fpg_bench.products.league.search import ROWS, keep_search
 
 
@@ -48,7 +49,7 @@ def main() -> None:
             folder = agents / name / config.algorithm / f"seed_{seed}"
             command = f"python scripts/train_champions.py --only {name} --seed {seed}"
             ship_champion(agent, folder, config, seed, command)
-            if isinstance(config, SearchedChampion):
+            if isinstance(config, SearchedChampion) and isinstance(config.config, SearchConfig):
                 search = search_folder(config, seed, options.runs)
                 keep_search(search, folder.with_name(ROWS))
             print(f"shipped: {folder}", flush=True)

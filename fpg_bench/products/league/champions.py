@@ -27,11 +27,16 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.population import expand_suites, member_folder
-from fpg_bench.products.league.config import DoubleOracleConfig, SearchConfig, SelfPlayConfig
+from fpg_bench.products.league.config import (
+    DoubleOracleConfig,
+    SearchConfig,
+    SelfPlayConfig,
+    TabularSelfPlayConfig,
+)
 from fpg_bench.products.league.double_oracle import double_oracle
 from fpg_bench.products.league.evaluation import evaluate_against
-from fpg_bench.products.league.search import SearchResult
 from fpg_bench.products.league.self_play import self_play
+from fpg_bench.products.league.tabular_self_play import tabular_self_play
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.rl_zoo3_format import Entry
 from fpg_bench.training.train import train
@@ -112,7 +117,7 @@ class SearchedChampion:
     """
 
     name: str
-    config: SearchConfig
+    config: SearchConfig | TabularSelfPlayConfig
     recipe: JsonObject
     seeds: int
 
@@ -140,9 +145,10 @@ class SearchedChampion:
         return self.config.side
 
 
-SEARCHES: Mapping[str, tuple[type[SearchConfig], Callable[..., SearchResult]]] = {
+SEARCHES: Mapping[str, tuple[type[SearchConfig | TabularSelfPlayConfig], Callable[..., object]]] = {
     DoubleOracleConfig.verb: (DoubleOracleConfig, double_oracle),
     SelfPlayConfig.verb: (SelfPlayConfig, self_play),
+    TabularSelfPlayConfig.verb: (TabularSelfPlayConfig, tabular_self_play),
 }
 
 

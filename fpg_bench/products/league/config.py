@@ -164,3 +164,26 @@ class DoubleOracleConfig(SearchConfig):
     verb = "double-oracle"
 
     meta_solver: str = "weights"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TabularSelfPlayConfig:
+    """Self-play of two stochastic tables; the exported one is the ally.
+
+    Attributes:
+        iterations: iterations, of a round of every game each.
+        games: games of a batch.
+        seed: training seed.
+    """
+
+    verb: ClassVar[str] = "tabular-self-play"
+    algorithm: ClassVar[str] = "tabular"
+    side: ClassVar[str] = "ally"
+
+    iterations: int = 700
+    games: int = 1024
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("iterations", "games", "seed"):
+            integer(getattr(self, name), name, LEAST.get(name, 1))

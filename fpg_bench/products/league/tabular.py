@@ -321,12 +321,7 @@ def table_onnx(table: TabularPolicy, scenario: Scenario) -> bytes:
         same = graph.add("Equal", remembered(_KNOWN), seen(KNOWN_FREQUENCY))
         run = choose(is_older, remembered(_RUN), choose(same, longer, number(0)))
         memory = [choose(checked, number(0), later), run, seen(NEXT_CHECK), seen(KNOWN_FREQUENCY)]
-    root = graph.columns("observation", RELATIVE_POSITION, RELATIVE_POSITION + 3)
-    away = graph.add("Mul", root, graph.add("Abs", root))
-    away = graph.add("Mul", away, graph.constant(np.array(scenario.box_m, np.float32)))
-    square = graph.add("Mul", away, away)
-    x, y, z = (graph.columns(square, axis, axis + 1) for axis in range(3))
-    squares = graph.add("Add", graph.add("Add", x, y), z)
+    away, squares = squared_distance(graph, scenario)
 
     def values(column: int) -> str:
         if column == _DISTANCE:
@@ -336,17 +331,11 @@ def table_onnx(table: TabularPolicy, scenario: Scenario) -> bytes:
             return graph.add("MatMul", of, graph.constant(np.arange(1, TYPES + 1, dtype=np.float32)[:, None]))
         return seen(column) if column < OBSERVATION_SIZE else memory[column - _MEMORY]
 
-    cell = ""
-    for column, edges in _thresholds(side, table.features, scenario):
-        digit = counted(graph, graph.add("Less", values(column), graph.constant(edges)), (0, 1))
-        place = graph.add("Mul", cell, graph.constant([len(edges) + 1])) if cell else ""
-        cell = graph.add("Add", place, digit) if cell else digit
-    chosen = graph.add("Gather", graph.constant(table.cells), cell, axis=0)
-    point = counted(graph, graph.add("Less", "noise", graph.constant(choices.quantiles)), (0, 1))
-    drawn = graph.add("Gather", graph.constant(choices.drawn[:, None].astype(np.float32)), chosen, axis=0)
+    bins = [(values(column), edges) for column, edges in _thresholds(side, table.features, scenario)]
+    chosen = graph.add("Gather", graph.constant(table.cells), cell_of(graph, bins), axis=0)
     parts = [
         graph.add("Gather", graph.constant(choices.rows), chosen, axis=0),
-        graph.add("Mul", graph.add("Gather", graph.constant(choices.drawn_rows), point, axis=0), drawn),
+        drawn_point(graph, "noise", chosen, choices.drawn, choices.quantiles, choices.drawn_rows),
     ]
     if side == "opponent":
         reach = graph.add("Max", graph.add("Sqrt", squares), number(PURSUIT_M))
@@ -356,6 +345,35 @@ def table_onnx(table: TabularPolicy, scenario: Scenario) -> bytes:
     graph.add("Concat", *memory, axis=1, to="next_state")
     inputs = [rows_of("observation", OBSERVATION_SIZE), rows_of("noise", 1), rows_of("state", size)]
     return graph.to_bytes(inputs, [rows_of("action", ACTION_SIZE), rows_of("next_state", size)])
+
+
+def squared_distance(graph: Graph, scenario: Scenario) -> tuple[str, str]:
+    """Add the relative position in m, and the squared distance."""
+    root = graph.columns("observation", RELATIVE_POSITION, RELATIVE_POSITION + 3)
+    away = graph.add("Mul", root, graph.add("Abs", root))
+    away = graph.add("Mul", away, graph.constant(np.array(scenario.box_m, np.float32)))
+    square = graph.add("Mul", away, away)
+    x, y, z = (graph.columns(square, axis, axis + 1) for axis in range(3))
+    return away, graph.add("Add", graph.add("Add", x, y), z)
+
+
+def cell_of(graph: Graph, bins: Sequence[tuple[str, np.ndarray]]) -> str:
+    """Add the cell of features, each with its edges; the last one varies fastest."""
+    cell = ""
+    for values, edges in bins:
+        digit = counted(graph, graph.add("Less", values, graph.constant(edges)), (0, 1))
+        place = graph.add("Mul", cell, graph.constant([len(edges) + 1])) if cell else ""
+        cell = graph.add("Add", place, digit) if cell else digit
+    return cell
+
+
+def drawn_point(
+    graph: Graph, noise: str, chosen: str, drawn: np.ndarray, quantiles: np.ndarray, rows: np.ndarray
+) -> str:
+    """Add what a point that the noise draws adds to an action; ``drawn`` says for which choices."""
+    point = counted(graph, graph.add("Less", noise, graph.constant(quantiles)), (0, 1))
+    is_drawn = graph.add("Gather", graph.constant(drawn[:, None].astype(np.float32)), chosen, axis=0)
+    return graph.add("Mul", graph.add("Gather", graph.constant(rows), point, axis=0), is_drawn)
 
 
 # Search
