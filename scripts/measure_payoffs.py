@@ -243,6 +243,8 @@ def main() -> int:
         parser.add_argument(f"--{side}", action="append", default=[], metavar="LABEL=FOLDER", help=text)
     text = "file of the pay-offs' records, which are not played again"
     parser.add_argument("--store", type=Path, metavar="FILE", help=text)
+    text = "measure pay-offs alone: a new script changes neither levers of agents nor transfer"
+    parser.add_argument("--no-levers", action="store_true", help=text)
     parser.add_argument("--page", type=Path, help="page that the tables are put into")
     options = parser.parse_args()
     scenario = preset(options.scenario)
@@ -269,15 +271,14 @@ def main() -> int:
         [ally, *(f"{value:.2f}" for value in row)]
         for ally, row in zip(payoffs.players, payoffs.values, strict=True)
     ]
-    tables = {
-        "equilibrium": "\n\n".join(notes),
-        "levers": f"The agents are {names}.\n\n{markdown_table(lever_table(scenario, suites, best))}",
-    }
-    files = {
-        "payoffs": csv_text([["ally \\ opponent", *payoffs.rivals], *earned]),
-        "script-levers": csv_text(lever_table(scenario, suites, BEST_SCRIPTS)),
-        "transfer": csv_text(transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES})),
-    }
+    tables = {"equilibrium": "\n\n".join(notes)}
+    files = {"payoffs": csv_text([["ally \\ opponent", *payoffs.rivals], *earned])}
+    if not options.no_levers:
+        levers_of_best = markdown_table(lever_table(scenario, suites, best))
+        tables["levers"] = f"The agents are {names}.\n\n{levers_of_best}"
+        files["script-levers"] = csv_text(lever_table(scenario, suites, BEST_SCRIPTS))
+        players_of = {side: [*standard[side], *own[side]] for side in SIDES}
+        files["transfer"] = csv_text(transfer_table(suites, players_of))
     for title, text in (tables | files).items():
         print(f"\n{title}\n\n{text}", flush=True)
     if options.page:
