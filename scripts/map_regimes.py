@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from lineage import fill
 from make_diagrams import write
+from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from measure_payoffs import Frozen, Values
@@ -68,6 +69,8 @@ ALLY_LEVERS: Mapping[str, Sequence[Values]] = {  # of several constants the best
     "own point": [{KNOWLEDGE_GATE: 1.0}],
 }
 TUNED: Values = {TUNING: 0.0, IN_BAND_GATE: -1.0}
+# Hop time and reaction of a follower of 1 ms, over the dwell; docs/results/regimes.md has the sources.
+RADIOS = {"B": (0.41, 1.6), "E": (0.06, 0.13), "C": (0.04, 0.3)}  # Bluetooth, ExpressLRS, CABELL V3
 LEVERS = (*ALLY_LEVERS, "type", "tuning")
 COLUMNS = (
     *("hop_dwell", "reaction_dwell", "power_dbm", "free", "idle", "value", "standard_error"),
@@ -305,17 +308,23 @@ def draw(rows: Sequence[Line]) -> Figure:
             axes.set_xticks(range(len(HOPS)), [f"{hop:g}" for hop in HOPS], fontsize=8)
             axes.set_yticks(range(len(names)), names if levers == ("value",) else [], fontsize=8)
             axes.set_title(title, fontsize=8)
-            axes.plot(
-                2,
-                names.index("2") if "2" in names else names.index("33"),
-                "s",
-                ms=26,
-                mfc="none",
-                mec="black",
-            )
+            at = names.index("2") if others[0][1] == others[-1][1] else names.index("33")
+            axes.plot(2, at, "s", ms=26, mfc="none", mec="black")
+            axes.set(xlim=(-0.5, len(HOPS) - 0.5), ylim=(-0.5, len(names) - 0.5))
+            if others[0][1] == others[-1][1]:
+                _mark_radios(axes)
         axes_row[0].set_ylabel(label, fontsize=8)
         axes_row[0].set_xlabel("hop time / dwell; square: link", fontsize=8)
     return figure
+
+
+def _mark_radios(axes: Axes) -> None:
+    """Mark radios under a follower of 1 ms; below one dwell they lie on the lower edge."""
+    rows = [sum(checks) / 2 for checks in sorted(REACTIONS)]
+    for name, (hop, reaction) in RADIOS.items():
+        x, y = np.interp(hop, HOPS, range(len(HOPS))), np.interp(reaction, rows, range(len(rows)))
+        mark = {"fontsize": 8, "weight": "bold", "color": "#d55e00", "ha": "center", "va": "center"}
+        axes.text(x, y if reaction >= rows[0] else -0.36, name, **mark)
 
 
 def main() -> None:

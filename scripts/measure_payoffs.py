@@ -53,6 +53,7 @@ from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import Batched
 
 STANDARD = ("(ally|opponent)-discrete", "ally-population", "(ally|opponent)-scripted", "opponent-pursuit")
+THEORY = ("range", "bayes")  # scripts whose pay-offs docs/reference/theory.md has
 BEST_SCRIPTS = {"ally": ["by-type"], "opponent": ["watchful"]}
 LEAST_SHARE = 0.01  # of a player that the table of the equilibrium names
 Values = dict[int, float]  # of the nine floats, by their index
@@ -243,8 +244,6 @@ def main() -> int:
         parser.add_argument(f"--{side}", action="append", default=[], metavar="LABEL=FOLDER", help=text)
     text = "file of the pay-offs' records, which are not played again"
     parser.add_argument("--store", type=Path, metavar="FILE", help=text)
-    text = "measure pay-offs alone: a new script changes neither levers of agents nor transfer"
-    parser.add_argument("--no-levers", action="store_true", help=text)
     parser.add_argument("--page", type=Path, help="page that the tables are put into")
     options = parser.parse_args()
     scenario = preset(options.scenario)
@@ -257,7 +256,8 @@ def main() -> int:
     best = {side: best_agents(side, groups[side]) for side in SIDES}
     names = " and ".join(f"`{agents[0].rpartition('/')[0]}`" for agents in best.values())
     champions = {side: champions_of(side, options.scenario) for side in SIDES}
-    shipped = [{name: name for name in (*SCRIPTS[side], *first[side], *champions[side])} for side in SIDES]
+    scripts = {side: [name for name in SCRIPTS[side] if name not in THEORY] for side in SIDES}
+    shipped = [{name: name for name in (*scripts[side], *first[side], *champions[side])} for side in SIDES]
     added = [dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
     games = {"Shipped players": shipped}
@@ -271,14 +271,15 @@ def main() -> int:
         [ally, *(f"{value:.2f}" for value in row)]
         for ally, row in zip(payoffs.players, payoffs.values, strict=True)
     ]
-    tables = {"equilibrium": "\n\n".join(notes)}
-    files = {"payoffs": csv_text([["ally \\ opponent", *payoffs.rivals], *earned])}
-    if not options.no_levers:
-        levers_of_best = markdown_table(lever_table(scenario, suites, best))
-        tables["levers"] = f"The agents are {names}.\n\n{levers_of_best}"
-        files["script-levers"] = csv_text(lever_table(scenario, suites, BEST_SCRIPTS))
-        players_of = {side: [*standard[side], *own[side]] for side in SIDES}
-        files["transfer"] = csv_text(transfer_table(suites, players_of))
+    tables = {
+        "equilibrium": "\n\n".join(notes),
+        "levers": f"The agents are {names}.\n\n{markdown_table(lever_table(scenario, suites, best))}",
+    }
+    files = {
+        "payoffs": csv_text([["ally \\ opponent", *payoffs.rivals], *earned]),
+        "script-levers": csv_text(lever_table(scenario, suites, BEST_SCRIPTS)),
+        "transfer": csv_text(transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES})),
+    }
     for title, text in (tables | files).items():
         print(f"\n{title}\n\n{text}", flush=True)
     if options.page:

@@ -71,7 +71,7 @@ def fill_least(
 
 
 def guaranteed(ally: str, scenario: Scenario, matches: int) -> np.ndarray:
-    """Return ``(matches,)``, what an ally keeps per step under the jamming that is worst for it in each second.
+    """Return ``(matches,)``, what an ally keeps per step under the worst jamming of each second.
 
     That bounds all jammers in pursuit if the ally's actions depend on positions alone, as the rule's do.
     """
