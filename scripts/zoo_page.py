@@ -45,8 +45,8 @@ A score is the mean over a suite's rivals of the return per step, on the scale o
 column only. The first suite is the one that `fpg-bench zoo` shows; with `@season-3` it is played on the
 seeds of that season, as the leaderboard plays it, and the scores are the leaderboard's. Agents may be trained
 against all rivals but those of a season suite, which were trained after the entries of that season had been
-closed. The last columns are of the first suite. The oracle sees the full state: it shows what a player of
-observations may still win, and has no rank.
+closed. The last columns are of the first suite. The oracle sees the full state: it shows what
+knowledge is worth, and has no rank.
 
 Intervals are 95 %, by Student's t: over training seeds, and for scripts
 over matches. † marks fewer than three training seeds. Time is that of training, on one core, without
@@ -160,7 +160,7 @@ def _table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[S
 def _scripts(zoo: Zoo, group: ZooGroup) -> list[Summary]:
     """Return the summaries of the scripts on the suite that scores a group's trainings, best first."""
     suite = load_suite(group.training_suite)
-    return [of for of in summarise(zoo.read_script_records(suite), suite) if not of.is_bound]
+    return [of for of in summarise(zoo.read_script_records(suite), suite) if not of.is_oracle]
 
 
 def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summary]]) -> list[str]:

@@ -154,7 +154,7 @@ def test_an_oracle_stands_last_and_without_a_rank_however_much_it_earns(suite):
         suite,
     )
     head, *lines = lines_of_table(found, suite)
-    assert [line[0] for line in lines] == ["twice", "once", "oracle (a bound)"]
+    assert [line[0] for line in lines] == ["twice", "once", "oracle (full state)"]
     assert [line[head.index("rank")] for line in lines[:2]] != ["-", "-"]
     assert lines[2][head.index("rank")] == "-"
     rows = flat_lines(found)
