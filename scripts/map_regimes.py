@@ -21,14 +21,21 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from lineage import fill
+from make_diagrams import write
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 from measure_payoffs import Frozen, Values
 
+from fpg_bench.common.canvas import blank_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.actions import HOP_GATE, IN_BAND_GATE, KNOWLEDGE_GATE, SPEED, SPREAD_GATE, TUNING
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset
@@ -39,17 +46,17 @@ HOPS = (0.02, 0.1, 0.3, 0.5)  # hop time over dwell: the share of a step that a 
 REACTIONS = ((1, 3), (1, 1), (4, 6), (12, 18))  # dwells from one check to the next; first that of link
 POWERS_DBM = (33.0, 27.0, 39.0)  # of the jammer, first that of link; the base station has 36 dBm
 MATCHES, CHOSEN_ON = 16, 1_000_000  # matches of a pair, and the first seed of those that choose variants
-SEARCHES, VARIANTS = 2, 8  # of variants of each side
+SEARCHES, VARIANTS = 1, 8  # of variants of each side
 MOST = 3  # players of a side that a lever is measured with
 AGENTS = "ppo-stack8/seed_0"
+KNOWING = "always-hop by knowledge"  # always-hop, with the point that the knowledge base picks
 ALLIES = (
-    *("idle", "reactive", "expert", "by-type", "always-hop", "evidence", "clock"),
+    *("idle", "expert", "by-type", "always-hop", KNOWING, "clock"),
     *("range", "range(js_db=0)", "range(js_db=5)"),
     *(f"ally-link{kind}/{AGENTS}" for kind in ("", "-population", "-champion")),
 )
 OPPONENTS = (
-    *("tone", "narrowband", "broadband", "comb", "adaptive", "watchful", "alternate"),
-    *("hunter", "hunter(type=0, hold_s=1)", "bayes"),
+    *("tone", "narrowband", "broadband", "adaptive", "alternate", "hunter(type=0, hold_s=1)", "bayes"),
     *(f"opponent-link{kind}/{AGENTS}" for kind in ("", "-strangers")),
     "opponent-link-population/dqn-stack8/seed_0",
 )
@@ -62,6 +69,8 @@ ALLY_LEVERS: Mapping[str, Sequence[Values]] = {  # of several constants the best
     "own point": [{KNOWLEDGE_GATE: 1.0}],
 }
 TUNED: Values = {TUNING: 0.0, IN_BAND_GATE: -1.0}
+# Hop time and reaction of a follower of 1 ms, over the dwell; docs/results/regimes.md has the sources.
+RADIOS = {"B": (0.41, 1.6), "E": (0.06, 0.13), "C": (0.04, 0.3)}  # Bluetooth, ExpressLRS, CABELL V3
 LEVERS = (*ALLY_LEVERS, "type", "tuning")
 COLUMNS = (
     *("hop_dwell", "reaction_dwell", "power_dbm", "free", "idle", "value", "standard_error"),
@@ -117,9 +126,13 @@ class Meetings:
     def rewards(self, ally: str, opponent: str) -> np.ndarray:
         """Return ``(matches,)``, what the ally earns per step."""
         if (ally, opponent) not in self._known:
+            frozen = {"ally": dict(self.ally), "opponent": dict(self.opponent)}
+            names = {"ally": ally, "opponent": opponent}
+            if ally == KNOWING:
+                names["ally"], frozen["ally"] = "always-hop", {KNOWLEDGE_GATE: 1.0, **self.ally}
             players = [
-                Frozen(as_player(name, side, self.scenario), values) if values else name
-                for side, name, values in (("ally", ally, self.ally), ("opponent", opponent, self.opponent))
+                Frozen(as_player(names[side], side, self.scenario), values) if values else names[side]
+                for side, values in frozen.items()
             ]
             match = make_match(TwoPlayerBatch(self.scenario, self.matches, threads=1), *players)
             play_round(match, seeds=np.arange(self.first_seed, self.first_seed + self.matches))
@@ -189,8 +202,8 @@ def measure(point: Point, seed: int) -> Line:
     whole, values = game.solve(allies, opponents), game.matrix(allies, opponents).mean(axis=2)
     own = shortlist(allies, whole.allies, values.min(axis=1))
     others = shortlist(opponents, whole.opponents, -values.max(axis=0))
-    own += [name for name in ("range", "range(js_db=5)") if name not in own]
-    others += [name for name in ("bayes", "broadband") if name not in others]
+    own += [name for name in ("range",) if name not in own]
+    others += [name for name in ("bayes",) if name not in others]
     value = game.solve(own, others).value
     lost = {
         name: value - max(Meetings(scenario, ally=frozen).solve(own, others).value for frozen in constants)
@@ -198,7 +211,7 @@ def measure(point: Point, seed: int) -> Line:
     }
     of_type = []
     for kind, name in enumerate(JAMMING_TYPES):
-        alike = [name, f"alternate(type={kind})", f"hunter(type={kind}, blind_type={kind})", "bayes"]
+        alike = [name, f"alternate(type={kind})", "bayes"]
         of_type.append(Meetings(replace(scenario, jamming_types=(name,))).solve(own, alike).value)
     lost["type"] = min(of_type) - value
     lost["tuning"] = Meetings(scenario, opponent=TUNED).solve(own, others).value - value
@@ -232,21 +245,112 @@ def read_rows(path: Path) -> list[Line]:
         return list(csv.DictReader(file))
 
 
+def table(rows: Sequence[Line]) -> str:
+    """Return the map as Markdown: values, levers as shares of the value, and the equilibria."""
+    names = [
+        "hop / dwell",
+        "reaction / dwell",
+        "jammer dBm",
+        "value",
+        "idle / free",
+        *LEVERS,
+        "allies",
+        "opponents",
+    ]
+    lines = [names]
+    for row in sorted(
+        rows, key=lambda row: [float(row[name]) for name in (COLUMNS[2], COLUMNS[1], COLUMNS[0])]
+    ):
+        value = float(row["value"])
+        shares = [f"{100 * float(row[name]) / value:.0f} %" for name in LEVERS]
+        idle = f"{float(row['idle']) / float(row['free']):.0%}"
+        worth = f"{value:.2f} ± {1.96 * float(row['standard_error']):.2f}"
+        key = [row[name] for name in COLUMNS[:3]]
+        lines.append([*key, worth, idle, *shares, row["allies"], row["opponents"]])
+    return markdown_table(lines)
+
+
+def draw(rows: Sequence[Line]) -> Figure:
+    """Draw value and levers over hop time and reaction, and over hop time and power."""
+    known = {tuple(row[name] for name in COLUMNS[:3]): row for row in rows}
+    reactions = sorted(REACTIONS)
+    planes = (
+        (
+            "reaction / dwell",
+            [f"{sum(of) / 2:g}" for of in reactions],
+            [(of, POWERS_DBM[0]) for of in reactions],
+        ),
+        (
+            "jammer (dBm)",
+            [f"{of:g}" for of in sorted(POWERS_DBM)],
+            [(REACTIONS[0], of) for of in sorted(POWERS_DBM)],
+        ),
+    )
+    panels = {
+        "value": ("value",),
+        "hop %": ("hop",),
+        "spread %": ("spread",),
+        "type, tuning %": ("type", "tuning"),
+    }
+    figure = blank_figure(7.16, 3.9)
+    for axes_row, (label, names, others) in zip(figure.subplots(2, 4), planes, strict=True):
+        for axes, (title, levers) in zip(axes_row, panels.items(), strict=True):
+            shown = np.full((len(others), len(HOPS)), np.nan)
+            for (y, (checks, power)), (x, hop) in product(enumerate(others), enumerate(HOPS)):
+                if row := known.get(Point(hop, checks, power).key):
+                    most = max(float(row[name]) for name in levers)
+                    shown[y, x] = most if title == "value" else 100 * most / float(row["value"])
+                    ink = "white" if shown[y, x] > (7 if title == "value" else 15) else "black"
+                    text = f"{shown[y, x]:.1f}" if title == "value" else f"{shown[y, x]:.0f}"
+                    axes.text(x, y, text, ha="center", va="center", fontsize=8, color=ink)
+            scale = Normalize(4, 9) if title == "value" else Normalize(0, 30)
+            axes.imshow(shown, cmap="Greys", norm=scale, origin="lower", aspect="auto")
+            axes.set_xticks(range(len(HOPS)), [f"{hop:g}" for hop in HOPS], fontsize=8)
+            axes.set_yticks(range(len(names)), names if levers == ("value",) else [], fontsize=8)
+            axes.set_title(title, fontsize=8)
+            at = names.index("2") if others[0][1] == others[-1][1] else names.index("33")
+            axes.plot(2, at, "s", ms=26, mfc="none", mec="black")
+            axes.set(xlim=(-0.5, len(HOPS) - 0.5), ylim=(-0.5, len(names) - 0.5))
+            if others[0][1] == others[-1][1]:
+                _mark_radios(axes)
+        axes_row[0].set_ylabel(label, fontsize=8)
+        axes_row[0].set_xlabel("hop time / dwell; square: link", fontsize=8)
+    return figure
+
+
+def _mark_radios(axes: Axes) -> None:
+    """Mark radios under a follower of 1 ms; below one dwell they lie on the lower edge."""
+    rows = [sum(checks) / 2 for checks in sorted(REACTIONS)]
+    for name, (hop, reaction) in RADIOS.items():
+        x, y = np.interp(hop, HOPS, range(len(HOPS))), np.interp(reaction, rows, range(len(rows)))
+        mark = {"fontsize": 8, "weight": "bold", "color": "#d55e00", "ha": "center", "va": "center"}
+        axes.text(x, y if reaction >= rows[0] else -0.36, name, **mark)
+
+
 def main() -> None:
     """Measure the points that are missing, and write the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("file", type=Path, help="CSV file of the rows")
     parser.add_argument("--page", type=Path, help="page that gets the table, and figures beside it")
     parser.add_argument("--most", type=int, default=10_000, help="points to measure at most")
+    parser.add_argument(
+        "--backwards", action="store_true", help="begin with the last point, beside another run"
+    )
     options = parser.parse_args()
-    rows = read_rows(options.file)
-    done = {tuple(row[name] for name in COLUMNS[:3]) for row in rows}
     points = [Point(hop, checks, POWERS_DBM[0]) for checks, hop in product(REACTIONS, HOPS)]
     points += [Point(hop, REACTIONS[0], power) for power, hop in product(POWERS_DBM[1:], HOPS)]
-    for seed, point in [pair for pair in enumerate(points) if pair[1].key not in done][: options.most]:
-        rows.append(measure(point, seed))
-        write_whole(options.file, csv_text([COLUMNS, *([row[name] for name in COLUMNS] for row in rows)]))
-        print(*rows[-1].values(), sep=", ", flush=True)
+    if not options.file.exists():
+        write_whole(options.file, csv_text([COLUMNS]))
+    for seed, point in sorted(enumerate(points), reverse=options.backwards)[: options.most]:
+        if point.key not in {tuple(row[name] for name in COLUMNS[:3]) for row in read_rows(options.file)}:
+            row = measure(point, seed)
+            with options.file.open("a", encoding="utf-8") as file:
+                file.write(csv_text([[row[name] for name in COLUMNS]]))
+            print(*row.values(), sep=", ", flush=True)
+    if options.page:
+        rows = read_rows(options.file)
+        write(draw(rows), options.page.with_suffix(".svg"))
+        fill(options.page, {"map": table(rows)})
 
 
 if __name__ == "__main__":

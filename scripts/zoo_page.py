@@ -39,8 +39,8 @@ Agents that are shipped, each a player by its name: `fpg_bench.load_agent("ally-
 the last of its suites, which is the held-out one where there is one, with its 95 % interval over training
 seeds ([protocol](../docs/benchmark/protocol.md)). *All agents* has the scores of every algorithm and script,
 with steps, minutes and measures. Beside it are learning curves on tuning seeds, performance profiles and the
-probability of improvement (Agarwal et al. 2021). An oracle sees the full state: it shows what a player of
-observations may still win, and has no rank.
+probability of improvement (Agarwal et al. 2021). An oracle sees the full state: it shows what
+knowledge is worth, and has no rank.
 
 """
 _FOOT = f"""
@@ -162,7 +162,7 @@ def table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[Su
 def _scripts(zoo: Zoo, group: ZooGroup) -> list[Summary]:
     """Return the summaries of the scripts on the suite that scores a group's trainings, best first."""
     suite = load_suite(group.training_suite)
-    return [of for of in summarise(zoo.read_script_records(suite), suite) if not of.is_bound]
+    return [of for of in summarise(zoo.read_script_records(suite), suite) if not of.is_oracle]
 
 
 def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summary]]) -> list[str]:

@@ -56,14 +56,14 @@ class Summary:
         return f"Summary({self.entry!r}, {self.suite.name!r}, score={self.score.value:.1f})"
 
     @property
-    def is_bound(self) -> bool:
-        """True for an oracle, which no table ranks."""
+    def is_oracle(self) -> bool:
+        """True for a player that sees the full state, which no table ranks."""
         return self.entry in ORACLES
 
     @property
     def label(self) -> str:
         """Its name in tables."""
-        return f"{self.entry} (a bound)" if self.is_bound else self.entry
+        return f"{self.entry} (full state)" if self.is_oracle else self.entry
 
     @property
     def training_seeds(self) -> int:
@@ -134,7 +134,7 @@ def summarise(records: Iterable[Record], suite: Suite) -> list[Summary]:
     The best comes first, oracles last.
     """
     summaries = [_summary(of_entry, suite) for of_entry in by_entry(records, suite).values()]
-    return sorted(filter(None, summaries), key=lambda s: (s.is_bound, -s.score.value, s.entry))
+    return sorted(filter(None, summaries), key=lambda s: (s.is_oracle, -s.score.value, s.entry))
 
 
 def by_entry(records: Iterable[Record], suite: Suite) -> dict[str, list[Record]]:

@@ -179,7 +179,7 @@ def standings(summaries: Sequence[Summary]) -> dict[str, Standing]:
         summaries: best first, oracles last.
     """
     samples = [summary.samples for summary in summaries]
-    count = sum(not summary.is_bound for summary in summaries)
+    count = sum(not summary.is_oracle for summary in summaries)
     is_compared = count <= MOST_RANKED and all(sample.size > 1 for sample in samples[:count])
     ranks: list[tuple[int, int] | None] = [None] * len(samples)
     best: list[bool | None] = [None] * len(samples)

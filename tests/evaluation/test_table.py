@@ -144,6 +144,25 @@ def test_ranks_and_differences_stand_beside_the_score(suite):
     assert standings(alone)["once"].behind.value == 0
 
 
+def test_an_oracle_stands_last_and_without_a_rank_however_much_it_earns(suite):
+    found = summarise(
+        [
+            *records_of(suite, "oracle", 99.0, None),
+            *records_of(suite, "once", 1.0, 0),
+            *records_of(suite, "twice", 2.0, 0),
+        ],
+        suite,
+    )
+    head, *lines = lines_of_table(found, suite)
+    assert [line[0] for line in lines] == ["twice", "once", "oracle (full state)"]
+    assert [line[head.index("rank")] for line in lines[:2]] != ["-", "-"]
+    assert lines[2][head.index("rank")] == "-"
+    rows = flat_lines(found)
+    assert (rows[2]["entry"], rows[2]["may_be_best"], rows[2]["rank_low"]) == ("oracle", None, None)
+    assert rows[2]["behind_first"] > 0 == rows[0]["behind_first"]
+    assert rows[0]["may_be_best"]
+
+
 def test_training_stands_beside_the_score(summaries, suite):
     for steps, text in ((3_000_000, "3M"), (405_000, "405k"), (400, "400"), (None, "-")):
         training = TrainingCost() if steps is None else TrainingCost(steps, 90.0)

@@ -580,7 +580,10 @@ def test_an_invalid_champion_is_refused_in_one_line(tmp_path):
         ({"options": {"pth": "circle"}}, "options: unknown key 'pth'; did you mean 'path'"),
         ({"id": "FPG/AllyVsScripted-v0"}, "id: expected FPG/AllyVsPolicy-v0"),
         ({"verb": "double-oracle"}, "unknown key 'id'"),
-        ({"verb": "oracle"}, "verb: expected one of double-oracle, self-play, tabular-self-play, got 'oracle'"),
+        (
+            {"verb": "oracle"},
+            "verb: expected one of double-oracle, self-play, tabular-self-play, got 'oracle'",
+        ),
     ):
         with pytest.raises(UserError, match=message) as caught:
             load_champion(tmp_path, **changes)

@@ -1,0 +1,147 @@
+"""Measure the players of theory: ``python scripts/measure_theory.py docs/reference/theory.md``.
+
+Their scores on the public suites of ``link``, and what the range rule keeps whatever the jammer does. The
+page gets both between its marks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from lineage import fill
+
+from fpg_bench.common.errors import UserError
+from fpg_bench.common.ids import SCRIPTS
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import play
+from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.evaluation.seeds import evaluation_seeds
+from fpg_bench.evaluation.statistics import crossed_interval
+from fpg_bench.evaluation.suite import load_suite
+from fpg_bench.evaluation.summary import Summary, summary_of
+from fpg_bench.evaluation.table import bounds, markdown_table, number
+from fpg_bench.game.compiling import compiled
+from fpg_bench.game.flight import distance_m
+from fpg_bench.game.link import transmit
+from fpg_bench.game.rewards import reward
+from fpg_bench.game.rules import radio_record, rules_record
+from fpg_bench.game.scenario import Scenario, preset
+from fpg_bench.game.state import TYPES
+from fpg_bench.players.registry import as_player
+
+BLIND = "hunter(type=0, hold_s=1)"  # a tone on an ally just found, else broadband on a random half
+PLAYERS = {
+    "opponent": ("adaptive", "watchful", BLIND, "bayes", "oracle"),
+    "ally": ("by-type", "range", "oracle"),
+}
+MET = ("ally-link-population/ppo-stack8/seed_0", "ally-link-champion/ppo-stack8/seed_0", "range")
+
+
+@compiled
+def fill_least(
+    least: np.ndarray,
+    games: np.ndarray,
+    centres: np.ndarray,
+    rules_array: np.ndarray,
+    radio_array: np.ndarray,
+) -> None:
+    """Fill what the ally would have earned in the step just played under the worst of all jammings.
+
+    ``games`` are copies; their jamming changes.
+    """
+    rules, radio = rules_array[0], radio_array[0]
+    for i in range(games.shape[0]):
+        game = games[i]
+        costs = game.airtime * game.ally_value - game.ally_reward
+        to_base_m = distance_m(game.ally_position, rules.base_station)
+        game.next_check = game.step + 1 if game.checked else -1
+        worst = game.ally_value
+        for kind in range(TYPES):
+            for centre in centres:
+                game.jamming_type, game.jamming_mhz = kind, centre
+                transmit(game, to_base_m, rules, radio)
+                reward(game, 0.0, rules, radio)
+                worst = min(worst, game.ally_value)
+        least[i] += game.airtime * worst - costs
+
+
+def guaranteed(ally: str, scenario: Scenario, matches: int) -> np.ndarray:
+    """Return ``(matches,)``, what an ally keeps per step under the worst jamming of each second.
+
+    That bounds all jammers in pursuit if the ally's actions depend on positions alone, as the rule's do.
+    """
+    match = make_match(TwoPlayerBatch(scenario, matches, threads=1), ally, "tone")
+    rules, radio, batch = rules_record(scenario), radio_record(scenario), match.duel.batch
+    assert radio is not None
+    centres = np.linspace(scenario.band_low_mhz, scenario.band_high_mhz, 4 * scenario.frequency_points - 3)
+    least = np.zeros(matches)
+    play_round(
+        match,
+        seeds=evaluation_seeds(matches),
+        on_step=lambda: fill_least(least, batch.games.copy(), centres, rules, radio),
+    )
+    return least / scenario.steps_per_round
+
+
+def scores(side: str) -> list[Summary]:
+    """Return the summaries of a side's players on its public suite of ``link``."""
+    suite, found = load_suite(f"{side}-link-v1"), []
+    for name in PLAYERS[side]:
+        named = name in SCRIPTS[side] or name == "oracle"
+        entry = player_entry(name if named else as_player(name, side, suite.scenario), name)
+        found.append(summary_of([play(entry, suite, rival) for rival in suite.rivals], suite))
+    return found
+
+
+def score_table(summaries: Sequence[Summary]) -> str:
+    """Return the scores as Markdown."""
+    lines = [["player", "score", "95 %", "lowest return per step", "against"]]
+    for of in summaries:
+        lowest = number(of.by_rival[of.worst].value, digits=2)
+        lines.append([f"`{of.entry}`", number(of.score.value), bounds(of.score), lowest, of.worst])
+    return markdown_table(lines)
+
+
+def kept_table(scenario: Scenario, matches: int) -> str:
+    """Return what allies keep against jammers of theory, and the rule against all, as Markdown."""
+    lines = [["ally", *(f"`{name}`" for name in ("bayes", BLIND, "oracle")), "any jammer in pursuit"]]
+    for ally in MET:
+        cells = []
+        for jammer in ("bayes", BLIND, "oracle"):
+            match = make_match(TwoPlayerBatch(scenario, matches, threads=1), ally, jammer)
+            play_round(match, seeds=evaluation_seeds(matches))
+            tallies = match.duel.batch.tallies
+            cells.append(f"{(tallies['ally_return'] / tallies['steps']).mean():.2f}")
+        least = "-"
+        if ally == "range":
+            interval = crossed_interval(guaranteed(ally, scenario, matches)[None])
+            least = f"at least {interval.value:.2f} [{interval.low:.2f}, {interval.high:.2f}]"
+        lines.append([f"`{ally.removesuffix('/ppo-stack8/seed_0')}`", *cells, least])
+    return markdown_table(lines)
+
+
+def main() -> None:
+    """Measure, and fill the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("page", type=Path)
+    parser.add_argument("--matches", type=int, default=100)
+    options = parser.parse_args()
+    parts = {
+        "kept": kept_table(preset("link"), options.matches),
+        **{f"{side} scores": score_table(scores(side)) for side in PLAYERS},
+    }
+    for title, text in parts.items():
+        print(f"\n{title}\n\n{text}", flush=True)
+    fill(options.page, parts)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except UserError as error:
+        sys.exit(f"measure_theory: {error}")
