@@ -74,7 +74,8 @@ def unbroken(key: str) -> str:
     lines = []
     for entry, figures in attacked(key):
         attack, count = lowest(figures), len(figures.exploited.attacks if figures.exploited else ())
-        value = f"{kept(figures)} {bounds(attack.return_per_step, digits=2)}"
+        ends = (per_step(end) for end in (attack.return_per_step.low, attack.return_per_step.high))
+        value = f"{kept(figures)} [{', '.join(ends)}]"
         found_by = f"{attack.name}, {', '.join(attack.authors)}" if attack.name else attack.rival
         seconds = "-" if attack.seconds is None else number(attack.seconds, digits=0)
         lines.append([player(entry), value, found_by, seconds, str(count)])

@@ -385,9 +385,9 @@ def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
     return f"{round(value * factor, digits) + 0.0:.{digits}f}"  # never -0.0
 
 
-def bounds(interval: Interval, digits: int = 1) -> str:
+def bounds(interval: Interval) -> str:
     """Return an interval's ends as text; a dash if there are none."""
-    low, high = (number(end, digits=digits) for end in (interval.low, interval.high))
+    low, high = (number(end) for end in (interval.low, interval.high))
     return "-" if low == "-" else f"[{low}, {high}]"
 
 

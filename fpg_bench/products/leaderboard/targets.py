@@ -25,17 +25,15 @@ class Target:
     """A verified entry that responses are played against.
 
     Attributes:
-        submission: the submission.
         entry: the entry as a player, in the game of its table.
     """
 
-    submission: Submission
     entry: CrossplayEntry
 
     @classmethod
     def of(cls, submission: Submission, public: Suite) -> Target:
         """Return the target of a submission that plays this public suite."""
-        return cls(submission, CrossplayEntry.of(submission, public, ""))
+        return cls(CrossplayEntry.of(submission, public, ""))
 
     @property
     def name(self) -> str:
@@ -51,11 +49,6 @@ class Target:
     def parts(self) -> tuple[Part, ...]:
         """Its training seeds, or its script."""
         return self.entry.parts
-
-    @property
-    def players(self) -> tuple[str, ...]:
-        """Names of its parts as players."""
-        return self.submission.players
 
 
 def answered_entries(
