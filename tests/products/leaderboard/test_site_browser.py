@@ -57,25 +57,40 @@ def test_tables_need_no_javascript(visit):
     assert page.locator("#ally table.board tbody tr").last.is_visible()
 
 
+@pytest.mark.parametrize(("size", "least"), [((1280, 800), 10), ((390, 844), 5)])
+def test_the_first_screen_of_the_ranking_has_the_claim_and_its_rows(visit, size, least):
+    """On a desktop each entry has one line, however long its name is."""
+    width, height = size
+    page = visit(viewport={"width": width, "height": height})
+    rows = page.locator("#ally table.board tbody tr:not([hidden])")
+    boxes = rows.evaluate_all("rows => rows.map((row) => row.getBoundingClientRect().toJSON())")
+    assert sum(box["bottom"] <= height for box in boxes) >= least
+    assert page.locator("#ally .about").bounding_box()["y"] < boxes[0]["y"]
+    assert width < 700 or max(box["height"] for box in boxes) < 40
+    behind = rows.nth(1).locator("td").nth(2)
+    assert re.fullmatch("[−+][\\d.]+ ?[−\\d.]+ to [−\\d.]+", behind.inner_text())
+    assert behind.bounding_box()["x"] + behind.bounding_box()["width"] <= width
+
+
 def test_a_column_is_sorted_both_ways_by_its_button(visit):
     page = visit()
-    header = page.locator("#ally thead th").nth(1)
-    first = page.locator("#ally thead th").first
-    scores = [float(value) for value in column(page, 1)]
+    header = page.locator("#ally thead th").nth(2)
+    first = page.locator("#ally thead th").nth(1)
+    scores = [float(value) for value in column(page, 2)]
     assert (header.get_attribute("aria-sort"), scores) == ("descending", sorted(scores, reverse=True))
     header.locator("button").focus()
     page.keyboard.press("Enter")
-    scores = [float(value) for value in column(page, 1)]
+    scores = [float(value) for value in column(page, 2)]
     assert (header.get_attribute("aria-sort"), scores) == ("ascending", sorted(scores))
     first.locator("button").click()
     assert (first.get_attribute("aria-sort"), header.get_attribute("aria-sort")) == ("ascending", "none")
     hostile = ["Player 0 <script>alert(1)</script>", 'Player 1 "><img src=x onerror=alert(2)>']
-    assert column(page, 0)[:2] == hostile
-    assert len(column(page, 0)) == 25
+    assert column(page, 1)[:2] == hostile
+    assert len(column(page, 1)) == 25
     page.get_by_role("button", name=f"Show all {ENTRIES}").click()
-    assert len(column(page, 0)) == ENTRIES
+    assert len(column(page, 1)) == ENTRIES
     header.locator("button").click()
-    assert column(page, 1)[-1] == ""  # what has no score is last, whichever way
+    assert column(page, 2)[-1] == ""  # what has no score is last, whichever way
     row = page.locator("#ally tr[data-unverified]")
     assert "not verified: seed_0: outran the limit" in row.inner_text()
     assert row.locator("td").first.inner_text() == "–"
@@ -83,7 +98,8 @@ def test_a_column_is_sorted_both_ways_by_its_button(visit):
 
 def test_numbers_are_sorted_by_what_they_show_and_those_that_are_missing_stand_last(visit):
     page = visit()
-    page.locator("#columns").select_option("all")
+    page.locator("#ally .sift summary").click()
+    page.locator("#ally .columns").select_option("all")
     page.get_by_role("button", name=f"Show all {ENTRIES}").click()
     heads = page.locator("#ally thead th")
     index = next(k for k, text in enumerate(heads.all_inner_texts()) if text.startswith("Gap"))
@@ -99,24 +115,28 @@ def test_the_address_keeps_how_a_table_is_shown(visit):
     page = visit("ranking.html")
     extra = page.locator("#ally thead th.extra").first
     expect(extra).to_be_hidden()
-    page.locator("#columns").select_option("all")
+    page.locator("#ally .sift summary").click()
+    page.locator("#ally .columns").select_option("all")
     expect(extra).to_be_visible()
-    page.locator("#ally thead th").nth(0).locator("button").click()
+    page.locator("#ally thead th").nth(1).locator("button").click()
     page.locator("#ally .filter").fill("player 1")
     page.locator('#ally .kind[value="zoo"]').uncheck()
-    shown, address = column(page, 0), page.url
+    shown, address = column(page, 1), page.url
     page.goto("about:blank")
     page.goto(address)
-    assert column(page, 0) == shown
+    assert column(page, 1) == shown
+    expect(page.locator("#ally .filter")).to_be_visible()
     expect(page.locator("#ally .filter")).to_have_value("player 1")
+    expect(page.locator("#opponent-pursuit .columns")).to_have_value("all")
     expect(page.locator("#ally thead th.extra").first).to_be_visible()
 
 
 def test_filters_hide_rows_and_say_how_many_are_left(visit):
     page = visit()
     count = page.locator("#ally .count")
+    page.locator("#ally .sift summary").click()
     page.locator("#ally .filter").fill("player 12")
-    assert len(column(page, 0)) == 1
+    assert len(column(page, 1)) == 1
     assert count.inner_text() == f"1 of {ENTRIES} entries"
     page.locator("#ally .filter").fill("")
     page.locator('#ally .kind[value="script"]').uncheck()
@@ -619,7 +639,7 @@ SCREENS = {"phone": PHONE, "desktop": {"width": 1440, "height": 900}}
 @pytest.mark.parametrize("screen", SCREENS)
 def test_the_first_screen_holds_the_moving_game_its_buttons_and_the_leaders(visit, screen):
     page = visit("index.html", viewport=SCREENS[screen])
-    places = [page.locator("#film canvas"), *page.locator("a.button").all(), page.locator(".leaders thead")]
+    places = [page.locator("#film canvas"), *page.locator("a.button").all(), page.locator(".about")]
     assert len(places) == 5
     for place in places:
         box = place.bounding_box()

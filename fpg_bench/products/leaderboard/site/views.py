@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from fpg_bench.evaluation.statistics import Interval
@@ -330,6 +330,9 @@ class TrackView:
         mission: presentations of the two measures of the mission by name, as far as they were measured.
         heat_suites: suites of the heat map; ``heat_rows`` have a score and a tint, 0 to 8, per rival.
         leaders: names of the entries that may be best, the first one first.
+        firmest: the row of the entry that keeps most of those against which responses were trained.
+        n_exploited: number of these.
+        notes: what a reader may stumble over.
     """
 
     track: BoardTrack
@@ -344,6 +347,9 @@ class TrackView:
     heat_suites: list[BoardSuite]
     heat_rows: list[tuple[RowView, list[tuple[float, int] | None]]]
     leaders: list[str]
+    firmest: RowView | None
+    n_exploited: int
+    notes: list[str]
 
 
 def track_view(board: Board, track: BoardTrack) -> TrackView:
@@ -351,6 +357,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
     verified = list(track.verified())
     measured = {name for _, figures in verified for name in figures.measures}
     rows = [row_view(board, track, entry) for entry in track.entries]
+    attacked = [row for row in rows if row.exploited is not None]
     heat_suites = ordered_suites(track, without=(SHIFTED, RESPONSES, PUBLIC_SEEDS))
     top = max(
         [100.0]
@@ -376,7 +383,32 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
             (row, _heat_cells(row.figures, heat_suites, top)) for row in rows if row.figures is not None
         ],
         leaders=[entry.name for entry, figures in verified if figures.may_be_best],
+        firmest=max(attacked, key=_kept, default=None),
+        n_exploited=len(attacked),
+        notes=[*_track_notes(board, track)],
     )
+
+
+def _kept(row: RowView) -> float:
+    return -math.inf if row.exploited is None else row.exploited.value
+
+
+def _track_notes(board: Board, track: BoardTrack) -> Iterator[str]:
+    """Yield what a reader of a track's table may stumble over."""
+    for entry, figures in track.verified():
+        if entry.plays == "random" and abs(figures.score.value) >= 1:
+            yield f"Against these rivals random play itself scores {format_number(figures.score.value)}."
+    agents = {entry.plays: entry.name for entry in track.entries if entry.kind == "zoo" and entry.plays}
+    for other in board.tracks:
+        shared = [agents[entry.plays] for entry in other.entries if entry.plays in agents]
+        if shared and other is not track:
+            names = ", ".join(shared)
+            yield f"{names}: also in the table “{other.title}”, by its rules of flight and on its own scale."
+    if TRACKS[track.key].scenario == "link":
+        yield (
+            "On a radio link jamming may cover the ally and leave its link whole, "
+            "so a leader's overlap ratio can be high: the jamming success rate tells."
+        )
 
 
 def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
