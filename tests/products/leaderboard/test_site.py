@@ -173,6 +173,7 @@ def test_a_table_explains_what_a_reader_stumbles_over():
         figures = dataclasses.replace(first.figures, score=Interval(-11.13))
         kind = "script" if track.side == "ally" else "zoo"
         first = dataclasses.replace(first, plays=named.get(track.key), kind=kind, figures=figures)
+        others = [dataclasses.replace(entry, plays=None) for entry in others]
         tracks.append(dataclasses.replace(track, entries=(first, *others)))
     board = dataclasses.replace(board, tracks=tuple(tracks))
     notes = {track.key: " ".join(views.track_view(board, track).notes) for track in board.tracks}
