@@ -166,7 +166,7 @@ def test_tables_have_columns_for_what_was_played(site, tmp_path):
 def test_a_table_explains_what_a_reader_stumbles_over():
     """Random play below its own zero, an agent in two tables, and a leader that is covered often."""
     board = with_link(example_board(3), season=2)
-    named = {"ally": "random", "opponent-pursuit": "zoo/one", "opponent-learned": "zoo/one"}
+    named = {"ally": "random", "opponent-pursuit": "zoo/one", "opponent-link": "zoo/one"}
     tracks = []
     for track in board.tracks:
         first, *others = track.entries
@@ -178,8 +178,9 @@ def test_a_table_explains_what_a_reader_stumbles_over():
     board = dataclasses.replace(board, tracks=tuple(tracks))
     notes = {track.key: " ".join(views.track_view(board, track).notes) for track in board.tracks}
     assert "random play itself scores −11.1" in notes["ally"]
-    assert "also in the table “Opponents that fly themselves”" in notes["opponent-pursuit"]
-    assert "also in the table “Opponents in pursuit”" in notes["opponent-learned"]
+    titles = {track.key: track.title for track in board.tracks}
+    for one, other in (("opponent-pursuit", "opponent-link"), ("opponent-link", "opponent-pursuit")):
+        assert f"also in the table “{titles[other]}”" in notes[one]
     assert "overlap ratio can be high" in notes["ally-link"]
 
 

@@ -207,12 +207,15 @@ def test_a_round_is_played_paused_and_scrubbed(visit):
     page.locator("#main").focus()
     page.keyboard.press("End")  # scrolls the page, as no player has the focus
     page.wait_for_function(AT_REST)
-    assert step.input_value() == "0"
+    assert 100 <= int(step.input_value()) < 150  # a moment at which something happens
+    expect(page.locator("#replay-event")).to_have_text(re.compile(f"{step.input_value()} s: "))
+    assert "step=" not in page.url
     assert page.locator("#round-summary").inner_text().startswith("Overlap ratio ")
     button.click()
     expect(step).not_to_have_value(re.compile("^[0-2]$"))
     button.click()
     at = int(step.input_value())
+    assert at < 100  # it was played from its start
     page.evaluate(FRAMES)
     assert int(step.input_value()) == at
     step.focus()
@@ -330,10 +333,10 @@ def test_the_address_keeps_the_round_and_the_step(watched):
 def test_the_arena_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
     picture = "document.getElementById('replay-arena').toDataURL()"
     watched.locator("#replay-arena").focus()
-    before = watched.evaluate(picture)
+    before, step = watched.evaluate(picture), watched.locator("#replay-step").input_value()
     watched.keyboard.press("ArrowLeft")
     watched.wait_for_function(f"before => {picture} !== before", arg=before)
-    assert watched.locator("#replay-step").input_value() == "0"
+    assert watched.locator("#replay-step").input_value() == step
     box = watched.locator("#replay-arena").bounding_box()
     watched.mouse.move(box["x"] + 50, box["y"] + 50)
     at = watched.evaluate("scrollY")
@@ -693,6 +696,49 @@ def test_the_keyboard_plays_a_round(visit, side, ending):
     expect(page.locator("#one")).to_be_hidden()
 
 
+RINGED = """() => [...document.querySelectorAll("#hands button:focus-visible")].map((one) => one.id)"""
+
+
+def test_a_ring_is_the_keyboard_s_and_advice_looks_unlike_it(visit):
+    page = visit("index.html")
+    page.get_by_role("link", name="Play a minute").click()
+    expect(page.locator("#run")).to_have_text("❚❚ pause")
+    assert page.evaluate(RINGED) == []
+    page.evaluate("document.getElementById('hop').classList.add('advised')")
+    hop = page.locator("#hop")
+    assert hop.evaluate("hop => getComputedStyle(hop).outlineStyle") == "none"
+    page.keyboard.press("Tab")
+    hop.focus()
+    assert page.evaluate(RINGED) == ["hop"]
+    assert hop.evaluate("hop => getComputedStyle(hop).outlineStyle") == "solid"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("side=ally&opponent=script:nobody&quick", "opponent “script:nobody”"),
+        ("side=sideways", "side “sideways”"),
+        ("side=opponent&ally=script:idle&seed=x", "seed “x”"),
+    ],
+)
+def test_a_wrong_link_gets_one_line_and_starts_nothing(visit, words, said):
+    page = visit(f"play.html#{words}")
+    expect(page.locator("#event")).to_contain_text(f"This link does not work here: {said} is unknown.")
+    expect(page.locator("#hands")).to_be_hidden()
+    expect(page.locator("#setup")).to_be_visible()
+
+
+def test_the_page_opens_with_a_round_that_waits(visit):
+    page = visit("play.html")
+    expect(page.locator("#event")).to_contain_text("waits")
+    expect(page.locator("#clock")).to_have_text("0 / 300")
+    drawn = """() => { const canvas = document.getElementById("arena");
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    return new Set(data).size > 9; }"""
+    page.wait_for_function(drawn)
+    assert "#" not in page.url
+
+
 def test_a_visiting_opponent_learns_the_link_and_the_score_at_the_end(visit):
     page = visit("play.html")
     begin(page, "opponent", rival="script:expert-spread", seconds="60")
@@ -743,7 +789,6 @@ def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_se
     expect(page.locator("#hop")).to_be_in_viewport(ratio=1)
     expect(page.locator("#score")).to_be_in_viewport(ratio=1)
     assert page.locator("#hop").bounding_box()["height"] >= 44
-    expect(page.locator("#hop")).to_be_focused()
     page.evaluate(PRESSED)
     result = page.locator("#result")
     expect(result).to_have_text(re.compile(r"You −?\d+, the champion \d+, random −?\d+"))

@@ -70,7 +70,8 @@
 
   /* ---- a round ---- */
 
-  async function begin() {
+  /** Begin a round; a page without a wish shows one that waits. */
+  async function begin(isWanted = true) {
     run(false);
     human = byId("side").value;
     const choices = { ally: byId(human === "nobody" ? "first" : "rival").value, opponent: byId("rival").value };
@@ -96,9 +97,10 @@
     byId("snr").parentElement.hidden = human === "opponent";
     press("hop", false);
     press("spread", false);
-    byId("event").textContent = "The round begins.";
+    byId("event").textContent = isWanted ? "The round begins." : "A round against the opponents' champion waits: run it, or choose another.";
     keep();
     draw();
+    if (!isWanted) return;
     keepAddress(asked);
     document.querySelector(".play").scrollIntoView();
   }
@@ -280,11 +282,15 @@
     begin().then(goOn);
   }
 
-  /** Let the round run, with the focus on what a visitor uses. */
+  /** Let the round run; whoever came by the keyboard has the focus on what it plays with, and sees that. */
   function goOn() {
     run(true);
-    byId(human === "ally" ? "hop" : "run").focus({ preventScroll: true });
+    if (byKeys) byId(human === "ally" ? "hop" : "run").focus({ preventScroll: true });
   }
+
+  // Whether the keyboard was used last: a ring after a click would look like advice.
+  let byKeys = false;
+  for (const kind of ["keydown", "pointerdown"]) document.addEventListener(kind, () => (byKeys = kind === "keydown"), true);
 
   const KEYS = { h: () => human === "ally" && flip("hop"), s: () => human === "ally" && flip("spread"), n: next };
   document.addEventListener("keydown", (event) => {
@@ -339,23 +345,29 @@
   /** The day's seed, the same for everybody: days since 1970 in UTC. */
   const today = () => Math.floor(Date.now() / 86_400_000);
 
-  /** Begin the round that the address asks for; `run`, and two players, start at once. */
+  /** Begin the round that the address asks for, or say in one line what it asks in vain; `quick`, and two players, start at once. */
   function asked() {
-    const wanted = address(), side = wanted.get("side");
-    if (!["ally", "opponent", "nobody"].includes(side)) return;
-    const choose = (id, value) => {
+    const wanted = address(), side = wanted.get("side") ?? "ally", unknown = [];
+    const choose = (id, name) => {
+      const value = wanted.get(name);
       if ([...byId(id).options].some((option) => option.value === value)) byId(id).value = value;
+      else if (value !== null) unknown.push(`${name} “${value.slice(0, 60)}”`);
     };
-    byId("side").value = side;
+    choose("side", "side");
     listRivals();
-    choose("first", wanted.get("ally"));
-    choose("rival", wanted.get(other[side] ?? "opponent"));
-    for (const id of ["seconds", "pace"]) choose(id, wanted.get(id));
-    if (/^\d{1,6}$/.test(wanted.get("seed"))) byId("seed").value = wanted.get("seed");
-    if (wanted.get("seed") === "today") byId("seed").value = today();
+    if (side === "nobody") choose("first", "ally");
+    choose("rival", other[side] ?? "opponent");
+    for (const id of ["seconds", "pace"]) choose(id, id);
+    const seed = wanted.get("seed") ?? byId("seed").value;
+    if (/^\d{1,6}$/.test(seed) || seed === "today") byId("seed").value = seed === "today" ? today() : seed;
+    else unknown.push(`seed “${seed.slice(0, 60)}”`);
+    if (unknown.length) {
+      byId("event").textContent = `This link does not work here: ${unknown.join(", ")} is unknown. Choose another, and begin a new round.`;
+      return;
+    }
     byId("race").checked = wanted.has("race");
     document.documentElement.classList.toggle("quick", wanted.has("quick"));
-    begin().then(() => (side === "nobody" || wanted.has("quick") ? goOn() : run(false)));
+    begin(wanted.has("side")).then(() => (wanted.has("side") && (side === "nobody" || wanted.has("quick")) ? goOn() : run(false)));
   }
 
   addEventListener("hashchange", asked);
