@@ -19,9 +19,9 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.statistics import Interval, student_t
-from fpg_bench.game.rules import rules_record
-from fpg_bench.game.scenario import Scenario
-from fpg_bench.game.state import RULES
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.rules import radio_record, rules_record
+from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.players.agent import baselines_folder, read_card
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
@@ -340,9 +340,20 @@ def zoo_policies() -> dict[str, tuple[Row, Row]]:
 
 
 def rules_data(scenario: Scenario) -> Row:
-    """Return the rules as the compiled game reads them; infinity (no cap of the SNR) becomes None."""
-    record = rules_record(scenario)[0]
-    values = {name: record[name].tolist() for name in RULES.names or ()}
+    """Return the rules as the compiled game and the scripts read them; infinity (no cap) becomes None."""
+    radio = radio_record(scenario)
+    return _numbers(rules_record(scenario)) | {
+        "radio": None if radio is None else _numbers(radio),
+        "types": JAMMING_TYPES,
+        "scripts": {
+            name: getattr(scenario, f"script_{name}")
+            for name in ("threat_db", "broadband_m", "comb_m", "sprint_m")
+        },
+    }
+
+
+def _numbers(record: np.ndarray) -> Row:
+    values = {name: record[0][name].tolist() for name in record.dtype.names or ()}
     return {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in values.items()
