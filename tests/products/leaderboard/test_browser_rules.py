@@ -235,10 +235,11 @@ def test_the_pages_operators_are_those_that_entries_are_chosen_by(page):
 
 def test_the_game_offers_the_champions_and_knows_who_flies():
     agents = {name: about for name, (about, _) in page_data.zoo_policies().items()}
-    assert agents["ally-champion/ppo-stack8"] == {"side": "ally", "flies": False}
+    assert agents["ally-champion/ppo-stack8"] == {"side": "ally", "flies": False, "game": "standard"}
     for name in ("opponent-champion/ppo", "opponent-champion-2/ppo-stack8", "opponent-learned/ppo"):
-        assert agents[name] == {"side": "opponent", "flies": True}
-    assert agents["opponent-pursuit/ppo"] == {"side": "opponent", "flies": False}
+        assert agents[name] == {"side": "opponent", "flies": True, "game": "standard"}
+    assert agents["opponent-pursuit/ppo"] == {"side": "opponent", "flies": False, "game": "standard"}
+    assert agents["ally-link/ppo-stack8"]["game"] == "link"
 
 
 # What is no part of a side's 15 numbers.

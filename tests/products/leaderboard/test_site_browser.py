@@ -10,6 +10,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from fpg_bench.evaluation.statistics import difference
+from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.site.serve import make_server
@@ -490,7 +491,9 @@ def test_the_slider_of_the_map_leads_to_the_season_before(visit):
     expect(held).to_have_attribute("transform", there)
 
 
-def test_a_link_leads_to_the_cross_play_of_the_other_scenario_which_the_page_does_not_play(browser, tmp_path):
+def test_a_link_leads_to_the_cross_play_of_the_other_scenario_whose_rounds_are_played_by_its_rules(
+    browser, tmp_path
+):
     with small_zoo():
         build_site(with_link(example_board(4, season=2), season=2), tmp_path)
     with visits(browser, tmp_path) as go:
@@ -499,16 +502,35 @@ def test_a_link_leads_to_the_cross_play_of_the_other_scenario_which_the_page_doe
         page.get_by_role("link", name="link", exact=True).click()
         page.wait_for_url("**/crossplay-link.html")
         expect(page.locator("#heatmap td").first).to_be_visible()
-        assert page.locator("#heatmap a").count() == 0
+        href = page.locator("#heatmap a").first.get_attribute("href")
         labels = page.locator("#heatmap tbody th").all_inner_texts()
         assert len(labels) == 4
         assert all(label.endswith(" on a link") for label in labels)
         page.locator("#map-ally .mark").nth(1).click()
         expect(page.locator("#chosen")).to_contain_text("on a link against Player")
-        expect(page.locator("#duel")).to_be_hidden()
+        expect(page.locator("#duel")).to_be_visible()
         expect(page.locator("#value")).to_have_text("0.50")
         assert page.locator("nav a[aria-current]").all_inner_texts() == ["Cross-play"]
         assert not violations(page)
+        page.goto(f"{tmp_path.as_uri()}/{href}")
+        expect(page.locator("#game")).to_have_value("link")
+        expect(page.locator("#clock")).not_to_have_text("0 / 300")
+
+
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+def test_a_visitor_plays_a_round_of_the_radio_link(visit, side):
+    rival = {"ally": "opponent=script:adaptive", "opponent": "ally=script:expert"}[side]
+    page = visit(f"play.html#side={side}&game=link&{rival}&seed=4&seconds=60")
+    expect(page.locator("#clock")).to_have_text("0 / 60")
+    assert page.locator("#type option").all_inner_texts() == list(JAMMING_TYPES)
+    if side == "ally":
+        expect(page.locator("#costs")).to_contain_text("a hop 0.3 s of the link")
+    for _ in range(60):
+        page.keyboard.press("n")
+    expect(page.locator("#event")).to_have_text(re.compile(r"The round is over: [\d.−]+ per second"))
+    assert "game=link" in page.locator("#link").inner_text()
+    earned = float(page.locator("#earned").inner_text().replace("−", "-"))
+    assert -3 < earned < 10.1  # at most the utility of the highest rate
 
 
 def numbers(text: str) -> list[float]:
@@ -824,7 +846,7 @@ def test_a_race_has_the_champion_beside_the_visitor_and_a_line_to_share(visit):
 
 
 OFFERED = range(9, 18)  # the seed of the front page, and those that "Next seed" leads to
-ADVISED = """seeds => { const { rules } = window.fpgData, play = (name, seed) => {
+ADVISED = """seeds => { const { rules } = window.fpgData.games.standard, play = (name, seed) => {
   const game = fpgRules.begin({ ...rules, steps: 60 }, seed, "pursuit");
   const ally = fpgScripts.make("ally", name, rules, game.key);
   const opponent = fpgScripts.make("opponent", "watchful", rules, game.key);

@@ -21,8 +21,6 @@ from fpg_bench.products.leaderboard.tracks import (
     UNSEEN,
 )
 
-PLAYED_SCENARIO = "standard"  # by the game in the browser
-
 NONE = "–"
 _TINTS = 9  # of cells in heat maps
 FEW_SEEDS = "fewer than three training seeds: the interval is unreliable"
@@ -445,13 +443,11 @@ class CrossPlayView:
     """Names that a page of cross-play mentions: who is missing, and who is shown as the same player.
 
     Attributes:
-        is_watched: rounds of pairs can be watched in the browser.
         has_learned_flight: a track of the scenario has opponents that fly themselves.
     """
 
     missing: list[str]
     same_player: list[tuple[str, str]]
-    is_watched: bool
     has_learned_flight: bool
 
 
@@ -464,7 +460,6 @@ def crossplay_view(board: Board, scenario: str) -> CrossPlayView | None:
     return CrossPlayView(
         [names[side][slug] for side in SIDES for slug in crossplay.missing[side]],
         [(names["opponent"][one], names["opponent"][other]) for one, other in crossplay.same_player.items()],
-        scenario == PLAYED_SCENARIO,
         any(track.path == "learned" for track in TRACKS.values() if track.scenario == scenario),
     )
 
