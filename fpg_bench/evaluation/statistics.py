@@ -111,9 +111,9 @@ def differences(samples: Sequence[np.ndarray], error: float = 0.05) -> tuple[np.
     return means[:, None] - means, np.sqrt(squares)
 
 
-def difference(one: np.ndarray, other: np.ndarray) -> Interval:
+def difference(one: np.ndarray, other: np.ndarray, error: float = 0.05) -> Interval:
     """Return the difference of two entries' means with its interval; see :func:`differences`."""
-    value, half = (float(matrix[0, 1]) for matrix in differences([one, other]))
+    value, half = (float(matrix[0, 1]) for matrix in differences([one, other], error))
     over = f"{TRAINING_SEEDS} and {MATCHES}" if len(one) + len(other) > 2 else MATCHES
     return Interval(value, value - half, value + half, over)
 
@@ -130,8 +130,20 @@ def may_be_best(samples: Sequence[np.ndarray]) -> list[bool]:
     if len(samples) < 2:
         return [True] * len(samples)
     apart, half = differences(samples, 2 * 0.05 / (len(samples) - 1))
-    is_beaten: list[bool] = np.any(apart > half, axis=0).tolist()
-    return [not beaten for beaten in is_beaten]
+    return [not any(better) for better in (apart > half).T.tolist()]
+
+
+def behind_first(samples: Sequence[np.ndarray]) -> list[Interval]:
+    """Return what each entry scores more than the first one, with intervals that agree with the best.
+
+    They are as wide as the comparisons of :func:`may_be_best`, and never narrower than 95 %: an interval that
+    lies below 0 says that the first entry is better.
+
+    Args:
+        samples: see :func:`differences`.
+    """
+    error = min(0.05, 2 * 0.05 / max(1, len(samples) - 1))
+    return [Interval(0.0, 0.0, 0.0), *(difference(sample, samples[0], error) for sample in samples[1:])]
 
 
 def rank_ranges(samples: Sequence[np.ndarray]) -> list[tuple[int, int]]:

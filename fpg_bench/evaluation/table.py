@@ -19,8 +19,8 @@ from fpg_bench.common.output import csv_text, wrapped
 from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
     Interval,
+    behind_first,
     crossed_interval,
-    difference,
     may_be_best,
     rank_ranges,
 )
@@ -149,10 +149,9 @@ def flat_lines(summaries: Sequence[Summary]) -> list[Line]:
     """Return each summary as one flat mapping, with its rank and its difference from the first."""
     lines = []
     for summary, standing in zip(summaries, standings(summaries).values(), strict=True):
-        low, high = standing.rank or (None, None)
-        is_best = standing.may_be_best
-        lines.append(flat(summary) | {"rank_low": low, "rank_high": high, "may_be_best": is_best})
-        lines[-1] |= _ends("behind_first", standing.behind)
+        (low, high), is_best = standing.rank or (None, None), standing.may_be_best
+        ranks: Line = {"rank_low": low, "rank_high": high, "may_be_best": is_best}
+        lines.append(flat(summary) | ranks | _ends("behind_first", standing.behind))
     return lines
 
 
@@ -164,7 +163,8 @@ class Standing:
         rank: best and worst rank; None for an oracle, and where an entry of the table has a single unit, or
             the table more than ``MOST_RANKED`` entries.
         may_be_best: see :func:`fpg_bench.evaluation.statistics.may_be_best`; None as for the rank.
-        behind: its score minus that of the first.
+        behind: its score minus that of the first; see
+            :func:`fpg_bench.evaluation.statistics.behind_first`.
     """
 
     rank: tuple[int, int] | None
@@ -185,8 +185,7 @@ def standings(summaries: Sequence[Summary]) -> dict[str, Standing]:
     best: list[bool | None] = [None] * len(samples)
     if is_compared:
         ranks[:count], best[:count] = rank_ranges(samples[:count]), may_be_best(samples[:count])
-    behind = [Interval(0.0, 0.0, 0.0), *(difference(sample, samples[0]) for sample in samples[1:])]
-    placed = map(Standing, ranks, best, behind)  # of nobody: none
+    placed = map(Standing, ranks, best, behind_first(samples))  # of nobody: none
     return dict(zip((summary.entry for summary in summaries), placed, strict=False))
 
 

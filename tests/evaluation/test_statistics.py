@@ -3,6 +3,8 @@ import pytest
 from scipy import stats
 
 from fpg_bench.evaluation.statistics import (
+    Interval,
+    behind_first,
     crossed_interval,
     difference,
     differences,
@@ -184,6 +186,21 @@ def test_ranks_find_what_is_there():
     ]
     best = np.mean([[high for _, high in ranges[:8]] for ranges in found])
     assert best < 9
+
+
+def test_a_difference_that_leaves_out_zero_is_of_an_entry_that_cannot_be_the_best():
+    """Nobody who may be best has an interval below 0, which a reader would take for the contrary."""
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        samples = list(rng.normal(rng.normal(0, 1, (9, 1, 1)), 1, (9, 3, 20)))
+        samples.sort(key=lambda sample: -float(sample.mean()))
+        apart = behind_first(samples)
+        assert apart[0] == Interval(0.0, 0.0, 0.0)
+        assert all(of.high >= 0 for of, is_best in zip(apart, may_be_best(samples), strict=True) if is_best)
+    plain = difference(samples[1], samples[0])
+    assert apart[1].value == plain.value
+    assert apart[1].half > plain.half
+    assert behind_first(samples[:2])[1] == plain  # never narrower than 95 %
 
 
 # Profiles and probabilities of improvement

@@ -1,11 +1,11 @@
-"""The model card of an agent: ``README.md`` with the Hub's metadata, made from ``agent.json`` and records."""
+"""What the Hub shows of an agent: ``README.md`` with its metadata, and the results of its evaluations."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Any
 
-from huggingface_hub import EvalResult, ModelCardData
+import yaml
+from huggingface_hub import ModelCardData
 
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.imports import HUB
@@ -13,6 +13,7 @@ from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import markdown
 from fpg_bench.players.card import AgentCard
+from fpg_bench.products.leaderboard.tracks import task_id
 from fpg_bench.version import __version__
 
 _TASK = "reinforcement-learning"
@@ -61,7 +62,7 @@ def model_card(
         card: the agent's ``agent.json``.
         repository: ``owner/name`` on the Hub.
         suite: the suite that measures it.
-        summaries: its results, one for each suite; they become the ``model-index``.
+        summaries: its results, one for each suite.
         files: names of the files that stand beside the card.
     """
     metadata = ModelCardData(
@@ -69,7 +70,6 @@ def model_card(
         pipeline_tag=_TASK,
         tags=[_TASK, "fpg-bench", card.game.id, card.algorithm, "onnx"],
         model_name=repository.partition("/")[2],
-        eval_results=[result for summary in summaries for result in _eval_results(card, summary)] or None,
     )
     results = "\n".join(markdown([summary], summary.suite) for summary in summaries).strip()
     training = f"\n```sh\n{card.command}\n```\n" if card.command else ""
@@ -96,24 +96,29 @@ def model_card(
     )
 
 
-def _eval_results(card: AgentCard, summary: Summary) -> list[EvalResult]:
-    """Return the score and the mean reward per step on a suite, as the Hub's ``model-index`` has them."""
-    where: dict[str, Any] = {"task_type": _TASK, "task_name": _TASK, "dataset_type": card.game.id}
-    over = f"95 % interval over {summary.over}"
-    return [
-        EvalResult(
-            **where,
-            dataset_name=f"{card.game.id}, suite {summary.suite.name}",
-            dataset_config=summary.suite.name,
-            metric_type=kind,
-            metric_name=f"{name}, {over} {_ends(value, digits)}",
-            metric_value=round(value.value, digits),
-        )
-        for kind, name, value, digits in (
-            ("score", "score", summary.score, 1),
-            ("mean_reward", "mean reward per step", summary.reward, 2),
-        )
-    ]
+def results_yaml(benchmark: str, repository: str, summaries: Sequence[Summary]) -> str:
+    """Return the scores of an agent as the Hub shows them on its page and on that of the benchmark.
+
+    The Hub's form: https://huggingface.co/docs/hub/eval-results.
+
+    Args:
+        benchmark: ``owner/name`` of the benchmark's data set on the Hub, whose ``eval.yaml`` names the tasks.
+        repository, summaries: as in :func:`model_card`.
+    """
+    source = {"url": f"https://huggingface.co/{repository}", "name": "records and replay"}
+    return yaml.safe_dump(
+        [
+            {
+                "dataset": {"id": benchmark, "task_id": task_id(summary.suite.name)},
+                "value": round(summary.score.value, 1),
+                "source": source.copy(),
+                "notes": f"95 % interval {_ends(summary.score, 1)} over {summary.over}; "
+                f"{summary.reward.value:.2f} per step {_ends(summary.reward, 2)}",
+            }
+            for summary in summaries
+        ],
+        sort_keys=False,
+    )
 
 
 def _ends(interval: Interval, digits: int) -> str:

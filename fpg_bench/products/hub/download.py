@@ -32,7 +32,11 @@ from fpg_bench.version import __version__
 if TYPE_CHECKING:
     from huggingface_hub import HfApi
 
-PUSHED_FILES = (*AGENT_FILES, "README.md", "replay.html", "curve.png", "records.jsonl", ".gitattributes")
+EVAL_RESULTS = ".eval_results/fpg-bench.yaml"  # where the Hub looks for scores
+PUSHED_FILES = (
+    *(*AGENT_FILES, "README.md", "replay.html", "curve.png", "records.jsonl"),
+    *(EVAL_RESULTS, ".gitattributes"),
+)
 _NAME = re.compile(rf"{HUB}([\w.-]+/[\w.-]+)(?:@(\S+))?")
 _COMMIT = re.compile(r"[0-9a-f]{40}")
 TIMEOUT_S = 10  # of the first request of an upload

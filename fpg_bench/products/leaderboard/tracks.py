@@ -145,3 +145,8 @@ def track_of(side: str, path: str | None, scenario: str) -> Track:
     """Return the track of a submission by its side, path and scenario."""
     key = (side, path, scenario)
     return next(track for track in TRACKS.values() if (track.side, track.path, track.scenario) == key)
+
+
+def task_id(suite: str) -> str:
+    """Return the task of a suite on the Hub, in ``eval.yaml`` of the benchmark and in a model's results."""
+    return suite.replace("@", "_")

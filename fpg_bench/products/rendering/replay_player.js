@@ -26,7 +26,7 @@ function fpgReplay(root, keys) {
     for (const [place, button] of [...byId("match").querySelectorAll("button")].entries()) button.setAttribute("aria-pressed", place === index);
     buildStory();
     showTalk();
-    goTo(0);
+    goTo(events.find(({ step }) => step >= last / 3)?.step ?? 0, true);
   }
 
   /** What a language model was asked for this round's path, and what it answered. */
@@ -43,7 +43,9 @@ function fpgReplay(root, keys) {
 
   const now = () => Math.min(last, Math.floor(view.time + 1e-9));
 
-  function goTo(time) {
+  /** Go to a step; `opening`: a moment to begin with, from which nothing has been played yet. */
+  function goTo(time, opening = false) {
+    view.opening = opening;
     view.time = Math.max(0, Math.min(last, time));
     view.dirty = true;
     if (!view.playing) told();
@@ -51,11 +53,11 @@ function fpgReplay(root, keys) {
 
   /** Let the page know where the player rests: it may keep that in its address. */
   function told() {
-    root.dispatchEvent(new CustomEvent("fpg-rest", { detail: { round: view.round, step: now() } }));
+    root.dispatchEvent(new CustomEvent("fpg-rest", { detail: { round: view.round, step: view.opening ? 0 : now() } }));
   }
 
   function play(on) {
-    if (on && view.time >= last) goTo(0);
+    if (on && (view.opening || view.time >= last)) goTo(0);
     view.playing = on;
     byId("play").textContent = on ? "❚❚ pause" : "▶ play";
     if (!on) told();
@@ -188,7 +190,7 @@ function fpgReplay(root, keys) {
     view.dirty = true;
   }
 
-  /** Show the rounds of what `replay_data` gives, from their start. */
+  /** Show the rounds of what `replay_data` gives. */
   function show(shown) {
     data = shown;
     scenario = data.scenario;

@@ -134,7 +134,7 @@ function fpgTimes(scene, canvases) {
     const known = [...scene.steps.snr, ...scene.steps.clean_snr].filter(Number.isFinite); // a side may not know all
     const low = Math.min(-20, ...known) - 2, high = Math.max(90, ...known) + 4;
     const axes = timeAxes("snr", (value) => (value - low) / (high - low), [0, 25, 50, 75], false);
-    mark(axes, scene.scenario.threshold_db, `M ${scene.scenario.threshold_db}`, scene.colours.ink);
+    mark(axes, scene.scenario.threshold_db, `outage below ${scene.scenario.threshold_db} dB`, scene.colours.ink);
     clipAgain(axes);
     stroke(axes.pen, series(axes, scene.steps.clean_snr), scene.colours.grey, 1);
     stroke(axes.pen, series(axes, scene.steps.snr), scene.colours.ally, 1.6);
@@ -153,7 +153,7 @@ function fpgTimes(scene, canvases) {
     const high = 1.1 * Math.hypot(...scene.scenario.box_m);
     const scale = (value) => Math.log(Math.max(value, low) / low) / Math.log(high / low);
     const axes = timeAxes("distance", scale, [10, 100, 1000].filter((tick) => tick > low && tick < high), true);
-    mark(axes, radius, `${radius} m`, scene.colours.opponent);
+    mark(axes, radius, `near: within ${radius} m`, scene.colours.opponent);
     clipAgain(axes);
     stroke(axes.pen, series(axes, scene.steps.distance), scene.colours.ink, 1.6);
     finish(axes);

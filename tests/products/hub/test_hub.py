@@ -22,6 +22,7 @@ from fpg_bench.products.hub import download as names
 from fpg_bench.products.hub import pull
 from fpg_bench.products.hub import push as uploads
 from fpg_bench.products.hub.download import client, resolve
+from fpg_bench.products.leaderboard.site.dataset import benchmark_yaml
 from fpg_bench.products.planning.match import replay_match, run_match
 from fpg_bench.products.sandbox import process
 from fpg_bench.products.sandbox.agent import SandboxedAgent
@@ -30,6 +31,7 @@ from tests.logged import logged
 from tests.policies import policy, through, write_seed
 from tests.products.hub.conftest import point_at
 from tests.products.hub.hub_server import READER, TOKEN
+from tests.products.leaderboard.example_board import example_board
 from tests.programs import fpg
 from tests.training.tiny import settings, train
 
@@ -99,15 +101,9 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     head, text = metadata(files["README.md"])
     assert head["library_name"] == "fpg-bench"
     assert {"reinforcement-learning", "fpg-bench", "FPG/AllyVsScripted-v0"} <= set(head["tags"])
-    (entry,) = head["model-index"]
-    result = entry["results"][0]
-    assert (entry["name"], result["task"]["type"]) == ("mine", "reinforcement-learning")
-    assert result["dataset"]["type"] == "FPG/AllyVsScripted-v0"
-    assert [(each["type"], each["value"]) for each in result["metrics"]] == [
-        ("score", 47.9),
-        ("mean_reward", 6.94),
-    ]
-    assert "[46.4, 49.4]" in result["metrics"][0]["name"]
+    assert head["model_name"] == "mine"
+    assert "model-index" not in head
+    assert ".eval_results/fpg-bench.yaml" not in files
     assert "| 47.9 | [46.4, 49.4]" in text
     about = json.loads(files["agent.json"])
     assert about["command"] in text
@@ -118,6 +114,27 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert files["replay.html"].startswith(b"<!DOCTYPE html>")
     assert "curve.png" not in files
     assert TOKEN.encode() not in b"".join(files.values())
+
+
+def test_scores_are_written_as_the_hub_reads_them_for_tasks_of_the_benchmark(hub):
+    forms = pytest.importorskip("huggingface_hub._eval_results", reason="an older client")
+    run("push", SHIPPED, "me/mine", "--benchmark", "fpg/fpg-bench")
+    found = yaml.safe_load(hub.repositories["me/mine"].files()[".eval_results/fpg-bench.yaml"])
+    entries = forms.parse_eval_result_entries(found)
+    assert forms.eval_result_entries_to_yaml(entries) == found  # the Hub's own client knows each field
+    values = {entry.task_id: entry.value for entry in entries}
+    assert values.keys() == {"ally-v1", "ally-v2_season-3", "ally-season-3"}
+    first = next(entry for entry in entries if entry.value == 47.9)
+    assert (first.dataset_id, first.source_url) == ("fpg/fpg-bench", "https://huggingface.co/me/mine")
+    assert first.notes.startswith("95 % interval [46.4, 49.4] over matches; 6.94 per step [")
+    about = yaml.safe_load(benchmark_yaml(example_board(1)))
+    assert list(about) == ["name", "description", "evaluation_framework", "tasks"]
+    assert all(list(task) == ["id", "config", "split"] for task in about["tasks"])
+    assert values.keys() - {"ally-v2_season-3"} <= {task["id"] for task in about["tasks"]}
+    run("push", SHIPPED, "me/mine")
+    assert ".eval_results/fpg-bench.yaml" not in hub.repositories["me/mine"].files()
+    with pytest.raises(UserError, match="hf://fpg"):
+        run("push", SHIPPED, "me/mine", "--benchmark", "fpg")
 
 
 def test_the_model_card_says_which_data_set_an_agent_learned_from(hub, tmp_path):
@@ -146,8 +163,7 @@ def test_a_run_is_pushed_with_its_curve_and_results_and_again_without_them(hub, 
     repository = hub.repositories["me/mine"]
     files = repository.files("next")
     assert repository.files("main").keys() == {".gitattributes"}
-    head, text = metadata(files["README.md"])
-    assert len(head["model-index"][0]["results"]) == 1
+    _, text = metadata(files["README.md"])
     assert "](curve.png)" in text
     assert "training seed 3, 1,000 steps, 90 seconds." in text
     assert files["curve.png"] == b"\x89PNG"
@@ -164,7 +180,8 @@ def test_a_run_is_pushed_with_its_curve_and_results_and_again_without_them(hub, 
         "policy.onnx",
         "replay.html",
     }
-    assert "model-index" not in metadata(repository.files("next")["README.md"])[0]
+    _, text = metadata(repository.files("next")["README.md"])
+    assert "No records of an evaluation were uploaded." in text
     run("push", own, "me/mine", "--revision", "next", "--results", tmp_path / "elsewhere")
     assert "records.jsonl" in repository.files("next")
     run("pull", f"{NAME}@next", "--out", tmp_path / "out")

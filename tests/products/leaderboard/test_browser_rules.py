@@ -1,6 +1,7 @@
 """The game in the browser beside the game itself: rules, scripts and policies give the same numbers."""
 
 import base64
+import dataclasses
 import json
 from itertools import cycle, islice
 from pathlib import Path
@@ -11,15 +12,16 @@ import pytest
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import make_match, play_round
-from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.products.leaderboard.site import page_data
+from fpg_bench.products.leaderboard.tracks import SCENARIOS
 from tests.products.leaderboard.browsing import chromium
 
 pytestmark = pytest.mark.browser
 
 STATIC = Path(page_data.__file__).parent / "static"
-CODE = ("draws", "flight", "rules", "knowledge", "scripts", "policy", "sight", "onnx")
+CODE = ("draws", "flight", "link", "rules", "knowledge", "scripts", "policy", "sight", "onnx")
 PATHS = ("pursuit", "circle", "triangle", "rectangle", "learned")
 GAMES = 10  # of each path and kind of actions: 100 rounds
 STEPS = 300
@@ -130,10 +132,12 @@ class Agents:
         return both
 
 
+@pytest.mark.parametrize("name", SCENARIOS)
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("actions_of", [lambda: randomly, Agents], ids=["random", "agents"])
-def test_the_rules_are_the_same(page, path, actions_of):
-    scenario, seeds = Scenario(opponent_path=path), np.arange(GAMES) * 7919 + 2**40
+def test_the_rules_are_the_same(page, path, actions_of, name):
+    scenario = dataclasses.replace(preset(name), opponent_path=path)
+    seeds = np.arange(GAMES) * 7919 + 2**40
     actions, seen, rewards = played(scenario, seeds, actions_of())
     options = {
         "rules": page_data.rules_data(scenario),
@@ -149,16 +153,18 @@ PAIRS = [*zip(ALLIES, islice(cycle(OPPONENTS), len(ALLIES)), strict=True)]
 PAIRS += [*zip(islice(cycle(ALLIES[::-1]), len(OPPONENTS)), OPPONENTS, strict=True)]
 
 
+@pytest.mark.parametrize("name", SCENARIOS)
 @pytest.mark.parametrize(("ally", "opponent"), PAIRS)
-def test_the_scripts_are_the_same(page, ally, opponent):
-    match, total = make_match(make_duel(1, scenario=Scenario()), ally, opponent), np.zeros(2)
+def test_the_scripts_are_the_same(page, ally, opponent, name):
+    scenario = preset(name)
+    match, total = make_match(make_duel(1, scenario=scenario), ally, opponent), np.zeros(2)
     game = match.duel.batch.games[0]
 
     def add():
         total[:] += game["ally_reward"], game["opponent_reward"]
 
     play_round(match, seeds=np.array([12]), on_step=add)
-    options = {"rules": page_data.rules_data(Scenario()), "seed": 12, "ally": ally, "opponent": opponent}
+    options = {"rules": page_data.rules_data(scenario), "seed": 12, "ally": ally, "opponent": opponent}
     np.testing.assert_allclose(page.evaluate(SCRIPTED, options), total, atol=1e-4)
 
 
@@ -229,10 +235,11 @@ def test_the_pages_operators_are_those_that_entries_are_chosen_by(page):
 
 def test_the_game_offers_the_champions_and_knows_who_flies():
     agents = {name: about for name, (about, _) in page_data.zoo_policies().items()}
-    assert agents["ally-champion/ppo-stack8"] == {"side": "ally", "flies": False}
+    assert agents["ally-champion/ppo-stack8"] == {"side": "ally", "flies": False, "game": "standard"}
     for name in ("opponent-champion/ppo", "opponent-champion-2/ppo-stack8", "opponent-learned/ppo"):
-        assert agents[name] == {"side": "opponent", "flies": True}
-    assert agents["opponent-pursuit/ppo"] == {"side": "opponent", "flies": False}
+        assert agents[name] == {"side": "opponent", "flies": True, "game": "standard"}
+    assert agents["opponent-pursuit/ppo"] == {"side": "opponent", "flies": False, "game": "standard"}
+    assert agents["ally-link/ppo-stack8"]["game"] == "link"
 
 
 # What is no part of a side's 15 numbers.

@@ -10,6 +10,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from fpg_bench.evaluation.statistics import difference
+from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.site.serve import make_server
@@ -57,25 +58,40 @@ def test_tables_need_no_javascript(visit):
     assert page.locator("#ally table.board tbody tr").last.is_visible()
 
 
+@pytest.mark.parametrize(("size", "least"), [((1280, 800), 10), ((390, 844), 5)])
+def test_the_first_screen_of_the_ranking_has_the_claim_and_its_rows(visit, size, least):
+    """On a desktop each entry has one line, however long its name is."""
+    width, height = size
+    page = visit(viewport={"width": width, "height": height})
+    rows = page.locator("#ally table.board tbody tr:not([hidden])")
+    boxes = rows.evaluate_all("rows => rows.map((row) => row.getBoundingClientRect().toJSON())")
+    assert sum(box["bottom"] <= height for box in boxes) >= least
+    assert page.locator("#ally .about").bounding_box()["y"] < boxes[0]["y"]
+    assert width < 700 or max(box["height"] for box in boxes) < 40
+    behind = rows.nth(1).locator("td").nth(2)
+    assert re.fullmatch("[−+][\\d.]+ ?[−\\d.]+ to [−\\d.]+", behind.inner_text())
+    assert behind.bounding_box()["x"] + behind.bounding_box()["width"] <= width
+
+
 def test_a_column_is_sorted_both_ways_by_its_button(visit):
     page = visit()
-    header = page.locator("#ally thead th").nth(1)
-    first = page.locator("#ally thead th").first
-    scores = [float(value) for value in column(page, 1)]
+    header = page.locator("#ally thead th").nth(2)
+    first = page.locator("#ally thead th").nth(1)
+    scores = [float(value) for value in column(page, 2)]
     assert (header.get_attribute("aria-sort"), scores) == ("descending", sorted(scores, reverse=True))
     header.locator("button").focus()
     page.keyboard.press("Enter")
-    scores = [float(value) for value in column(page, 1)]
+    scores = [float(value) for value in column(page, 2)]
     assert (header.get_attribute("aria-sort"), scores) == ("ascending", sorted(scores))
     first.locator("button").click()
     assert (first.get_attribute("aria-sort"), header.get_attribute("aria-sort")) == ("ascending", "none")
     hostile = ["Player 0 <script>alert(1)</script>", 'Player 1 "><img src=x onerror=alert(2)>']
-    assert column(page, 0)[:2] == hostile
-    assert len(column(page, 0)) == 25
+    assert column(page, 1)[:2] == hostile
+    assert len(column(page, 1)) == 25
     page.get_by_role("button", name=f"Show all {ENTRIES}").click()
-    assert len(column(page, 0)) == ENTRIES
+    assert len(column(page, 1)) == ENTRIES
     header.locator("button").click()
-    assert column(page, 1)[-1] == ""  # what has no score is last, whichever way
+    assert column(page, 2)[-1] == ""  # what has no score is last, whichever way
     row = page.locator("#ally tr[data-unverified]")
     assert "not verified: seed_0: outran the limit" in row.inner_text()
     assert row.locator("td").first.inner_text() == "–"
@@ -83,7 +99,8 @@ def test_a_column_is_sorted_both_ways_by_its_button(visit):
 
 def test_numbers_are_sorted_by_what_they_show_and_those_that_are_missing_stand_last(visit):
     page = visit()
-    page.locator("#columns").select_option("all")
+    page.locator("#ally .sift summary").click()
+    page.locator("#ally .columns").select_option("all")
     page.get_by_role("button", name=f"Show all {ENTRIES}").click()
     heads = page.locator("#ally thead th")
     index = next(k for k, text in enumerate(heads.all_inner_texts()) if text.startswith("Gap"))
@@ -99,24 +116,28 @@ def test_the_address_keeps_how_a_table_is_shown(visit):
     page = visit("ranking.html")
     extra = page.locator("#ally thead th.extra").first
     expect(extra).to_be_hidden()
-    page.locator("#columns").select_option("all")
+    page.locator("#ally .sift summary").click()
+    page.locator("#ally .columns").select_option("all")
     expect(extra).to_be_visible()
-    page.locator("#ally thead th").nth(0).locator("button").click()
+    page.locator("#ally thead th").nth(1).locator("button").click()
     page.locator("#ally .filter").fill("player 1")
     page.locator('#ally .kind[value="zoo"]').uncheck()
-    shown, address = column(page, 0), page.url
+    shown, address = column(page, 1), page.url
     page.goto("about:blank")
     page.goto(address)
-    assert column(page, 0) == shown
+    assert column(page, 1) == shown
+    expect(page.locator("#ally .filter")).to_be_visible()
     expect(page.locator("#ally .filter")).to_have_value("player 1")
+    expect(page.locator("#opponent-pursuit .columns")).to_have_value("all")
     expect(page.locator("#ally thead th.extra").first).to_be_visible()
 
 
 def test_filters_hide_rows_and_say_how_many_are_left(visit):
     page = visit()
     count = page.locator("#ally .count")
+    page.locator("#ally .sift summary").click()
     page.locator("#ally .filter").fill("player 12")
-    assert len(column(page, 0)) == 1
+    assert len(column(page, 1)) == 1
     assert count.inner_text() == f"1 of {ENTRIES} entries"
     page.locator("#ally .filter").fill("")
     page.locator('#ally .kind[value="script"]').uncheck()
@@ -187,12 +208,15 @@ def test_a_round_is_played_paused_and_scrubbed(visit):
     page.locator("#main").focus()
     page.keyboard.press("End")  # scrolls the page, as no player has the focus
     page.wait_for_function(AT_REST)
-    assert step.input_value() == "0"
+    assert 100 <= int(step.input_value()) < 150  # a moment at which something happens
+    expect(page.locator("#replay-event")).to_have_text(re.compile(f"{step.input_value()} s: "))
+    assert "step=" not in page.url
     assert page.locator("#round-summary").inner_text().startswith("Overlap ratio ")
     button.click()
     expect(step).not_to_have_value(re.compile("^[0-2]$"))
     button.click()
     at = int(step.input_value())
+    assert at < 100  # it was played from its start
     page.evaluate(FRAMES)
     assert int(step.input_value()) == at
     step.focus()
@@ -310,10 +334,10 @@ def test_the_address_keeps_the_round_and_the_step(watched):
 def test_the_arena_turns_by_keys_and_lets_the_wheel_scroll_the_page(watched):
     picture = "document.getElementById('replay-arena').toDataURL()"
     watched.locator("#replay-arena").focus()
-    before = watched.evaluate(picture)
+    before, step = watched.evaluate(picture), watched.locator("#replay-step").input_value()
     watched.keyboard.press("ArrowLeft")
     watched.wait_for_function(f"before => {picture} !== before", arg=before)
-    assert watched.locator("#replay-step").input_value() == "0"
+    assert watched.locator("#replay-step").input_value() == step
     box = watched.locator("#replay-arena").bounding_box()
     watched.mouse.move(box["x"] + 50, box["y"] + 50)
     at = watched.evaluate("scrollY")
@@ -467,7 +491,9 @@ def test_the_slider_of_the_map_leads_to_the_season_before(visit):
     expect(held).to_have_attribute("transform", there)
 
 
-def test_a_link_leads_to_the_cross_play_of_the_other_scenario_which_the_page_does_not_play(browser, tmp_path):
+def test_a_link_leads_to_the_cross_play_of_the_other_scenario_whose_rounds_are_played_by_its_rules(
+    browser, tmp_path
+):
     with small_zoo():
         build_site(with_link(example_board(4, season=2), season=2), tmp_path)
     with visits(browser, tmp_path) as go:
@@ -476,16 +502,35 @@ def test_a_link_leads_to_the_cross_play_of_the_other_scenario_which_the_page_doe
         page.get_by_role("link", name="link", exact=True).click()
         page.wait_for_url("**/crossplay-link.html")
         expect(page.locator("#heatmap td").first).to_be_visible()
-        assert page.locator("#heatmap a").count() == 0
+        href = page.locator("#heatmap a").first.get_attribute("href")
         labels = page.locator("#heatmap tbody th").all_inner_texts()
         assert len(labels) == 4
         assert all(label.endswith(" on a link") for label in labels)
         page.locator("#map-ally .mark").nth(1).click()
         expect(page.locator("#chosen")).to_contain_text("on a link against Player")
-        expect(page.locator("#duel")).to_be_hidden()
+        expect(page.locator("#duel")).to_be_visible()
         expect(page.locator("#value")).to_have_text("0.50")
         assert page.locator("nav a[aria-current]").all_inner_texts() == ["Cross-play"]
         assert not violations(page)
+        page.goto(f"{tmp_path.as_uri()}/{href}")
+        expect(page.locator("#game")).to_have_value("link")
+        expect(page.locator("#clock")).not_to_have_text("0 / 300")
+
+
+@pytest.mark.parametrize("side", ["ally", "opponent"])
+def test_a_visitor_plays_a_round_of_the_radio_link(visit, side):
+    rival = {"ally": "opponent=script:adaptive", "opponent": "ally=script:expert"}[side]
+    page = visit(f"play.html#side={side}&game=link&{rival}&seed=4&seconds=60")
+    expect(page.locator("#clock")).to_have_text("0 / 60")
+    assert page.locator("#type option").all_inner_texts() == list(JAMMING_TYPES)
+    if side == "ally":
+        expect(page.locator("#costs")).to_contain_text("a hop 0.3 s of the link")
+    for _ in range(60):
+        page.keyboard.press("n")
+    expect(page.locator("#event")).to_have_text(re.compile(r"The round is over: [\d.−]+ per second"))
+    assert "game=link" in page.locator("#link").inner_text()
+    earned = float(page.locator("#earned").inner_text().replace("−", "-"))
+    assert -3 < earned < 10.1  # at most the utility of the highest rate
 
 
 def numbers(text: str) -> list[float]:
@@ -619,7 +664,7 @@ SCREENS = {"phone": PHONE, "desktop": {"width": 1440, "height": 900}}
 @pytest.mark.parametrize("screen", SCREENS)
 def test_the_first_screen_holds_the_moving_game_its_buttons_and_the_leaders(visit, screen):
     page = visit("index.html", viewport=SCREENS[screen])
-    places = [page.locator("#film canvas"), *page.locator("a.button").all(), page.locator(".leaders thead")]
+    places = [page.locator("#film canvas"), *page.locator("a.button").all(), page.locator(".about")]
     assert len(places) == 5
     for place in places:
         box = place.bounding_box()
@@ -673,6 +718,49 @@ def test_the_keyboard_plays_a_round(visit, side, ending):
     expect(page.locator("#one")).to_be_hidden()
 
 
+RINGED = """() => [...document.querySelectorAll("#hands button:focus-visible")].map((one) => one.id)"""
+
+
+def test_a_ring_is_the_keyboard_s_and_advice_looks_unlike_it(visit):
+    page = visit("index.html")
+    page.get_by_role("link", name="Play a minute").click()
+    expect(page.locator("#run")).to_have_text("❚❚ pause")
+    assert page.evaluate(RINGED) == []
+    page.evaluate("document.getElementById('hop').classList.add('advised')")
+    hop = page.locator("#hop")
+    assert hop.evaluate("hop => getComputedStyle(hop).outlineStyle") == "none"
+    page.keyboard.press("Tab")
+    hop.focus()
+    assert page.evaluate(RINGED) == ["hop"]
+    assert hop.evaluate("hop => getComputedStyle(hop).outlineStyle") == "solid"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("side=ally&opponent=script:nobody&quick", "opponent “script:nobody”"),
+        ("side=sideways", "side “sideways”"),
+        ("side=opponent&ally=script:idle&seed=x", "seed “x”"),
+    ],
+)
+def test_a_wrong_link_gets_one_line_and_starts_nothing(visit, words, said):
+    page = visit(f"play.html#{words}")
+    expect(page.locator("#event")).to_contain_text(f"This link does not work here: {said} is unknown.")
+    expect(page.locator("#hands")).to_be_hidden()
+    expect(page.locator("#setup")).to_be_visible()
+
+
+def test_the_page_opens_with_a_round_that_waits(visit):
+    page = visit("play.html")
+    expect(page.locator("#event")).to_contain_text("waits")
+    expect(page.locator("#clock")).to_have_text("0 / 300")
+    drawn = """() => { const canvas = document.getElementById("arena");
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    return new Set(data).size > 9; }"""
+    page.wait_for_function(drawn)
+    assert "#" not in page.url
+
+
 def test_a_visiting_opponent_learns_the_link_and_the_score_at_the_end(visit):
     page = visit("play.html")
     begin(page, "opponent", rival="script:expert-spread", seconds="60")
@@ -723,7 +811,6 @@ def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_se
     expect(page.locator("#hop")).to_be_in_viewport(ratio=1)
     expect(page.locator("#score")).to_be_in_viewport(ratio=1)
     assert page.locator("#hop").bounding_box()["height"] >= 44
-    expect(page.locator("#hop")).to_be_focused()
     page.evaluate(PRESSED)
     result = page.locator("#result")
     expect(result).to_have_text(re.compile(r"You −?\d+, the champion \d+, random −?\d+"))
@@ -759,7 +846,7 @@ def test_a_race_has_the_champion_beside_the_visitor_and_a_line_to_share(visit):
 
 
 OFFERED = range(9, 18)  # the seed of the front page, and those that "Next seed" leads to
-ADVISED = """seeds => { const { rules } = window.fpgData, play = (name, seed) => {
+ADVISED = """seeds => { const { rules } = window.fpgData.games.standard, play = (name, seed) => {
   const game = fpgRules.begin({ ...rules, steps: 60 }, seed, "pursuit");
   const ally = fpgScripts.make("ally", name, rules, game.key);
   const opponent = fpgScripts.make("opponent", "watchful", rules, game.key);

@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 import math
 
+import yaml
+
 from fpg_bench.common.output import csv_text
+from fpg_bench.evaluation.suite import suite_names
 from fpg_bench.products.croissant.description import file_object, metadata, record_set
 from fpg_bench.products.leaderboard.board import Board
+from fpg_bench.products.leaderboard.tracks import task_id
 
 _COLUMNS = {
     "track": ("sc:Text", "track of the leaderboard"),
@@ -39,7 +43,7 @@ _ATTACK_COLUMNS = {
 
 
 def dataset_files(board: Board, board_json: str) -> dict[str, str]:
-    """Return ``scores.csv``, ``unbroken.csv`` and ``croissant.json`` of a board.
+    """Return a board's ``scores.csv``, ``unbroken.csv``, ``croissant.json``, and ``eval.yaml`` for the Hub.
 
     Args:
         board: the board.
@@ -76,7 +80,26 @@ def dataset_files(board: Board, board_json: str) -> dict[str, str]:
             record_set("unbroken", "unbroken.csv", _ATTACK_COLUMNS),
         ],
     )
-    return {**tables, "croissant.json": json.dumps(about, indent=2) + "\n"}
+    croissant = json.dumps(about, indent=2) + "\n"
+    return {**tables, "croissant.json": croissant, "eval.yaml": benchmark_yaml(board)}
+
+
+def benchmark_yaml(board: Board) -> str:
+    """Return what makes a data set of the Hub a benchmark: a task for each suite, those of a season included.
+
+    The Hub's form: https://huggingface.co/docs/hub/eval-results. The data set is ``scores.csv``.
+    """
+    names = {*suite_names(), *(suite.name for track in board.tracks for suite in track.suites)}
+    content = {
+        "name": "fpg-bench",
+        "description": "Anti-jamming communication of UAVs: agents that keep a radio link by hopping and "
+        "spreading, and agents that jam it. The score of a suite is 0 for random play and 100 for a bound.",
+        "evaluation_framework": "fpg-bench",
+        "tasks": [
+            {"id": task, "config": "default", "split": "train"} for task in sorted(map(task_id, names))
+        ],
+    }
+    return yaml.safe_dump(content, sort_keys=False)
 
 
 def scores_csv(board: Board) -> str:

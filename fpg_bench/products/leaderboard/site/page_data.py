@@ -19,9 +19,9 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.statistics import Interval, student_t
-from fpg_bench.game.rules import rules_record
-from fpg_bench.game.scenario import Scenario
-from fpg_bench.game.state import RULES
+from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.rules import radio_record, rules_record
+from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.players.agent import baselines_folder, read_card
 from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
@@ -31,7 +31,6 @@ from fpg_bench.products.leaderboard.past_seasons import SeasonRow, season_rows
 from fpg_bench.products.leaderboard.site.dataset import dataset_files
 from fpg_bench.products.leaderboard.site.views import (
     MEASURES,
-    PLAYED_SCENARIO,
     ROLES,
     crossplay_page,
     entry_page,
@@ -49,8 +48,11 @@ _OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
 _OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM", "ArgMax", "Sum"}
 _OPERATORS |= {"MatMul", "ReduceSum", "Abs", "Sqrt", "Add", "Sub", "Mul", "Div", "Max", "Min", "Neg", "Exp"}
 _OPERATORS |= {"Elu", "LeakyRelu", "Softmax", "Flatten", "Identity"}
-# Groups of the zoo; all play the standard game, whatever they were trained on.
-_GROUPS = ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner")
+# Groups of the zoo, and the game that each plays, whatever it was trained on.
+_GROUPS = dict.fromkeys(
+    ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner"),
+    "standard",
+) | dict.fromkeys(("link", "link-champion", "link-population", "link-strangers"), "link")
 
 
 def data_files(board: Board, submitted: Policies, seasons: Sequence[SeasonRow] = ()) -> dict[str, str]:
@@ -209,6 +211,7 @@ def crossplay_data(
         "half": {side: _rounded_matrix(matrix) for side, matrix in crossplay.half.items()},
         "rounds": crossplay.rounds,
         "nash": asdict(crossplay.nash),
+        "game": scenario,
         "watch": _watched(board, scenario, submitted, zoo),
         "maps": _maps(board, scenario, crossplay.season, seasons),
     }
@@ -257,13 +260,10 @@ def _rounded_matrix(matrix: Sequence[Sequence[float | None]]) -> list[list[float
 
 
 def _watched(board: Board, scenario: str, submitted: Policies, zoo: Zoo) -> dict[str, dict[str, Row]]:
-    """Return the player that represents an entry on the page, and its path, by side and entry.
-
-    There are none in scenarios other than the one that the page plays.
-    """
+    """Return the player that represents an entry on the page, and its path, by side and entry."""
     watched: dict[str, dict[str, Row]] = {side: {} for side in SIDES}
     for track in board.tracks:
-        is_played = track.side in SIDES and TRACKS[track.key].scenario == scenario == PLAYED_SCENARIO
+        is_played = track.side in SIDES and TRACKS[track.key].scenario == scenario
         for entry in track.entries if is_played else ():
             if player := _page_player(track, entry, submitted, zoo):
                 path = "learned" if track.key.endswith("-learned") else "pursuit"
@@ -287,27 +287,31 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
     entries = {(track.key, entry.slug): (track, entry) for track in board.tracks for entry in track.entries}
     for (key, slug), policy in submitted.items():
         track, entry = entries[key, slug]
+        game = TRACKS[key].scenario
         submission: Row = {"name": entry.name, "side": track.side, "flies": key.endswith("-learned")}
-        agents.append((submission | {"kind": "submitted", "file": _submitted_file(key, slug)}, policy))
+        submission |= {"game": game, "kind": "submitted", "file": _submitted_file(key, slug)}
+        agents.append((submission, policy))
     for name, (about, policy) in zoo.items():
         agents.append(({"name": name, **about, "kind": "zoo", "file": agent_file(name)}, policy))
-    scenario = Scenario()
-    content = {
-        "rules": rules_data(scenario),
-        "scenario": scenario_data(scenario),
-        "agents": [about for about, _ in agents],
-        "leaders": _leaders(board, submitted, zoo),
-        "scales": {track.key.removeprefix("opponent-"): asdict(track.scale) for track in board.tracks},
-    }
+    games = {}
+    for name in SCENARIOS:
+        tracks = [t for t in board.tracks if t.side in SIDES and TRACKS[t.key].scenario == name]
+        games[name] = {
+            "rules": rules_data(preset(name)),
+            "scenario": scenario_data(preset(name)),
+            "leaders": _leaders(tracks, submitted, zoo),
+            "scales": {TRACKS[track.key].path or track.side: asdict(track.scale) for track in tracks},
+        }
+    content = {"games": games, "agents": [about for about, _ in agents]}
     files = {"data/play.js": _script(content)}
     for about, policy in agents:
         files[about["file"]] = f"fpgAgent({script_json(about['file'])}, {script_json(policy)});\n"
     return files
 
 
-def _leaders(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
+def _leaders(tracks: Sequence[BoardTrack], submitted: Policies, zoo: Zoo) -> dict[str, str]:
     """Return the player that leads the first table of each side, as far as the page can play it."""
-    first = {track.side: track for track in reversed(board.tracks)}
+    first = {track.side: track for track in reversed(tracks)}
     leaders = {}
     for side, track in first.items():
         for entry, _ in islice(track.verified(), 1):
@@ -335,14 +339,25 @@ def zoo_policies() -> dict[str, tuple[Row, Row]]:
         policy = policy_data(path.read_bytes()) if side in SIDES and group in _GROUPS else None
         if policy is not None:
             flies = side == "opponent" and read_card(path.parent).flies == "learned"
-            agents[name] = {"side": side, "flies": flies}, policy
+            agents[name] = {"side": side, "flies": flies, "game": _GROUPS[group]}, policy
     return agents
 
 
 def rules_data(scenario: Scenario) -> Row:
-    """Return the rules as the compiled game reads them; infinity (no cap of the SNR) becomes None."""
-    record = rules_record(scenario)[0]
-    values = {name: record[name].tolist() for name in RULES.names or ()}
+    """Return the rules as the compiled game and the scripts read them; infinity (no cap) becomes None."""
+    radio = radio_record(scenario)
+    return _numbers(rules_record(scenario)) | {
+        "radio": None if radio is None else _numbers(radio),
+        "types": JAMMING_TYPES,
+        "scripts": {
+            name: getattr(scenario, f"script_{name}")
+            for name in ("threat_db", "broadband_m", "comb_m", "sprint_m")
+        },
+    }
+
+
+def _numbers(record: np.ndarray) -> Row:
+    values = {name: record[0][name].tolist() for name in record.dtype.names or ()}
     return {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in values.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +23,6 @@ from fpg_bench.products.leaderboard.tracks import (
     TRACKS,
     UNSEEN,
 )
-
-PLAYED_SCENARIO = "standard"  # by the game in the browser
 
 NONE = "–"
 _TINTS = 9  # of cells in heat maps
@@ -381,6 +379,7 @@ class TrackView:
         unbroken: entries that have responses, by their lowest known return.
         attackers: who answered them, by the number of entries that nobody brought lower.
         correlations: of measures with the score; see :func:`correlations`.
+        notes: what a reader may stumble over.
     """
 
     track: BoardTrack
@@ -398,6 +397,7 @@ class TrackView:
     unbroken: list[RowView]
     attackers: list[AttackerView]
     correlations: list[tuple[Measure, float, float]]
+    notes: list[str]
 
 
 def track_view(board: Board, track: BoardTrack) -> TrackView:
@@ -432,11 +432,35 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
         leaders=[entry.name for entry, figures in verified if figures.may_be_best],
         unbroken=sorted(
             (row for row in rows if row.exploited is not None and row.exploited.n_responses),
-            key=lambda row: -(row.exploited.value if row.exploited else 0.0),
+            key=_kept,
+            reverse=True,
         ),
         attackers=attacker_views(track),
         correlations=correlations(track),
+        notes=[*_track_notes(board, track)],
     )
+
+
+def _kept(row: RowView) -> float:
+    return -math.inf if row.exploited is None else row.exploited.value
+
+
+def _track_notes(board: Board, track: BoardTrack) -> Iterator[str]:
+    """Yield what a reader of a track's table may stumble over."""
+    for entry, figures in track.verified():
+        if entry.plays == "random" and abs(figures.score.value) >= 1:
+            yield f"Against these rivals random play itself scores {format_number(figures.score.value)}."
+    agents = {entry.plays: entry.name for entry in track.entries if entry.kind == "zoo" and entry.plays}
+    for other in board.tracks:
+        shared = [agents[entry.plays] for entry in other.entries if entry.plays in agents]
+        if shared and other is not track:
+            names = ", ".join(shared)
+            yield f"{names}: also in the table “{other.title}”, by its rules of flight and on its own scale."
+    if TRACKS[track.key].scenario == "link":
+        yield (
+            "On a radio link jamming may cover the ally and leave its link whole, "
+            "so a leader's overlap ratio can be high: the jamming success rate tells."
+        )
 
 
 def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
@@ -473,13 +497,11 @@ class CrossPlayView:
     """Names that a page of cross-play mentions: who is missing, and who is shown as the same player.
 
     Attributes:
-        is_watched: rounds of pairs can be watched in the browser.
         has_learned_flight: a track of the scenario has opponents that fly themselves.
     """
 
     missing: list[str]
     same_player: list[tuple[str, str]]
-    is_watched: bool
     has_learned_flight: bool
 
 
@@ -492,7 +514,6 @@ def crossplay_view(board: Board, scenario: str) -> CrossPlayView | None:
     return CrossPlayView(
         [names[side][slug] for side in SIDES for slug in crossplay.missing[side]],
         [(names["opponent"][one], names["opponent"][other]) for one, other in crossplay.same_player.items()],
-        scenario == PLAYED_SCENARIO,
         any(track.path == "learned" for track in TRACKS.values() if track.scenario == scenario),
     )
 

@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const { percent, step, one, tint, matrix, table, fill } = fpgCharts;
-  const { names, matrices, half, watch, rounds, nash, maps } = window.fpgData;
+  const { names, matrices, half, watch, rounds, nash, maps, game } = window.fpgData;
   const SHOWN = {
     ally: { short: "ally's return", better: "ally", written: step, brief: one },
     opponent: { short: "opponent's return", better: "opponent", written: step, brief: one },
@@ -33,7 +33,7 @@
   /** Where a round of a pair is played, if the page can play both. */
   function address(ally, opponent) {
     const [a, o] = [watch.ally[ally], watch.opponent[opponent]];
-    return a && o ? `play.html#${new URLSearchParams({ side: "nobody", ally: a.player, opponent: o.player, path: o.path })}` : undefined;
+    return a && o ? `play.html#${new URLSearchParams({ side: "nobody", ...(game !== "standard" && { game }), ally: a.player, opponent: o.player, path: o.path })}` : undefined;
   }
 
   function cell(key, i, j, [low, top]) {

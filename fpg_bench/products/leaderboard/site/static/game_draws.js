@@ -6,8 +6,8 @@ const fpgDraws = (() => {
   const GOLDEN = 0x9e3779b97f4a7c15n, MIX_1 = 0xbf58476d1ce4e5b9n, MIX_2 = 0x94d049bb133111ebn;
   const PURPOSES = 64;
   const PURPOSE = { // of a match and a round, whose step is 0, then of a step
-    curve: 0, opponentStart: 12, startPoint: 16, firstCheck: 17, path: 18, allyPlayer: 20, opponentPlayer: 21,
-    fading: 0, detection: 1, checkInterval: 2, sensedType: 3, knowledge: 4, player: 8,
+    curve: 0, opponentStart: 12, startPoint: 16, firstCheck: 17, path: 18, allyPlayer: 20, opponentPlayer: 21, fadingStart: 23, jammingFadingStart: 25,
+    fading: 0, detection: 1, checkInterval: 2, sensedType: 3, knowledge: 4, jammingFading: 5, player: 8,
   };
 
   function mix(z) {

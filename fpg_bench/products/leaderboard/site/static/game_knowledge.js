@@ -2,7 +2,7 @@
 "use strict";
 const fpgKnowledge = (() => {
   const { PURPOSE, integer } = fpgDraws;
-  const f32 = Math.fround, TYPES = 4;
+  const f32 = Math.fround;
   const SENSED_CENTRE = 9, SENSED_TYPE = 10; // of the ally's observation
 
   function choose(game, action, rules) {
@@ -11,9 +11,9 @@ const fpgKnowledge = (() => {
   }
 
   /** The strategy of the highest score; ties to the lowest. */
-  function strategyOf(seen, action) {
+  function strategyOf(seen, action, rules) {
     let best = 0, most = -Infinity;
-    for (let kind = 0; kind < TYPES; kind++) {
+    for (let kind = 0; kind < rules.types.length; kind++) {
       const score = f32(seen[SENSED_TYPE + kind] + action[5 + kind]);
       if (score > most) [best, most] = [kind, score];
     }
@@ -32,7 +32,7 @@ const fpgKnowledge = (() => {
   }
 
   function expertPoint(game, action, rules) {
-    const strategy = strategyOf(game.allySees, action), free = freePoints(game, strategy, rules);
+    const strategy = strategyOf(game.allySees, action, rules), free = freePoints(game, strategy, rules);
     const draw = (count) => integer(game.key, game.step, PURPOSE.knowledge, count);
     if (!free.length) { // a guard wider than the band: any other point
       const other = draw(rules.points - 1);

@@ -1,7 +1,7 @@
 /* Who plays on these pages: scripts, and policies, each of which is a script to be loaded. */
 "use strict";
 const fpgPlayers = (() => {
-  const { rules, agents, leaders } = window.fpgData, policies = {};
+  const { games, agents } = window.fpgData, policies = {};
 
   // Called by a policy's script.
   window.fpgAgent = (file, policy) => (policies[file] = policy);
@@ -18,18 +18,18 @@ const fpgPlayers = (() => {
     });
   }
 
-  /** Load a choice, `script:name` or `agent:file`; gives (side, key of a round) => player. */
+  /** Load a choice, `script:name` or `agent:file`; gives (side, key of a round, rules) => player. */
   async function load(choice) {
     const [kind, name] = choice.split(/:(.*)/s);
-    if (kind === "script") return (side, key) => fpgScripts.make(side, name, rules, key);
+    if (kind === "script") return (side, key, rules) => fpgScripts.make(side, name, rules, key);
     const policy = await fetched(name);
     return () => fpgPolicy.make(policy);
   }
 
-  /** The board's leader of a side, as a choice; a champion of the zoo where the page cannot play that one. */
-  function championOf(side) {
-    const agent = agents.find((one) => one.side === side && one.name.includes("champion"));
-    return leaders[side] ?? (agent && `agent:${agent.file}`);
+  /** The board's leader of a side in a game, as a choice; a champion of the zoo where the page cannot play that one. */
+  function championOf(side, game) {
+    const agent = agents.find((one) => one.side === side && one.game === game && one.name.includes("champion"));
+    return games[game].leaders[side] ?? (agent && `agent:${agent.file}`);
   }
 
   return { load, championOf };

@@ -1,10 +1,10 @@
 /* The rules in the browser: a round of one game, step by step, as fpg_bench/game/step.py plays it.
-   rules: the numbers of state.RULES. Actions are lists of nine numbers, clipped to [-1, 1] and to single precision. */
+   rules: the numbers of state.RULES, the names of the jamming types, and `radio`, null but in the model `link` (game_link.js). Actions are lists of nine numbers, clipped to [-1, 1] and to single precision. */
 "use strict";
 const fpgRules = (() => {
   const { PURPOSE, matchKey, roundKey, uniform, integer, gaussians } = fpgDraws;
   const { distance, beginCurve, flyCurve, flyOpponent, patrol, inside, PATHS } = fpgFlight;
-  const f32 = Math.fround, TYPES = 4, DB = 10 / Math.LN10;
+  const f32 = Math.fround, DB = 10 / Math.LN10;
   const AXES = [0, 1, 2];
   const clip = (x) => Math.min(Math.max(x, -1), 1);
   const played = (action) => Array.from(action, (x) => f32(clip(f32(x))));
@@ -31,7 +31,10 @@ const fpgRules = (() => {
     const [low, high] = rules.first_check;
     game.nextCheck = low + integer(key, 0, PURPOSE.firstCheck, high - low + 1);
     game.distance = distance(game.ally, game.opponent);
-    game.snr = game.cleanSnr = rules.base_power - pathLoss(distance(game.ally, rules.base_station), game.frequency, rules) - rules.noise;
+    [game.fading, game.jammingFading] = [0, 0];
+    if (rules.radio) fpgLink.transmit(game, rules);
+    else game.snr = game.cleanSnr = rules.base_power - pathLoss(distance(game.ally, rules.base_station), game.frequency, rules) - rules.noise;
+    [game.fading, game.jammingFading] = [PURPOSE.fadingStart, PURPOSE.jammingFadingStart].map((purpose) => gaussians(key, 0, purpose)[0]);
     observe(game);
     return game;
   }
@@ -43,9 +46,12 @@ const fpgRules = (() => {
     const [ally, opponent] = [played(allyAction), played(opponentAction)];
     chooseJamming(game, opponent, rules);
     chooseFrequency(game, ally, rules);
+    const before = game.opponent;
     flyOpponent(game, opponent, rules); // first: pursuit aims at where the ally was
+    game.flown = distance(before, game.opponent);
     const [slow, fast] = rules.ally_speed;
-    flyCurve(game, slow + ((ally[2] + 1) / 2) * (fast - slow), rules);
+    game.speed = slow + ((ally[2] + 1) / 2) * (fast - slow);
+    flyCurve(game, game.speed, rules);
     game.ally = inside(game.ally, rules);
     const [fading, centreError] = gaussians(game.key, game.step, PURPOSE.fading);
     transmit(game, fading, rules);
@@ -59,19 +65,20 @@ const fpgRules = (() => {
 
   function chooseJamming(game, action, rules) {
     let best = -1;
-    for (let kind = 0; kind < TYPES; kind++) if (rules.allowed[kind] === 1 && (best < 0 || action[kind] > action[best])) best = kind;
+    for (let kind = 0; kind < rules.types.length; kind++) if (rules.allowed[kind] === 1 && (best < 0 || action[kind] > action[best])) best = kind;
     game.type = best;
     game.centre = action[5] > 0 ? rules.band_middle + action[4] * rules.band_half
       : Math.min(Math.max(game.known + action[4] * rules.tuning_span, rules.band_low), rules.band_high);
   }
 
   function chooseFrequency(game, action, rules) {
-    const spread = action[1] > 0;
+    const spread = action[1] > 0, before = game.point;
     game.hopped = action[0] > 0;
     if (game.hopped || (rules.reselect && game.spreading && !spread)) {
       game.point = fpgKnowledge.choose(game, action, rules);
       game.frequency = pointMhz(game.point, rules);
     }
+    if (rules.radio) fpgLink.tune(game, before, spread, rules);
     game.spreading = spread;
     game.spreadingS = spread ? game.spreadingS + 1 : 0;
   }
@@ -90,7 +97,7 @@ const fpgRules = (() => {
     return Math.abs(spacing > 0 ? offset - spacing * Math.floor(offset / spacing + 0.5) : offset);
   }
 
-  const covers = (type, centre, mhz, rules) => footprintDistance(mhz - centre, rules.tooth_spacing[type]) <= rules.half_width[type];
+  const covers = (type, centre, { frequency: mhz, spreading }, rules) => rules.radio ? fpgLink.covers(type, centre, mhz, spreading, rules) : footprintDistance(mhz - centre, rules.tooth_spacing[type]) <= rules.half_width[type];
   const noiseOf = (game, rules) => (game.spreading ? rules.spread_noise : rules.noise);
 
   function snr(signal, jamming, covered, noise, fading, rules) {
@@ -100,7 +107,12 @@ const fpgRules = (() => {
 
   function transmit(game, fading, rules) {
     game.distance = distance(game.ally, game.opponent);
-    game.covered = covers(game.type, game.centre, game.frequency, rules);
+    game.covered = covers(game.type, game.centre, game, rules);
+    if (rules.radio) {
+      fpgLink.fade(game, fading, rules);
+      fpgLink.transmit(game, rules);
+      return;
+    }
     const signal = rules.base_power - pathLoss(distance(game.ally, rules.base_station), game.frequency, rules);
     const jamming = rules.jamming_power[game.type] - pathLoss(game.distance, game.frequency, rules);
     const noise = noiseOf(game, rules), faded = rules.fading_sd * fading;
@@ -118,9 +130,11 @@ const fpgRules = (() => {
   }
 
   function reward(game, rules) {
+    const costs = spreadCost(game.spreadingS, rules) + (game.hopped ? rules.hop_cost : 0), near = game.distance < rules.distance_reward_m ? rules.distance_reward : 0;
+    if (rules.radio) return void fpgLink.reward(game, costs, near, rules);
     const cap = rules.snr_cap ?? Infinity, value = Math.min(game.snr, cap), clean = Math.min(game.cleanSnr, cap);
-    game.allyReward = value - rules.threshold - spreadCost(game.spreadingS, rules) - (game.hopped ? rules.hop_cost : 0);
-    game.opponentReward = (game.distance < rules.distance_reward_m ? rules.distance_reward : 0) + rules.snr_drop_weight * (clean - value);
+    game.allyReward = value - rules.threshold - costs;
+    game.opponentReward = near + rules.snr_drop_weight * (clean - value);
   }
 
   function check(game, rules) {
@@ -135,6 +149,7 @@ const fpgRules = (() => {
   }
 
   function hears(game, rules) {
+    if (rules.radio) return fpgLink.hears(game, rules);
     if (rules.detection !== 0) return rules.detection === 1 && !game.spreading && game.snr >= rules.threshold;
     const level = rules.ally_emission - pathLoss(game.distance, game.frequency, rules);
     const [fading] = gaussians(game.key, game.step, PURPOSE.detection);
@@ -146,7 +161,7 @@ const fpgRules = (() => {
     game.sensedType = game.type;
     const chance = uniform(game.key, game.step, PURPOSE.sensedType);
     if (chance >= rules.sensing_error) return;
-    const other = Math.min(Math.floor((chance / rules.sensing_error) * (TYPES - 1)), TYPES - 2);
+    const other = Math.min(Math.floor((chance / rules.sensing_error) * (rules.types.length - 1)), rules.types.length - 2);
     game.sensedType = other + (other >= game.type ? 1 : 0);
   }
 
@@ -161,11 +176,11 @@ const fpgRules = (() => {
         return clip(Math.sign(away) * Math.sqrt(Math.abs(away) * rules.per_box[axis]));
       }),
     ];
-    const kinds = (type) => Array.from({ length: TYPES }, (_, kind) => (kind === type ? 1 : 0));
+    const kinds = (type) => rules.types.map((_, kind) => (kind === type ? 1 : 0));
     const sensed = game.sensedType >= 0;
     game.allySees = Float32Array.from([
       ...places(game.ally, game.opponent), inBand(game.frequency), clip(game.spreadingS * rules.per_spreading_scale), clip(game.snr * rules.per_snr_scale),
-      sensed ? inBand(game.sensedMhz) : 0, ...kinds(game.sensedType), sensed && covers(game.sensedType, game.sensedMhz, game.frequency, rules) ? 1 : -1,
+      sensed ? inBand(game.sensedMhz) : 0, ...kinds(game.sensedType), sensed && covers(game.sensedType, game.sensedMhz, game, rules) ? 1 : -1,
     ]);
     game.opponentSees = Float32Array.from([
       ...places(game.opponent, game.ally), inBand(game.known), clip(game.age * rules.per_age_scale), clip((game.nextCheck - game.step) * rules.per_check_scale),

@@ -11,7 +11,7 @@ const fpgSight = (() => {
 
   /** The ally knows its link and what its monitor senses, errors included; not what the opponent heard. */
   function ally({ allySees: seen, rules }) {
-    const type = seen.slice(10, 14).indexOf(1);
+    const type = seen.slice(10, 10 + rules.types.length).indexOf(1);
     return {
       type, centre: rules.band_middle + seen[9] * rules.band_half, snr: seen[8] / rules.per_snr_scale, covered: Number(seen[14] > 0),
       clean_snr: NaN, known: NaN, age: NaN, check: 0, opponent_reward: NaN,

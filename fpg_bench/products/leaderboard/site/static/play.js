@@ -2,15 +2,16 @@
    A side is shown what its 15 numbers hold (game_sight.js); the truth and the score of others come at the end. */
 "use strict";
 (() => {
-  const { rules, scenario, agents, scales } = window.fpgData;
-  const { load, championOf } = fpgPlayers;
+  const { games, agents } = window.fpgData;
+  const { load } = fpgPlayers;
   const byId = (id) => document.getElementById(id);
   const view = { time: 0, dirty: true };
   const other = { ally: "opponent", opponent: "ally" };
+  let rules, scenario, scales; // of the game that is chosen
   let game = null, round, players, human = "ally", truth, shown, colours = fpgPen.readColours(), timer = null, replay = null;
 
   const scene = {
-    view, scenario, now: () => Math.floor(view.time), outage: (k) => shown.snr[k] < scenario.threshold_db,
+    view, get scenario() { return scenario; }, now: () => Math.floor(view.time), outage: (k) => shown.snr[k] < scenario.threshold_db,
     timeSpan: () => {
       const end = Math.min(scene.last, Math.max(90, view.time + 10));
       return [Math.max(0, end - 90), end];
@@ -22,11 +23,23 @@
   // The champion's own round on the same seed, step by step beside the visitor's; null without a race.
   let race = null;
   const raceTimes = fpgTimes({
-    view, scenario, now: scene.now, timeSpan: scene.timeSpan, outage: (k) => race.shown.snr[k] < scenario.threshold_db,
+    view, get scenario() { return scenario; }, now: scene.now, timeSpan: scene.timeSpan, outage: (k) => race.shown.snr[k] < scenario.threshold_db,
     get steps() { return race.shown; }, get colours() { return colours; },
   }, { spectrum: byId("race-spectrum") });
   const written = (value, digits) => value.toFixed(digits).replace(/^-(0(\.0+)?)$/, "$1").replace("-", "−");
   const pointMhz = (point) => fpgRules.pointMhz(point, rules);
+
+  const championOf = (side) => fpgPlayers.championOf(side, byId("game").value);
+
+  /** Take the rules of the game that is chosen; in `link` a visitor flies as its scripts do, at half speed. */
+  function chooseGame() {
+    ({ rules, scenario, scales } = games[byId("game").value]);
+    byId("type").replaceChildren(...rules.types.map((name, kind) => new Option(name, kind)));
+    const points = Array.from({ length: rules.points }, (_, point) => new Option(`${pointMhz(point).toFixed(1)} MHz`, point));
+    byId("point").replaceChildren(new Option("where the knowledge base says", "expert"), ...points);
+    byId("speed").value = rules.radio ? 0 : 1;
+    listRivals();
+  }
 
   /* ---- players ---- */
 
@@ -38,7 +51,7 @@
       element.append(...options);
       return element;
     };
-    const trained = (wanted) => agents.filter((one) => one.side === side && one.kind === wanted).map(({ name, file }) => new Option(name, `agent:${file}`));
+    const trained = (wanted) => agents.filter((one) => one.side === side && one.kind === wanted && one.game === byId("game").value).map(({ name, file }) => new Option(name, `agent:${file}`));
     const groups = [["Submitted", trained("submitted")], ["Zoo", trained("zoo")], ["Scripts", fpgScripts.NAMES[side].map((name) => new Option(name, `script:${name}`))]];
     select.replaceChildren(...groups.filter(([, options]) => options.length).map(([label, options]) => group(label, options)));
     select.value = [...select.options].find(({ text }) => text.includes("champion"))?.value ?? select.options[0].value;
@@ -53,7 +66,7 @@
     for (const element of document.querySelectorAll("[data-side]")) element.hidden = side === "nobody" ? element.tagName !== "SPAN" : element.dataset.side !== side;
   }
 
-  const seat = (makers, key) => Object.fromEntries(Object.entries(makers).map(([side, make]) => [side, make(side, key)]));
+  const seat = (makers, key) => Object.fromEntries(Object.entries(makers).map(([side, make]) => [side, make(side, key, rules)]));
   const start = () => fpgRules.begin({ ...rules, steps: round.seconds }, round.seed, round.path);
   const earnedBy = (one, side) => (side === "opponent" ? one.opponentReward : one.allyReward);
 
@@ -70,7 +83,8 @@
 
   /* ---- a round ---- */
 
-  async function begin() {
+  /** Begin a round; a page without a wish shows one that waits. */
+  async function begin(isWanted = true) {
     run(false);
     human = byId("side").value;
     const choices = { ally: byId(human === "nobody" ? "first" : "rival").value, opponent: byId("rival").value };
@@ -96,9 +110,10 @@
     byId("snr").parentElement.hidden = human === "opponent";
     press("hop", false);
     press("spread", false);
-    byId("event").textContent = "The round begins.";
+    byId("event").textContent = isWanted ? "The round begins." : "A round against the opponents' champion waits: run it, or choose another.";
     keep();
     draw();
+    if (!isWanted) return;
     keepAddress(asked);
     document.querySelector(".play").scrollIntoView();
   }
@@ -178,7 +193,7 @@
   };
 
   const GOALS = {
-    ally: (beaten) => `Keep your link: get away from the jamming, but each hop and each second of spreading costs points. ${beaten === null ? "A link that is never jammed has 100 points, random play 0." : `The score to beat is ${beaten}.`}`,
+    ally: (beaten) => `Keep your link: get away from the jamming, but ${rules.radio ? "each hop and each change of the waveform takes a part of a second" : "each hop and each second of spreading costs points"}. ${beaten === null ? "A link that is never jammed has 100 points, random play 0." : `The score to beat is ${beaten}.`}`,
     opponent: (beaten) => `Break the ally's link: jam the frequency that it uses, and stay near. ${beaten === null ? "You see your score at the end." : `The score to beat is ${beaten}.`}`,
     nobody: () => "",
   };
@@ -187,9 +202,9 @@
   const worth = (reward) => (scales.ally ? (100 * reward) / round.seconds / (scales.ally.top - scales.ally.zero) : null);
 
   function showCosts() {
-    const cost = fpgRules.spreadCost(game.spreadingS + 1, rules);
-    byId("costs").textContent = `a hop ${rules.hop_cost}; spreading now ${written(cost, 1)} a second`;
-    const [hop, spread] = [rules.hop_cost, cost].map(worth).map((lost) => (lost === null ? "" : `, −${lost.toFixed(lost < 0.095 ? 2 : 1)} points`));
+    const cost = fpgRules.spreadCost(game.spreadingS + 1, rules), { radio } = rules;
+    byId("costs").textContent = radio ? `a hop ${radio.hop_airtime} s of the link; to spread, or to stop it, ${radio.acquisition} s` : `a hop ${rules.hop_cost}; spreading now ${written(cost, 1)} a second`;
+    const [hop, spread] = [rules.hop_cost, cost].map(worth).map((lost) => (radio || lost === null ? "" : `, −${lost.toFixed(lost < 0.095 ? 2 : 1)} points`));
     const [h, s] = matchMedia("(hover: hover)").matches && byId("keys").checked ? [" (h)", " (s)"] : ["", ""];
     byId("hop").textContent = `Hop${h}${hop}`;
     byId("spread").textContent = `Spread${s}${spread}`;
@@ -260,13 +275,13 @@
   function allyAction() {
     const chosen = byId("point").value, expert = chosen === "expert";
     const preference = expert ? 0 : (2 * Number(chosen)) / (rules.points - 1) - 1;
-    return [pressed("hop") ? 1 : -1, pressed("spread") ? 1 : -1, Number(byId("speed").value), preference, expert ? 1 : -1, 0, 0, 0, 0];
+    return [pressed("hop") ? 1 : -1, pressed("spread") ? 1 : -1, Number(byId("speed").value), preference, expert ? 1 : -1, ...rules.types.map(() => 0)];
   }
 
   function opponentAction() {
     const away = game.ally.map((x, axis) => x - game.opponent[axis]), metres = Math.max(10, Math.hypot(...away));
     const course = byId("course").value === "after" ? away.map((x) => x / metres) : byId("course").value.split(",").map(Number);
-    return [...[0, 1, 2, 3].map((kind) => (kind === Number(byId("type").value) ? 1 : -1)), Number(byId("tuning").value), -1, ...course];
+    return [...rules.types.map((_, kind) => (kind === Number(byId("type").value) ? 1 : -1)), Number(byId("tuning").value), -1, ...course];
   }
 
   function run(on) {
@@ -280,11 +295,15 @@
     begin().then(goOn);
   }
 
-  /** Let the round run, with the focus on what a visitor uses. */
+  /** Let the round run; whoever came by the keyboard has the focus on what it plays with, and sees that. */
   function goOn() {
     run(true);
-    byId(human === "ally" ? "hop" : "run").focus({ preventScroll: true });
+    if (byKeys) byId(human === "ally" ? "hop" : "run").focus({ preventScroll: true });
   }
+
+  // Whether the keyboard was used last: a ring after a click would look like advice.
+  let byKeys = false;
+  for (const kind of ["keydown", "pointerdown"]) document.addEventListener(kind, () => (byKeys = kind === "keydown"), true);
 
   const KEYS = { h: () => human === "ally" && flip("hop"), s: () => human === "ally" && flip("spread"), n: next };
   document.addEventListener("keydown", (event) => {
@@ -292,8 +311,7 @@
     if (KEYS[event.key] && byId("keys").checked && game && !busy) KEYS[event.key]();
   });
 
-  byId("point").add(new Option("where the knowledge base says", "expert"));
-  for (let point = 0; point < rules.points; point++) byId("point").add(new Option(`${pointMhz(point).toFixed(1)} MHz`, point));
+  byId("game").addEventListener("change", chooseGame);
   byId("side").addEventListener("change", listRivals);
   byId("setup").addEventListener("submit", (event) => {
     event.preventDefault();
@@ -322,7 +340,7 @@
   }
 
   function keepAddress(path) {
-    const content = { side: human, ...round.choices, seed: round.seed, seconds: round.seconds, pace: byId("pace").value, ...(path && { path }) };
+    const content = { side: human, ...(byId("game").value !== "standard" && { game: byId("game").value }), ...round.choices, seed: round.seed, seconds: round.seconds, pace: byId("pace").value, ...(path && { path }) };
     if (document.documentElement.classList.contains("quick")) content.quick = "";
     if (byId("race").checked && human !== "nobody") content.race = "";
     const beaten = address().get("seed") === String(round.seed) ? scoreToBeat() : null;
@@ -339,26 +357,33 @@
   /** The day's seed, the same for everybody: days since 1970 in UTC. */
   const today = () => Math.floor(Date.now() / 86_400_000);
 
-  /** Begin the round that the address asks for; `run`, and two players, start at once. */
+  /** Begin the round that the address asks for, or say in one line what it asks in vain; `quick`, and two players, start at once. */
   function asked() {
-    const wanted = address(), side = wanted.get("side");
-    if (!["ally", "opponent", "nobody"].includes(side)) return;
-    const choose = (id, value) => {
+    const wanted = address(), side = wanted.get("side") ?? "ally", unknown = [];
+    const choose = (id, name) => {
+      const value = wanted.get(name);
       if ([...byId(id).options].some((option) => option.value === value)) byId(id).value = value;
+      else if (value !== null) unknown.push(`${name} “${value.slice(0, 60)}”`);
     };
-    byId("side").value = side;
-    listRivals();
-    choose("first", wanted.get("ally"));
-    choose("rival", wanted.get(other[side] ?? "opponent"));
-    for (const id of ["seconds", "pace"]) choose(id, wanted.get(id));
-    if (/^\d{1,6}$/.test(wanted.get("seed"))) byId("seed").value = wanted.get("seed");
-    if (wanted.get("seed") === "today") byId("seed").value = today();
+    choose("side", "side");
+    choose("game", "game");
+    chooseGame();
+    if (side === "nobody") choose("first", "ally");
+    choose("rival", other[side] ?? "opponent");
+    for (const id of ["seconds", "pace"]) choose(id, id);
+    const seed = wanted.get("seed") ?? byId("seed").value;
+    if (/^\d{1,6}$/.test(seed) || seed === "today") byId("seed").value = seed === "today" ? today() : seed;
+    else unknown.push(`seed “${seed.slice(0, 60)}”`);
+    if (unknown.length) {
+      byId("event").textContent = `This link does not work here: ${unknown.join(", ")} is unknown. Choose another, and begin a new round.`;
+      return;
+    }
     byId("race").checked = wanted.has("race");
     document.documentElement.classList.toggle("quick", wanted.has("quick"));
-    begin().then(() => (side === "nobody" || wanted.has("quick") ? goOn() : run(false)));
+    begin(wanted.has("side")).then(() => (wanted.has("side") && (side === "nobody" || wanted.has("quick")) ? goOn() : run(false)));
   }
 
   addEventListener("hashchange", asked);
-  listRivals();
+  chooseGame();
   asked();
 })();

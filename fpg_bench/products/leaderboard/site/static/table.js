@@ -6,15 +6,15 @@
   const UNVERIFIED = "unverified";
   const [place, ...words] = location.hash.slice(1).split("&");
   const asked = new URLSearchParams(words.join("&"));
-  const columns = document.getElementById("columns");
+  const choices = document.querySelectorAll(".columns"); // the same choice, beside each table
 
   /** Put a choice into the address; one that is as at first is left out. */
   function keep(name, value, usual) {
     if (value === usual) asked.delete(name);
     else asked.set(name, value);
-    const choices = asked.toString();
+    const kept = asked.toString();
     const here = decodeURIComponent(location.hash.slice(1).split("&")[0]);
-    const wanted = choices ? `#${here}&${choices}` : here ? `#${here}` : location.pathname;
+    const wanted = kept ? `#${here}&${kept}` : here ? `#${here}` : location.pathname;
     history.replaceState(null, "", wanted);
   }
 
@@ -28,8 +28,7 @@
 
   /** What a filter finds: an entry's name, agent, algorithm and authors. */
   function textOf(row) {
-    const named = [...row.querySelectorAll(".who a, .who code")].map((element) => element.textContent);
-    return [...named, row.dataset.text].join(" ").toLowerCase();
+    return `${row.querySelector(".who a").textContent} ${row.dataset.text}`.toLowerCase();
   }
 
   function sortBy(table, header, up) {
@@ -61,7 +60,7 @@
     const kinds = [...section.querySelectorAll(".kind"), section.querySelector(".unverified")];
     const count = section.querySelector(".count");
     const all = section.querySelector(".all");
-    const heads = [...table.tHead.rows[0].cells];
+    const heads = [...table.tHead.rows[0].cells].slice(1); // the first one, of places, does not sort
     const nameOf = (box) => (box.classList.contains("unverified") ? UNVERIFIED : box.value);
     let isFull = table.tBodies[0].rows.length <= MOST;
 
@@ -91,6 +90,7 @@
       search.value = asked.get(`${key}.find`) ?? "";
       const shown = asked.get(`${key}.kinds`)?.split(",");
       for (const box of kinds) box.checked = !shown || shown.includes(nameOf(box));
+      section.querySelector(".sift").open = Boolean(search.value || shown);
       const [, column, up] = /^(\d+)([ud])$/.exec(asked.get(`${key}.sort`) ?? "") ?? [];
       if (heads[column]) sortBy(table, heads[column], up === "u");
     }
@@ -120,16 +120,18 @@
     show();
   }
 
-  function chooseColumns() {
-    for (const table of document.querySelectorAll("table.board")) table.classList.toggle("few", columns.value !== "all");
+  function chooseColumns(wanted) {
+    for (const one of choices) one.value = wanted;
+    for (const table of document.querySelectorAll("table.board")) table.classList.toggle("few", wanted !== "all");
   }
 
-  columns.value = asked.get("columns") === "all" ? "all" : "few";
-  columns.addEventListener("change", () => {
-    keep("columns", columns.value, "few");
-    chooseColumns();
-  });
-  chooseColumns();
+  for (const one of choices) {
+    one.addEventListener("change", () => {
+      keep("columns", one.value, "few");
+      chooseColumns(one.value);
+    });
+  }
+  chooseColumns(asked.get("columns") === "all" ? "all" : "few");
   document.querySelectorAll("section.track").forEach(begin);
   if (words.length) document.getElementById(place)?.scrollIntoView(); // else the browser has gone there
 })();

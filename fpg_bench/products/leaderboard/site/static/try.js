@@ -1,15 +1,19 @@
 /* A visitor's policy.onnx against the scripts, in the browser: scores on the board's scale, and its rounds to watch. */
 "use strict";
 (() => {
-  const { rules, scenario, scales } = window.fpgData;
+  const { games } = window.fpgData;
   const { percent, one: written, table, fill } = fpgCharts;
   const SEEDS = [1, 2, 3, 4, 5];
   const TABLES = {
-    ally: { side: "ally", path: "pursuit", label: "an ally" },
-    pursuit: { side: "opponent", path: "pursuit", label: "an opponent in pursuit" },
-    learned: { side: "opponent", path: "learned", label: "an opponent that flies" },
+    ally: { side: "ally", path: "pursuit", game: "standard", label: "an ally" },
+    pursuit: { side: "opponent", path: "pursuit", game: "standard", label: "an opponent in pursuit" },
+    learned: { side: "opponent", path: "learned", game: "standard", label: "an opponent that flies" },
+    "ally-link": { side: "ally", path: "pursuit", game: "link", label: "an ally on a radio link" },
+    "opponent-link": { side: "opponent", path: "pursuit", game: "link", label: "an opponent on a radio link" },
   };
   const byId = (id) => document.getElementById(id);
+  /** What is played: the side, the path and the name of the game, and that game. */
+  const chosen = () => ({ ...TABLES[byId("plays").value], ...games[TABLES[byId("plays").value].game] });
   const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
   const other = (side) => (side === "ally" ? "opponent" : "ally");
   const pause = () => new Promise((done) => setTimeout(done)); // so that the page answers, and the text is seen
@@ -24,9 +28,9 @@
 
   /** Play a round of a policy against a script; the truth of each step as a replay has it. */
   function play(make, rival, seed) {
-    const { side, path } = TABLES[byId("plays").value];
+    const { side, path, rules } = chosen();
     const game = fpgRules.begin(rules, seed, path), steps = fpgSight.empty();
-    const script = fpgScripts.make(other(side), rival, rules, game.key), policy = make();
+    const script = fpgScripts.make(other(side), rival, rules, game.key), policy = make(side, game.key, rules);
     fpgSight.add(steps, fpgSight.truth(game));
     while (!game.over) {
       const mine = answer(policy, side === "ally" ? game.allySees : game.opponentSees);
@@ -39,7 +43,7 @@
 
   /** The measures of a round: its score, the share of time on jammed frequencies, and that in which this breaks the link. */
   function measured({ rival, seed, path, steps }) {
-    const scale = scales[byId("plays").value], { side } = TABLES[byId("plays").value];
+    const { side, scales, scenario } = chosen(), scale = scales[side === "ally" ? side : path];
     const earned = mean(steps[`${side}_reward`].slice(1)), count = steps.snr.length - 1;
     const share = (happens) => steps.snr.filter((_, k) => k && happens(k)).length / count;
     return {
@@ -50,7 +54,7 @@
 
   /** All rounds of a policy, one after the other; null if another file was given meanwhile. */
   async function playAll(make, mine, say) {
-    const rivals = fpgScripts.NAMES[other(TABLES[byId("plays").value].side)], all = [];
+    const rivals = fpgScripts.NAMES[other(chosen().side)], all = [];
     for (const rival of rivals) {
       for (const seed of SEEDS) {
         say(`${all.length} of ${rivals.length * SEEDS.length} rounds`);
@@ -68,7 +72,7 @@
     byId("file").textContent = file.name;
     try {
       const policy = fpgOnnx.read(new Uint8Array(await file.arrayBuffer()));
-      const make = () => fpgPolicy.make(policy), champion = fpgPlayers.championOf(TABLES[byId("plays").value].side);
+      const make = () => fpgPolicy.make(policy), champion = fpgPlayers.championOf(chosen().side, chosen().game);
       const own = await playAll(make, mine, (done) => say(`${file.name}: ${done}`));
       const best = champion ? await fpgPlayers.load(champion).then((load) => playAll(load, mine, (done) => say(`The champion: ${done}`))) : [];
       if (own && best) show(own.sort((a, b) => a.score - b.score), best, make);
@@ -94,7 +98,7 @@
   }
 
   function watch() {
-    const { make, rival, seed } = rounds[byId("round").value], { side } = TABLES[byId("plays").value];
+    const { make, rival, seed } = rounds[byId("round").value], { side, scenario } = chosen();
     const { path, steps } = play(make, rival, seed), names = { [side]: file.name, [other(side)]: rival };
     player ??= fpgReplay(byId("replay"), byId("replay"));
     player.show({ title: `${names.ally} against ${names.opponent}`, ...names, scenario, rounds: [{ seed: String(seed), match: 0, round: 0, path, waypoints: null, steps }] });
@@ -107,7 +111,7 @@
   }
 
   const zone = byId("drop");
-  for (const [key, { label }] of Object.entries(TABLES)) if (scales[key]) byId("plays").add(new Option(label, key));
+  for (const [key, { label, side, path, game }] of Object.entries(TABLES)) if (games[game].scales[side === "ally" ? side : path]) byId("plays").add(new Option(label, key));
   byId("plays").addEventListener("change", () => file && score());
   byId("policy").addEventListener("change", () => take(byId("policy").files[0]));
   byId("round").addEventListener("change", watch);
