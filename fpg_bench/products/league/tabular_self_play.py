@@ -412,7 +412,7 @@ def stochastic_table_onnx(probabilities: np.ndarray, scenario: Scenario) -> byte
     is_new = graph.add("Less", graph.columns("state", _BEGUN, size), number(0.5))
     remembered = {column: graph.columns("state", column, column + 1) for column in range(_BEGUN)}
     for column, start in ((_CLOCK, _LONG_AGO), (_HOPPED, _LONG_AGO), (_FORMER, _NOWHERE)):
-        remembered[column] = choose(is_new, number(start), remembered[column])
+        remembered[column] = choose(is_new, number(float(start)), remembered[column])
     remembered[_OWN] = choose(is_new, seen(OWN_FREQUENCY), remembered[_OWN])
     is_same = graph.add("Equal", seen(OWN_FREQUENCY), remembered[_OWN])
     hopped = choose(is_same, graph.add("Add", remembered[_HOPPED], number(1)), number(1))
@@ -427,7 +427,7 @@ def stochastic_table_onnx(probabilities: np.ndarray, scenario: Scenario) -> byte
     narrow[[TONE, NARROWBAND]] = 1
     is_narrow = graph.add("Less", number(0), graph.add("MatMul", types, graph.constant(narrow)))
     beside = graph.add("Abs", graph.add("Sub", seen(SENSED_CENTRE), former))
-    is_former = graph.add("And", is_narrow, graph.add("Less", beside, number(_NEAR)))
+    is_former = graph.add("And", is_narrow, graph.add("Less", beside, number(float(_NEAR))))
     is_former = graph.add("And", is_former, graph.add("Not", is_hit))
     kind = choose(is_former, number(TYPES + 1), kind)
     features = (squared_distance(graph, scenario)[1], hits, kind, hopped, clock, seen(SPREADING_TIME))
