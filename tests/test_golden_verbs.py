@@ -115,7 +115,8 @@ CASES = {
     ),
     "leaderboard-season": Case("leaderboard season season-2", kept=60),
     "reproduce": Case(
-        "reproduce yang-2026 fig7 --scenario figures --budget hundredth --n-seeds 10 --first-seed 100 --out reproduced",
+        "reproduce yang-2026 fig7 --scenario figures --budget hundredth --n-seeds 10 --first-seed 100 "
+        "--out reproduced",
         ("reproduced/report-figures.md", "reproduced/levels-figures.csv"),
         kept=120,
     ),

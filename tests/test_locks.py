@@ -25,7 +25,10 @@ WRITERS = {
     "self-play": ("--hyperparams tiny.yml --out found", "found/search.json"),
     "fictitious-self-play": ("--hyperparams tiny.yml --out duels", "duels/fictitious_self_play.json"),
     "export": ("shipped --out mine/seed_0", "mine/seed_0"),
-    "reproduce": ("yang-2026 fig7 --scenario figures --budget hundredth", "reproduced/figures-hundredth.jsonl.gz"),
+    "reproduce": (
+        "yang-2026 fig7 --scenario figures --budget hundredth",
+        "reproduced/figures-hundredth.jsonl.gz",
+    ),
     "tune export": ("study best.yml", "study/export"),
     "plan run": ("--planner circle --rounds 1 --out match.jsonl", "match.jsonl"),
     "plan compare": ("circle pursuit --suite planner-v1 --matches 1 --out plans", "plans/evaluation.json"),

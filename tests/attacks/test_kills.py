@@ -124,7 +124,9 @@ def test_a_full_disk_names_the_file_of_rows():
         RowFile(Path("/dev/full")).append([{"return": 1.0}])
 
 
-@pytest.mark.parametrize("words", ["train ppo FPG/AllyVsScripted-v0", "self-play", "reproduce yang-2026 fig7"])
+@pytest.mark.parametrize(
+    "words", ["train ppo FPG/AllyVsScripted-v0", "self-play", "reproduce yang-2026 fig7"]
+)
 def test_a_read_only_folder_is_one_line_before_anything_begins(words, tmp_path, monkeypatch, capsys):
     real = os.access
     monkeypatch.setattr(os, "access", lambda path, mode: path != tmp_path and real(path, mode))
