@@ -231,7 +231,8 @@ def range_speed(of: Record, seen: np.ndarray, sprint_m: float, cruise_m_s: float
     if (of.step == 0 or along < 0.0) and separation_m(seen, scales) < sprint_m:
         return 1.0
     low, high = scales.speeds_m_s[0], scales.speeds_m_s[1]
-    return float(2.0 * (cruise_m_s - low) / (high - low) - 1.0)
+    speed: float = 2.0 * (cruise_m_s - low) / (high - low) - 1.0
+    return speed
 
 
 @compiled

@@ -226,7 +226,8 @@ def play_oracle(
 @compiled
 def nearest_point(frequency: float, rules: Record) -> int:
     """Return the frequency point of a place in the band."""
-    return int(math.floor((frequency + 1.0) / 2.0 * (rules.points - 1) + 0.5))
+    point: int = math.floor((frequency + 1.0) / 2.0 * (rules.points - 1) + 0.5)
+    return point
 
 
 @compiled
