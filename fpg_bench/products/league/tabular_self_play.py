@@ -290,7 +290,7 @@ def _advantages(
 
 
 @dataclass
-class Learner:
+class TableLearner:
     """A stochastic table that learns.
 
     Attributes:
@@ -485,9 +485,9 @@ def tabular_self_play(config: TabularSelfPlayConfig, out: str | Path, *, progres
     with own_folder(folder, RESULT, "tabular self-play"):
         games = SelfPlay(scenario, config.games, training_seed(config.seed))
         stays = np.repeat((0.0, _STAYS), games.choices // 2)
-        ally = Learner(stays, count_cells(ALLY_EDGES), 1.0)
+        ally = TableLearner(stays, count_cells(ALLY_EDGES), 1.0)
         leanings = LEANING * np.eye(len(OPPONENT_CHOICES))[list(LEANINGS)]
-        opponents = [Learner(prior, count_cells(OPPONENT_EDGES), -1.0) for prior in leanings]
+        opponents = [TableLearner(prior, count_cells(OPPONENT_EDGES), -1.0) for prior in leanings]
         left = np.zeros(len(opponents))  # to the ally, by each
         earned = []
         for iteration in range(config.iterations):

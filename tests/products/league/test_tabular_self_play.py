@@ -15,7 +15,7 @@ from fpg_bench.products.league.tabular_self_play import (
     ALLY_EDGES,
     OPPONENT_CHOICES,
     OPPONENT_EDGES,
-    Learner,
+    TableLearner,
     SelfPlay,
     ally_cells,
     ally_edges,
@@ -68,7 +68,7 @@ def test_an_exported_table_draws_each_choice_as_often_as_it_should():
 def test_an_ally_learns_to_stay_where_nothing_jams_it_and_an_opponent_to_jam_what_it_knows():
     """One side learns against a fixed one: hops cost 40, and who always stays is where it is known to be."""
     games, one = SelfPlay(STANDARD, 128, 0), np.zeros(128, int)
-    ally, opponent = Learner(np.zeros(4), CELLS, 1.0), Learner(np.zeros(WAYS), OTHER_CELLS, -1.0)
+    ally, opponent = TableLearner(np.zeros(4), CELLS, 1.0), TableLearner(np.zeros(WAYS), OTHER_CELLS, -1.0)
     stays, comb_elsewhere = np.tile(np.eye(4)[0], (CELLS, 1)), np.tile(np.eye(WAYS)[6], (OTHER_CELLS, 1))
     earned = []
     for _ in range(25):
