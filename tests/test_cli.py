@@ -359,7 +359,9 @@ def test_a_run_that_is_stopped_before_it_saved_says_so(monkeypatch, capsys, tmp_
         if saved:
             (tmp_path / "checkpoints" / "000000000100").mkdir(parents=True)
         with pytest.raises(KeyboardInterrupt):
-            training.train("ppo", "FPG/AllyVsScripted-v0", tmp_path, run={}, game={}, team={})
+            training.train(
+                "ppo", "FPG/AllyVsScripted-v0", tmp_path, run={}, game={}, team={}, planner_options={}
+            )
         assert ("no step is saved yet" in capsys.readouterr().err) == (not saved)
 
 

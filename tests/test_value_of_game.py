@@ -26,7 +26,7 @@ SEARCH = [row(0, 1.0, 6.0), row(1, 2.0, 5.0, 1.5), row(2, 1.9, 5.5, 1.8)]
 
 
 def attack(value, **changes):
-    """Who holds the lowest known return of an ally."""
+    """The attack that holds the lowest known return of an ally."""
     return Attack("breaker-1", RESPONSE, Interval(value), 0, "Breaker", ("Me",), 1200.0, **changes)
 
 

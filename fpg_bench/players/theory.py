@@ -1,6 +1,6 @@
 """Players of theory: the Bayes jammer, and oracles of the model ``link``.
 
-What an action earns is computed by the game's own kernel, without fading. docs/reference/theory.md has the
+The game's own kernel, without fading, computes what an action earns. The page on players of theory has the
 derivations.
 """
 

@@ -1,4 +1,4 @@
-"""What the Hub shows of an agent: ``README.md`` with its metadata, and the results of its evaluations."""
+"""Files by which the Hub shows an agent: ``README.md`` with its metadata, and results of evaluations."""
 
 from __future__ import annotations
 
