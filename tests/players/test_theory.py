@@ -108,6 +108,7 @@ def test_it_jams_with_allowed_types_only():
     assert follow([heard(3)] * 3, jammer)[0][-1][0] == "comb"
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_bayes_jammer_earns_more_than_every_script_and_its_oracle_more_than_it():
     allies = ("idle", "reactive", "by-type", "always-hop")

@@ -100,6 +100,7 @@ def test_models_that_see_something_else_are_refused(tmp_path):
         zips.load_zip(tmp_path / "ppo.zip", "ppo", ALLY)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_runs_are_repeatable_and_are_no_stacks(tmp_path):
     changes = {"normalize": None, "policy_kwargs": {"net_arch": [8]}}
@@ -112,6 +113,7 @@ def test_runs_are_repeatable_and_are_no_stacks(tmp_path):
         train_tiny("dqn-stack3", tmp_path / "stack", settings("dqn"), **WATERFALL)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_teacher_that_sees_the_numbers_is_imitated_from_the_waterfall(tmp_path):
     lesson = {"teacher": "idle", "steps": 3000, "learning_rate": 0.003, "batch_size": 128}

@@ -56,7 +56,7 @@ def test_options_of_a_language_model_belong_to_one(tmp_path):
         ),
     ):
         with pytest.raises(UserError, match=message):
-            train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", hyperparams=TINY, planner_options=options)
+            train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", hyperparams=TINY, **options)
 
 
 @pytest.mark.slow

@@ -284,7 +284,7 @@ def test_without_a_name_the_rivals_are_the_scripts_of_teams():
         ({"planner": "interceptor"}, "unexpected keyword argument 'planner': teams do not have it"),
         ({"side": "planner", "rivals": "tone"}, "side: expected one of ally, opponent"),
         ({"side": "ally", "rivals": "expert"}, "expert"),
-        ({"side": "ally", "rivals": "oracle"}, "opponent: OracleOpponent sees the state of a duel"),
+        ({"side": "ally", "rivals": "oracle"}, "opponent: BayesJammer sees the state of a duel"),
         (
             {"side": "ally", "rivals": ["tone"], "is_by_seat": True},
             "opponent: expected 2 players, one per seat",
