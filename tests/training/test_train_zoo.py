@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import ORACLES, SCRIPTED
 from fpg_bench.common.parallel import run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
@@ -96,7 +96,7 @@ def test_every_player_is_evaluated_once_as_evaluate_does_to_the_digit(tmp_path):
     group = zoo.groups[0]
     suite = load_suite(group.suites[0])
     records = add_missing_records(zoo, group)
-    assert len(records) == 2 * (len(SCRIPTED["ally"]) + 3)
+    assert len(records) == 2 * (len(SCRIPTED["ally"]) + len(ORACLES) + 3)
     size = zoo.records_file(group).stat().st_size
     assert add_missing_records(zoo, group) == records == zoo.read_records(group, suite)
     assert zoo.records_file(group).stat().st_size == size
