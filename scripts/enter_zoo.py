@@ -239,7 +239,8 @@ def trained(folder: Path, track: Track, role: str, saw: str, description: str) -
     """Return the submission of an algorithm, with the mean hours of a seed at the speed of its last stage."""
     title, paper, unable = ALGORITHMS[folder.name]
     cards = [read_card(seed) for seed in seed_folders(folder).values()]
-    hours = [(card.seconds or 0) / (card.steps_done or card.training_steps) * card.training_steps / 3600 for card in cards]
+    steps = [card.training_steps for card in cards]
+    hours = [(c.seconds or 0) / (c.steps_done or n) * n / 3600 for c, n in zip(cards, steps, strict=True)]
     return entry(
         f"{title} ({role})",
         title,
