@@ -26,6 +26,7 @@ from fpg_bench.game import step as kernel
 from fpg_bench.game.actions import HOP_GATE, IN_BAND_GATE, PREFERENCE, TUNING, TYPE_SCORES
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.compiling import compiled
+from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.game.sensing import (
     JAM_TYPE,
@@ -48,7 +49,7 @@ from fpg_bench.products.league.tabular import cell_of, drawn_point, squared_dist
 from fpg_bench.training.export import Graph, counted, rows_of
 
 RESULT = "tabular_self_play.json"
-TONE, NARROWBAND, BROADBAND, COMB = range(TYPES)
+TONE, NARROWBAND, BROADBAND, COMB = map(JAMMING_TYPES.index, ("tone", "narrowband", "broadband", "comb"))
 # Edges of the ally's features, in metres, seconds and counts: the distance; hits in a row; the sensed type,
 # or 5 for narrow jamming on the point that it left last; seconds since a change of the point, since the first
 # of the last hits in a row (the sign of a check), and of spreading.
