@@ -137,7 +137,7 @@ def _compare(response: Response, now: ResponseResult, then: ResponseResult) -> l
 
 def _describe(response: Response, now: ResponseResult) -> str:
     """Return a result in words."""
-    text = f"{response.target.name} keeps at most {min(now.rewards):.2f} per step"
+    text = f"{response.target.name} keeps {min(now.rewards):.2f} per step against {response.slug}"
     invalid = zip(("entry", "response"), now.lost, strict=True)
     return text + "".join(f", {n:,} rounds lost by the {who}'s invalid answers" for who, n in invalid if n)
 
