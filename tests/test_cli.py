@@ -91,6 +91,7 @@ def test_help_of_every_verb_has_an_example_that_can_be_typed(words, verb):
     verb.make_context(words, shlex.split(example.removeprefix(words)))
 
 
+@pytest.mark.full
 @pytest.mark.process
 @pytest.mark.parametrize("words", ["train --help", "play --every 200"])
 def test_verbs_need_no_docstrings(words):

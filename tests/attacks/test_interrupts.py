@@ -146,6 +146,7 @@ def _is_of(process: Path, mark: str) -> bool:
     return False
 
 
+@pytest.mark.full
 @pytest.mark.slow
 @pytest.mark.process
 def test_an_interrupted_study_gives_back_its_trials(tmp_path):

@@ -108,6 +108,7 @@ def test_an_unwritable_cache_still_plays_and_says_so(tmp_path, monkeypatch, capf
     assert "cannot be kept: no writable cache folder" in message
 
 
+@pytest.mark.full
 @pytest.mark.process
 @pytest.mark.parametrize("damage", [b"", b"\x80", b"garbage" * 9])
 def test_a_damaged_file_of_the_cache_is_compiled_anew(damage, tmp_path):

@@ -70,6 +70,7 @@ def test_agents_play_as_the_model_does_in_its_own_games(algorithm, options, tmp_
     check_plays_alike(model, players, games, 160)
 
 
+@pytest.mark.full
 def test_a_model_and_its_agent_score_the_same_and_the_agent_may_be_submitted(tmp_path):
     model = make_model(DQN)
     export_agent(model, tmp_path / "agent", training_seed=0)

@@ -155,6 +155,7 @@ def test_one_of_several_seeds_is_pushed_with_a_curve_of_its_own(finished):
     assert b"](curve.png)" in files["README.md"]
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_run_is_pushed_with_its_curve_and_results_and_again_without_them(hub, finished, tmp_path):
     own = finished / "agent"

@@ -292,6 +292,7 @@ def policies(season):
     return [(side, member.name, member.policy_sha256) for side, member in season.all_members()]
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_season_has_members_of_both_sides_with_their_recipes(season):
     loaded = load_season(season.folder)
@@ -304,6 +305,7 @@ def test_a_season_has_members_of_both_sides_with_their_recipes(season):
         assert agent.card.game.reward == member.reward
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board, copied):
     (copied / "season-1" / FILE).unlink()  # killed while it was published
@@ -321,6 +323,7 @@ def test_a_killed_candidate_is_trained_again_with_the_same_result(season, board,
     assert begun == ["ally/a01: begins", "opponent/o00: begins"]
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(closed):
     season, work = closed
@@ -330,6 +333,7 @@ def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(closed):
     assert lost == [pytest.approx(load_suite("ally-v2").scale.reward(-100), rel=0.01)] * 2
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_each_scenario_is_closed_by_itself(season, tmp_path):
     board = tmp_path / "board"
@@ -350,6 +354,7 @@ def test_each_scenario_is_closed_by_itself(season, tmp_path):
         make_closing("1", board, tmp_path, scenario="paper")
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_season_that_fails_a_check_stays_open_and_keeps_what_was_trained(season, board, copied):
     shutil.rmtree(copied / "season-1")
@@ -362,6 +367,7 @@ def test_a_season_that_fails_a_check_stays_open_and_keeps_what_was_trained(seaso
     assert policies(again) == policies(season)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_candidates_that_a_script_beats_are_no_members(board, copied, monkeypatch):
     shutil.rmtree(copied / "season-1")
@@ -378,6 +384,7 @@ def test_candidates_that_a_script_beats_are_no_members(board, copied, monkeypatc
     assert not (copied / "season-1").exists()
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_one_side_can_be_trained_first(board, copied):
     shutil.rmtree(copied / "season-1")
@@ -387,6 +394,7 @@ def test_one_side_can_be_trained_first(board, copied):
     assert messages[-1] == "season-1: not closed yet: candidates of the ally are missing"
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_season_is_closed_once_and_in_a_folder_of_its_own(closed, board, tmp_path):
     season, work = closed
@@ -405,6 +413,7 @@ def test_two_closings_at_once_in_one_folder_are_refused(board, tmp_path):
 
 
 @pytest.mark.process
+@pytest.mark.full
 @pytest.mark.slow
 def test_two_processes_with_a_side_each_publish_a_season_once(season, board, copied, monkeypatch):
     out, work = copied / "season-1", copied / "work"
@@ -449,6 +458,7 @@ def test_missing_and_invalid_entries_are_refused(board, tmp_path):
         read_entries(tmp_path / "board")
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_missing_and_late_entries_are_named(season, board):
     entries = read_entries(board)
@@ -468,6 +478,7 @@ def test_missing_and_late_entries_are_named(season, board):
         check_entries(other, entries)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_what_is_wrong_in_a_season_s_folder_is_one_line(copied):
     def problem():
@@ -492,6 +503,7 @@ def test_what_is_wrong_in_a_season_s_folder_is_one_line(copied):
         assert message in problem()
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_member_that_answers_nan_is_named(season, tmp_path):
     shutil.copytree(season.agent("opponent", season.members["opponent"][0]), tmp_path / "agent")
@@ -505,6 +517,7 @@ def test_a_member_that_answers_nan_is_named(season, tmp_path):
         play_candidate(*against_candidate("expert", "ally", str(tmp_path / "agent"), "pursuit", "seed"))
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_an_audit_trains_a_member_again(season, board, tmp_path, monkeypatch):
     monkeypatch.setattr("fpg_bench.products.leaderboard.season.audit.run_jobs", run_here)

@@ -35,6 +35,7 @@ BOARD = ROOT / "leaderboard"
 ENTRY = BOARD / "submissions/ally/plain-torch"
 
 
+@pytest.mark.full
 def test_the_script_makes_agents_as_the_submission_s(tmp_path, monkeypatch):
     spec = importlib.util.spec_from_file_location("plain", ROOT / "scripts" / "train_plain_torch.py")
     script = importlib.util.module_from_spec(spec)
@@ -70,6 +71,7 @@ def shown(board):
     return {track.key: track for track in board.tracks}
 
 
+@pytest.mark.full
 def test_every_entry_has_a_short_name_that_no_other_of_its_table_has(board):
     for track in board.tracks:
         names = [name_skeleton(entry.name) for entry in track.entries]
@@ -77,6 +79,7 @@ def test_every_entry_has_a_short_name_that_no_other_of_its_table_has(board):
         assert all(len(entry.name) <= 40 for entry in track.entries)
 
 
+@pytest.mark.full
 def test_everybody_on_the_board_is_verified():
     folders = submission_folders(BOARD)
     policies = [

@@ -44,6 +44,7 @@ def few_matches(monkeypatch):
     monkeypatch.setattr(search, "MATCHES", 3)
 
 
+@pytest.mark.full
 def test_iterations_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp_path, monkeypatch):
     first = find(tmp_path, iterations=1)
     assert list(first["confirmed"]) == ["0"]
@@ -98,6 +99,7 @@ def test_iterations_meet_the_responses_by_their_weights_and_the_best_is_exported
         find(tmp_path, iterations=2, weight=4)
 
 
+@pytest.mark.full
 def test_by_nash_each_side_answers_the_equilibrium_of_the_other(tmp_path):
     first = find(tmp_path, iterations=1, meta_solver="nash")
     result = find(tmp_path, iterations=2, meta_solver="nash")
@@ -126,6 +128,7 @@ def test_by_nash_each_side_answers_the_equilibrium_of_the_other(tmp_path):
         self_play(SelfPlayConfig(**SEARCH), tmp_path)
 
 
+@pytest.mark.full
 def test_in_self_play_a_rival_learns_beside_the_side_and_responses_measure_both(tmp_path):
     result = self_play(SelfPlayConfig(iterations=2, **SEARCH), tmp_path, progress=False)
     runs = tmp_path / "runs"

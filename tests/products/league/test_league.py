@@ -360,6 +360,7 @@ def played(tmp_path_factory):
     return out
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_each_generation_has_a_row(played):
     rows = read_rows(played)
@@ -522,6 +523,7 @@ ORACLE = {
 }
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_champion_of_a_double_oracle_is_shipped_from_a_finished_search_wherever_it_was_made(
     tmp_path, monkeypatch

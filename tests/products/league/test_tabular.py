@@ -184,6 +184,7 @@ def test_another_search_needs_another_folder(tmp_path, local):
         portfolio("idle", tmp_path, side="ally", budget=0.1)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, local, monkeypatch):
     monkeypatch.setattr(mixing, "MATCHES", 5)

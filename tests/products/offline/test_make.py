@@ -84,6 +84,7 @@ def test_the_content_is_the_same_in_parts_of_any_size(tmp_path):
     assert [sha256(folder) for folder in folders] == [expected_sha256()] * 3
 
 
+@pytest.mark.full
 @pytest.mark.process
 @pytest.mark.slow
 def test_the_content_is_the_same_from_several_processes_and_with_an_agent(tmp_path):
@@ -183,6 +184,7 @@ def test_a_stopped_making_goes_on_with_the_parts_that_are_there(tmp_path, monkey
     assert sha256(folder) == expected_sha256()
 
 
+@pytest.mark.full
 @pytest.mark.process
 @pytest.mark.slow
 def test_a_killed_making_goes_on(tmp_path):

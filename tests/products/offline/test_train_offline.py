@@ -27,6 +27,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_agents_are_trained_and_scored_once_and_stand_in_the_table(here, monkeypatch):
     assert script.main() == 0

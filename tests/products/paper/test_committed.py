@@ -56,6 +56,7 @@ def test_committed_runs_have_all_seeds_and_the_present_scenario(committed):
             assert run.about.scenario == f"{preset}, {condition.scenario(preset).hash}", condition.name
 
 
+@pytest.mark.full
 def test_committed_figures_levels_and_tests_match_the_committed_runs(tmp_path):
     for made in write_pages(tmp_path):
         assert made.read_text() == (COMMITTED / made.name).read_text(), made.name
@@ -148,6 +149,7 @@ def test_pairs_on_all_paths_have_the_present_scenario():
                 assert run.about.scenario == f"{preset}, {base.scenario(preset).hash}"
 
 
+@pytest.mark.full
 def test_page_on_paths_quotes_the_gains_of_frozen_pairs():
     page = (COMMITTED / "claims.md").read_text()
     quoted = [

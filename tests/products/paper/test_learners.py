@@ -50,6 +50,7 @@ def random_batches(seed):
     return JointTransitions(*(each.astype(np.float32) for each in arrays))
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_hundred_updates_by_jax_give_torch_s_weights(jax_learner):
     expected, model = (make_model(0, activation_fn=nn.Tanh) for _ in range(2))
@@ -65,6 +66,7 @@ def test_a_hundred_updates_by_jax_give_torch_s_weights(jax_learner):
         assert np.abs(weights_of(expected, name) - start[name]).max() > 0.01
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_training_is_the_same_by_both_learners(jax_learner):
     for seed in (0, 1):

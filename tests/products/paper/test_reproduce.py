@@ -31,6 +31,7 @@ def made(tmp_path_factory):
     return out, written, messages
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made
@@ -106,6 +107,7 @@ def test_finished_runs_are_not_repeated_and_those_of_another_scenario_not_contin
         reproduce("fig4", tmp_path, scenario="standard", budget=TINY, n_seeds=1, workers=1)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_rows(made, tmp_path):
     out, *_ = made
@@ -208,6 +210,7 @@ def test_tables_are_written_without_runs(tmp_path):
     assert headings == ["Table 1", "Table 2", "Table 3", "How it was made"]
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_tables_are_added_to_a_report_on_runs_where_they_are_asked_for(made):
     out, *_ = made

@@ -169,6 +169,7 @@ def test_a_dueling_network_has_a_value_and_advantages_that_cancel_out():
     assert values.mean(1).detach().numpy() == pytest.approx(output[:, -1].detach().numpy(), abs=1e-4)
 
 
+@pytest.mark.full
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", ali_2023.VARIANTS)
 def test_the_same_seed_trains_the_same_network(variant):

@@ -11,6 +11,7 @@ from fpg_bench.game.scenario import preset
 LINK = preset("link")
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_sums_of_powers_are_those_of_waveforms():
     rows = list(sums(LINK, 40))

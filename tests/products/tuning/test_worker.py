@@ -70,6 +70,7 @@ def test_a_killed_workers_trial_is_retried_with_its_values(tmp_path, at_work):
     assert study.trials[2].params == study.trials[0].params == {"x": 5.0}
 
 
+@pytest.mark.full
 @pytest.mark.process
 def test_two_workers_share_a_study(tmp_path, start):
     both = [start(tmp_path, n_trials=10, mode="both") for _ in range(2)]
