@@ -239,7 +239,7 @@ def few_steps(checks=()):
             ("closing.N_STRANGERS", 1),
             ("closing.N_VARIANTS", 1),
             ("closing.SCRIPTS", scripts),
-            ("closing._floor", lambda closing, side: ("nobody", -1e9)),
+            ("closing._floor", lambda side, profiles: ("nobody", -1e9)),
             ("closing.check_members", lambda evidence: checks if evidence.side == "ally" else ()),
         ):
             patches.enter_context(patch(f"{PACKAGE}.{name}", value))
@@ -372,7 +372,12 @@ def test_a_season_that_fails_a_check_stays_open_and_keeps_what_was_trained(seaso
 def test_candidates_that_a_script_beats_are_no_members(board, copied, monkeypatch):
     shutil.rmtree(copied / "season-1")
     find_floor = closing_module._floor
-    monkeypatch.setattr(f"{PACKAGE}.closing._own", lambda closing, side, rival: float(rival == "idle"))
+    read = closing_module._read_profile
+
+    def beaten(closing, side, rival):
+        return dataclasses.replace(read(closing, side, rival), own=float(rival == "idle"))
+
+    monkeypatch.setattr(f"{PACKAGE}.closing._read_profile", beaten)
     monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", run_here)
     with few_steps():
         monkeypatch.setattr(f"{PACKAGE}.closing._floor", find_floor)

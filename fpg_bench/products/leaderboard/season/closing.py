@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import logging
 import re
 import shutil
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -20,7 +21,6 @@ from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import ALL_TACTICS, SCRIPTS, other_side
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
-from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import PROTOCOL, season_label
 from fpg_bench.evaluation.store import Pairing, Store
@@ -112,10 +112,15 @@ class Closing:
         """Return the scripts of a side, which set the floor, then the drawn ones; of a season alone."""
         return _draw(self, side).scripts
 
+    def rivals(self, side: str) -> list[Recipe | str]:
+        """Return all that the entries meet: candidates, strangers and scripts."""
+        return [*self.recipes(side), *self.strangers(side), *self.scripts(side)]
+
     def folder(self, side: str, rival: Recipe | str) -> Path:
-        """Return the folder of a candidate or stranger, or of a script."""
-        name = rival.name if isinstance(rival, Recipe) else f"script-{self.scripts(side).index(rival):02d}"
-        return self.work / side / name
+        """Return the folder of a candidate or stranger, or of a script, by its name with all constants."""
+        if isinstance(rival, str):
+            return self.work / side / f"script-{hashlib.sha256(rival.encode()).hexdigest()[:16]}"
+        return self.work / side / rival.name
 
 
 class _Drawn(NamedTuple):
@@ -209,9 +214,11 @@ def close_season(
         locks.enter_context(locked(closing.work / "at-work-publish", f"season: {closing.work}"))
         if (out / FILE).exists():  # by a process that trained the other side
             return load_season(out)
-        members = {side: _select_members(closing, side) for side in SIDES}
+        profiles = {side: _profiles(closing, side) for side in SIDES}
+        members = {side: _select_members(closing, side, profiles[side]) for side in SIDES}
         if closing.number is not None:
-            verdicts = [v for side in SIDES for v in check_members(_evidence(closing, side, members[side]))]
+            evidence = [_evidence(closing, side, members[side], profiles[side]) for side in SIDES]
+            verdicts = [verdict for of in evidence for verdict in check_members(of)]
             for verdict in verdicts:
                 _logger.info(f"{'holds' if verdict.is_good else 'FAILS'}: {verdict.name}: {verdict.line}")
             if failed := [verdict.name for verdict in verdicts if not verdict.is_good]:
@@ -239,16 +246,15 @@ def _check_plan(closing: Closing) -> None:
 
 
 def _jobs(closing: Closing, side: str) -> list[Job]:
-    """Return a job for each rival that the entries meet: candidates, strangers and scripts."""
-    rivals: list[Recipe | str] = [*closing.recipes(side), *closing.strangers(side), *closing.scripts(side)]
+    """Return a job for each rival that the entries meet."""
     return [
         folder_job(
-            f"{side}/{rival if isinstance(rival, str) else rival.name}",
+            f"{side}/{_name(rival)}",
             closing.folder(side, rival),
             partial(_make_rival, closing, side, rival),
             partial(_is_complete, closing, side, rival),
         )
-        for rival in rivals
+        for rival in closing.rivals(side)
     ]
 
 
@@ -260,17 +266,23 @@ def _make_rival(closing: Closing, side: str, rival: Recipe | str, folder: Path) 
 
 
 def _is_complete(closing: Closing, side: str, rival: Recipe | str) -> bool:
-    folder = closing.folder(side, rival)
+    folder, entries = closing.folder(side, rival), closing.rival_entries(side)
+    count = sum(len(entry.players[_seeds_met(rival)]) for entry in entries) + 1  # and the oracle
     is_made = isinstance(rival, str) or RunFolder(folder).is_finished()
-    return is_made and not Store(folder / PROFILE).missing(_pairings(closing, side, rival))
+    return is_made and len(Store(folder / PROFILE).records()) == count
+
+
+def _seeds_met(rival: Recipe | str) -> slice:
+    """Return which training seeds of an entry meet a rival: a script meets first ones alone."""
+    return slice(1) if isinstance(rival, str) else slice(None)
 
 
 def _pairings(closing: Closing, side: str, rival: Recipe | str) -> list[Pairing]:
-    """Return the pairings of the entries and an oracle with a rival; a script meets first training seeds."""
+    """Return the pairings of the entries and an oracle with a rival."""
     if isinstance(rival, str):
-        player, path, seeds = rival, "pursuit", slice(1)
+        player, path = rival, "pursuit"
     else:
-        player, path, seeds = str(closing.folder(side, rival).absolute() / "agent"), rival.path, slice(None)
+        player, path = str(closing.folder(side, rival).absolute() / "agent"), rival.path
 
     def of(name: str, entry: str, its_path: str, number: int | None = None) -> Pairing:
         where = player, path if side == "opponent" else its_path, closing.seed, closing.scenario
@@ -279,78 +291,106 @@ def _pairings(closing: Closing, side: str, rival: Recipe | str) -> list[Pairing]
     wanted = [
         of(name, entry.name, entry.path, number)
         for entry in closing.rival_entries(side)
-        for number, name in enumerate(entry.players[seeds])
+        for number, name in enumerate(entry.players[_seeds_met(rival)])
     ]
     return [*wanted, of(ORACLE, ORACLE, "pursuit")]
 
 
-def _met(closing: Closing, side: str, rival: Recipe | str) -> list[tuple[Record, dict[str, float]]]:
-    """Return the records of the entries and of the oracle against a rival, and what both sides earned."""
-    records = Store(closing.folder(side, rival) / PROFILE).records()
-    return [(record, earned(record, other_side(side), closing.scenario)) for record in records]
+@dataclass(frozen=True)
+class _Profile:
+    """Returns per step where the entries meet a rival.
+
+    Attributes:
+        means: what each entry earns, a mean over its training seeds.
+        firsts: what the first training seed of each earns.
+        oracle: what an oracle of the entries' side earns.
+        own: what the rival earns by its own rules, a mean over entries.
+        hops: number of hops in all these rounds.
+    """
+
+    means: Mapping[str, float]
+    firsts: Mapping[str, float]
+    oracle: float
+    own: float
+    hops: float
 
 
-def _mean(closing: Closing, side: str, rival: Recipe | str, of: str, first: bool = False) -> dict[str, float]:
-    """Return what a side earns where an entry meets a rival, a mean over training seeds, by the entry."""
-    by_entry: dict[str, list[float]] = {}
-    for record, returns in _met(closing, side, rival):
-        if not (first and record.training_seed):
-            by_entry.setdefault(record.entry, []).append(returns[of])
-    return {entry: statistics.fmean(values) for entry, values in by_entry.items()}
+def _read_profile(closing: Closing, side: str, rival: Recipe | str) -> _Profile:
+    returns: dict[str, dict[int, dict[str, float]]] = {}
+    records, other = Store(closing.folder(side, rival) / PROFILE).records(), other_side(side)
+    for record in records:
+        of = returns.setdefault(record.entry, {})
+        of[record.training_seed or 0] = earned(record, other, closing.scenario)
+    oracle = returns.pop(ORACLE)[0][other]
+
+    def mean(name: str) -> dict[str, float]:
+        return {entry: statistics.fmean(each[name] for each in of.values()) for entry, of in returns.items()}
+
+    return _Profile(
+        means=mean(other),
+        firsts={entry: of[0][other] for entry, of in returns.items()},
+        oracle=oracle,
+        own=statistics.fmean(mean(side).values()),
+        hops=sum(record.tally["hops"] for record in records),
+    )
 
 
-def _column(closing: Closing, side: str, rivals: Iterable[Recipe | str], first: bool = False) -> np.ndarray:
+def _profiles(closing: Closing, side: str) -> dict[str, _Profile]:
+    """Return the profiles of all rivals that the entries meet, by name."""
+    return {_name(rival): _read_profile(closing, side, rival) for rival in closing.rivals(side)}
+
+
+def _name(rival: Recipe | str) -> str:
+    return rival if isinstance(rival, str) else rival.name
+
+
+def _floor(side: str, profiles: Mapping[str, _Profile]) -> tuple[str, float]:
+    """Return the script that a member must beat, and what it earns: of allies, the best that never hops."""
+    scripts = [script for script in SCRIPTS[side] if side == "opponent" or not profiles[script].hops]
+    best = max(scripts, key=lambda script: profiles[script].own)
+    return best, profiles[best].own
+
+
+def _columns(closing: Closing, side: str, earn: Iterable[Mapping[str, float]]) -> np.ndarray:
     """Return what each entry earns from each rival, ``(entries, rivals)``."""
     names = [entry.name for entry in closing.rival_entries(side)]
-    means = [_mean(closing, side, rival, other_side(side), first) for rival in rivals]
-    return np.array([[of[name] for of in means] for name in names])
+    return np.array([[of[name] for name in names] for of in earn]).T
 
 
-def _own(closing: Closing, side: str, rival: Recipe | str) -> float:
-    """Return what a rival earns from the entries by its own rules."""
-    means = _mean(closing, side, rival, side)
-    return statistics.fmean(value for entry, value in means.items() if entry != ORACLE)
-
-
-def _floor(closing: Closing, side: str) -> tuple[str, float]:
-    """Return the script that a member must beat, and what it earns: of allies, the best that never hops."""
-    scripts = [
-        script
-        for script in SCRIPTS[side]
-        if side == "opponent" or not any(record.tally["hops"] for record, _ in _met(closing, side, script))
-    ]
-    best = max(scripts, key=lambda script: _own(closing, side, script))
-    return best, _own(closing, side, best)
-
-
-def _evidence(closing: Closing, side: str, members: Sequence[SeasonMember]) -> Evidence:
+def _evidence(
+    closing: Closing, side: str, members: Sequence[SeasonMember], profiles: Mapping[str, _Profile]
+) -> Evidence:
     variants = closing.scripts(side)[len(SCRIPTS[side]) :]
-    strangers = sorted(variants, key=lambda script: -_own(closing, side, script))[:N_STRANGERS]
+    strangers = sorted(variants, key=lambda script: -profiles[script].own)[:N_STRANGERS]
+    own = [profiles[member.name] for member in members]
+    trained = [recipe.name for recipe in closing.strangers(side)]
     tables: dict[str, list[int]] = {}
     for row, entry in enumerate(closing.rival_entries(side)):
         tables.setdefault(entry.path if side == "ally" else "allies", []).append(row)
     return Evidence(
         side=side,
         tables=tables,
-        members=_column(closing, side, members, first=True),
-        strangers=_column(closing, side, [*closing.strangers(side), *strangers], first=True),
-        oracle=np.array([_mean(closing, side, member, other_side(side))[ORACLE] for member in members]),
-        earned={member.name: _own(closing, side, member) for member in members},
-        floor=_floor(closing, side),
+        members=_columns(closing, side, [each.firsts for each in own]),
+        strangers=_columns(closing, side, [profiles[name].firsts for name in [*trained, *strangers]]),
+        oracle=np.array([each.oracle for each in own]),
+        earned={member.name: each.own for member, each in zip(members, own, strict=True)},
+        floor=_floor(side, profiles),
     )
 
 
-def _select_members(closing: Closing, side: str) -> tuple[SeasonMember, ...]:
+def _select_members(
+    closing: Closing, side: str, profiles: Mapping[str, _Profile]
+) -> tuple[SeasonMember, ...]:
     recipes = closing.recipes(side)
     if closing.number is not None:
-        script, floor = _floor(closing, side)
-        recipes = [recipe for recipe in recipes if _own(closing, side, recipe) > floor]
+        script, floor = _floor(side, profiles)
+        recipes = [recipe for recipe in recipes if profiles[recipe.name].own > floor]
         if len(recipes) < closing.size:
             raise UserError(
                 f"season: {closing.name} does not close: {len(recipes)} of {closing.candidates} candidates "
                 f"of the {side} earn more than {script} ({floor:.2f}), {closing.size} are asked; train more"
             )
-    returns = _column(closing, side, recipes)
+    returns = _columns(closing, side, [profiles[recipe.name].means for recipe in recipes])
     select = select_diverse if closing.number is None else select_representative
     chosen = select(limit_influence(returns), min(closing.size, len(recipes)))
     return tuple(
