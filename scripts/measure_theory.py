@@ -16,6 +16,7 @@ from lineage import fill
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTS
+from fpg_bench.common.output import number
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
@@ -24,7 +25,7 @@ from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.statistics import crossed_interval
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summary_of
-from fpg_bench.evaluation.table import bounds, markdown_table, number
+from fpg_bench.evaluation.table import bounds, markdown_table
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.flight import distance_m
 from fpg_bench.game.link import transmit

@@ -15,12 +15,13 @@ import numpy as np
 from lineage import ROOT, fill
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.output import number
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.statistics import MATCHES, Interval
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summary_of
-from fpg_bench.evaluation.table import bounds, markdown_table, number
+from fpg_bench.evaluation.table import bounds, markdown_table
 from fpg_bench.products.leaderboard.board import Board, BoardEntry, Figures, make_board
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.exploited import Attack

@@ -17,14 +17,14 @@ import numpy as np
 from lineage import fill
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.output import print_messages
+from fpg_bench.common.output import number, print_messages
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.statistics import FEW_SEEDS, mean_interval
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import summarise, summary_of
-from fpg_bench.evaluation.table import bounds, markdown_table, number
+from fpg_bench.evaluation.table import bounds, markdown_table
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.products.offline.make import make_dataset

@@ -12,13 +12,13 @@ import numpy as np
 
 from fpg_bench.common.canvas import blank_figure, image_of
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.output import csv_text
+from fpg_bench.common.output import csv_text, number
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS, GREY, Styles, draw_curves, styles_of
 from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, probability_of_improvement
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
-from fpg_bench.evaluation.table import bounds, markdown_table, number
+from fpg_bench.evaluation.table import bounds, markdown_table
 from fpg_bench.evaluation.zoo import SCORES, Zoo, ZooAgent, ZooGroup
 
 PAGE, TABLE, CURVES = "README.md", "table.csv", "curves.jsonl"

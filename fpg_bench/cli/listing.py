@@ -12,6 +12,7 @@ from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import JsonOption, game_options, name_all, print_json, print_wrapped
 from fpg_bench.common.documentation import page
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.output import number
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
 
@@ -128,9 +129,9 @@ def zoo(
             typer.echo(f"on {suite_name}")
         interval = "-" if "seeds" in row else ""
         if row["low"] is not None:
-            interval = f"[{_number(row['low'])}, {_number(row['high'])}]"
+            interval = f"[{number(row['low'])}, {number(row['high'])}]"
         typer.echo(
-            f"{row['agent']:{width}} {row.get('seeds', ''):5} {row['steps']:9,} {_number(row['score']):>6} "
+            f"{row['agent']:{width}} {row.get('seeds', ''):5} {row['steps']:9,} {number(row['score']):>6} "
             f"{interval:>13}".rstrip()
         )
     policies = {f"{of['agent']}/{seed}": one["policy"] for of in scores for seed, one in of["seeds"].items()}
@@ -153,10 +154,6 @@ def _rows(of: Row, every: bool) -> list[Row]:
         {"agent": f"{of['agent']}/{seed}", "steps": one["steps"], "score": one["score"], **unknown}
         for seed, one in of["seeds"].items()
     ]
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{round(value, 1) + 0.0:.1f}"  # never -0.0
 
 
 def players() -> None:

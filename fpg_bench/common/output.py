@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import logging
+import math
 import re
 import sys
 import textwrap
@@ -75,3 +76,10 @@ def accept_all_letters() -> None:
     for stream in (sys.stdout, sys.stderr):
         if (reconfigure := getattr(stream, "reconfigure", None)) is not None:
             reconfigure(errors="replace")
+
+
+def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
+    """Return a number as text; a dash if there is none."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    return f"{round(value * factor, digits) + 0.0:.{digits}f}"  # never -0.0

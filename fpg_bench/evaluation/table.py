@@ -15,7 +15,7 @@ import numpy as np
 from fpg_bench.common.canvas import Style, blank_figure, literal, write_figure
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.output import csv_text, wrapped
+from fpg_bench.common.output import csv_text, number, wrapped
 from fpg_bench.evaluation.statistics import (
     FEW_SEEDS,
     Interval,
@@ -375,13 +375,6 @@ def _of_standings(placed: Mapping[str, Standing]) -> list[Column]:
         return "-" if s.entry == first else f"{number(interval.value)} {bounds(interval)}"
 
     return [Column("rank", rank, spare=2), Column("from the first", behind, spare=5)]
-
-
-def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
-    """Return a number as text; a dash if there is none."""
-    if value is None or not np.isfinite(value):
-        return "-"
-    return f"{round(value * factor, digits) + 0.0:.{digits}f}"  # never -0.0
 
 
 def bounds(interval: Interval) -> str:

@@ -21,6 +21,13 @@ def point_mhz(point: int, rules: Record) -> float:
 
 
 @compiled
+def nearest_point(frequency: float, rules: Record) -> int:
+    """Return the point of a frequency in halves of the band, -1 to 1."""
+    point: int = math.floor((frequency + 1.0) / 2.0 * (rules.points - 1) + 0.5)
+    return point
+
+
+@compiled
 def choose_point(
     point: int, observation: np.ndarray, action: np.ndarray, key: np.uint64, step: int, rules: Record
 ) -> int:

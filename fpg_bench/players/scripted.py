@@ -40,7 +40,7 @@ from fpg_bench.game.sensing import (
 )
 from fpg_bench.game.state import ACTION_SIZE, TYPES, Record
 from fpg_bench.players.player import Memory, Prediction
-from fpg_bench.players.seeded import Batched, SeededPolicy
+from fpg_bench.players.seeded import Batched, SeededPolicy, fresh_memory
 
 IDLE, RANDOM_ALLY, REACTIVE, EXPERT, EXPERT_SPREAD, ALWAYS_HOP = range(len(ALLIES))
 TONE, NARROWBAND, BROADBAND, COMB, RANDOM_OPPONENT, SWEEP, ADAPTIVE, WATCHFUL = range(len(OPPONENTS))
@@ -251,9 +251,7 @@ class Scripted(SeededPolicy):
 
     def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         count = len(seen)
-        steps = np.zeros(count, np.int64) if state is None else state.copy()
-        if starts is not None:
-            steps[starts] = 0
+        steps = fresh_memory(np.int64, count, state, starts)
         actions = np.empty((count, ACTION_SIZE), np.float32)
         if seen.dtype != np.float32 or not seen.flags.carray:  # what is compiled
             seen = np.require(seen, np.float32, ("C", "A", "W"))

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from fpg_bench.players.player import Memory, Prediction
+
+
+def fresh_memory(kind: Any, count: int, state: Memory, starts: np.ndarray | None) -> np.ndarray:
+    """Return a copy of a memory of one array, zero at first and where a round starts."""
+    memory: np.ndarray = np.zeros(count, kind) if state is None else state.copy()
+    if starts is not None:
+        memory[starts] = 0
+    return memory
 
 
 class Batched:

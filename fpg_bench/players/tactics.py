@@ -46,7 +46,7 @@ from fpg_bench.players.scripted import (
     scenario_scales,
     separation_m,
 )
-from fpg_bench.players.seeded import SeededPolicy
+from fpg_bench.players.seeded import SeededPolicy, fresh_memory
 
 SULK, BY_TYPE, EVIDENCE, CLOCK, RANGE = range(len(ALL_TACTICS["ally"]))
 SCAN, ALTERNATE, GUARD, HERD, HUNTER = range(len(ALL_TACTICS["opponent"]))
@@ -338,9 +338,7 @@ class Tactic(SeededPolicy):
 
     def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         count, kind = len(seen), ALLY_MEMORY if self.side == "ally" else OPPONENT_MEMORY
-        memory = np.zeros(count, kind) if state is None else state.copy()
-        if starts is not None:
-            memory[starts] = 0
+        memory = fresh_memory(kind, count, state, starts)
         actions = np.empty((count, ACTION_SIZE), np.float32)
         seen = np.require(seen, np.float32, ("C", "A", "W"))
         if self.side == "ally":

@@ -14,7 +14,7 @@ import numpy as np
 from fpg_bench.game.actions import HOP_GATE, PREFERENCE, SPEED, SPREAD_GATE
 from fpg_bench.game.compiling import compiled
 from fpg_bench.game.full_state import ALLY, ELAPSED, OPPONENT
-from fpg_bench.game.hopping import point_mhz
+from fpg_bench.game.hopping import nearest_point, point_mhz
 from fpg_bench.game.jamming import covers
 from fpg_bench.game.rewards import reward
 from fpg_bench.game.rules import radio_record, rules_record
@@ -35,7 +35,7 @@ from fpg_bench.game.state import ACTION_SIZE, GAME, TYPES, Record
 from fpg_bench.game.step import transmit_step
 from fpg_bench.players.player import Memory, Prediction
 from fpg_bench.players.scripted import away_m, fly_at_ally, jam, scenario_scales
-from fpg_bench.players.seeded import Batched
+from fpg_bench.players.seeded import Batched, fresh_memory
 from fpg_bench.players.tactics import ALLY_MEMORY, CRUISE_M_S, SPRINT_M, range_speed
 
 CHANCES = (0.0, 0.05, 0.2, 0.5, 0.95)  # of a hop in a second
@@ -68,13 +68,6 @@ class _Kernel(Batched):
         if self._radio is not None:
             self._radio["jamming_fading_sd"] = 0.0
 
-    def _memory(self, kind: np.dtype, count: int, state: Memory, starts: np.ndarray | None) -> np.ndarray:
-        """Return a copy of the memory, empty where a round starts."""
-        memory = np.zeros(count, kind) if state is None else state.copy()
-        if starts is not None:
-            memory[starts] = 0
-        return memory
-
 
 class BayesJammer(_Kernel):
     """A jammer that plays the greatest expected loss by a belief over the ally's point and waveform.
@@ -90,7 +83,7 @@ class BayesJammer(_Kernel):
         self._cases, self._index = cases(self._rules, self._radio)
 
     def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
-        memory, truth = self._memory(BELIEF, len(seen), state, starts), None
+        memory, truth = fresh_memory(BELIEF, len(seen), state, starts), None
         if self.sees:
             truth = np.stack([seen[:, ALLY + OWN_FREQUENCY], seen[:, ALLY + SPREADING_TIME]], axis=1)
             seen = seen[:, OPPONENT:ELAPSED]
@@ -110,7 +103,7 @@ class OracleLinkAlly(_Kernel):
     sees = "state"
 
     def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
-        memory = self._memory(ALLY_MEMORY, len(seen), state, starts)
+        memory = fresh_memory(ALLY_MEMORY, len(seen), state, starts)
         actions = np.full((len(seen), ACTION_SIZE), -1, np.float32)
         seen = np.require(seen, np.float32, ("C", "A", "W"))
         play_oracle(seen, actions, memory, self._scales, np.zeros(1, GAME), self._rules, self._radio)
@@ -221,13 +214,6 @@ def play_oracle(
         action[PREFERENCE] = 2.0 * best_point / (rules.points - 1) - 1.0
         action[SPEED] = range_speed(memory[i], seen, SPRINT_M, CRUISE_M_S, scales)
         memory[i].step += 1
-
-
-@compiled
-def nearest_point(frequency: float, rules: Record) -> int:
-    """Return the frequency point of a place in the band."""
-    point: int = math.floor((frequency + 1.0) / 2.0 * (rules.points - 1) + 0.5)
-    return point
 
 
 @compiled

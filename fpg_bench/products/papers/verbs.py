@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +16,7 @@ from fpg_bench.common.parallel import Workers
 from fpg_bench.products.language_models.options import PANEL
 
 YANG = "yang-2026"
-PAPERS = {
+PAPERS = {  # each but the first in a module of its name
     YANG: "MADDPG for both sides of the frequency point game, fig3 to fig7",
     "ali-2023": "five variants of DQN against jammers that do not listen",
     "liu-2018": "DQN on the spectrum waterfall against four jammers",
@@ -109,10 +110,9 @@ def reproduce(
         }
         if lacking := next((option for option, is_given in given.items() if is_given), None):
             raise UserError(f"{name} has no {lacking}; omit it, or name {YANG}")
-        from fpg_bench.products.papers import ali_2023, liu_2018
         from fpg_bench.products.papers.reproduce import reproduce as reproduce_paper
 
-        paper = {each.facts.name: each for each in (ali_2023.PAPER, liu_2018.PAPER)}[name]
+        paper = import_module(f"fpg_bench.products.papers.{name.replace('-', '_')}").PAPER
         written = reproduce_paper(
             paper, out, budget=budget, n_seeds=n_seeds, first_seed=first_seed, workers=workers
         )

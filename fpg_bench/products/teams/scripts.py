@@ -20,7 +20,7 @@ from fpg_bench.game.actions import (
     TUNING,
 )
 from fpg_bench.game.compiling import compiled
-from fpg_bench.game.hopping import point_mhz
+from fpg_bench.game.hopping import nearest_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario
@@ -51,7 +51,7 @@ from fpg_bench.players.scripted import (
     scenario_scales,
     type_by_range,
 )
-from fpg_bench.players.seeded import Batched, SeededPolicy
+from fpg_bench.players.seeded import Batched, SeededPolicy, fresh_memory
 from fpg_bench.products.teams.batch import TeamBatch
 from fpg_bench.products.teams.link import WORK, Book, Seats, gather, link_under
 from fpg_bench.products.teams.rules import (
@@ -110,12 +110,6 @@ def _offset_m(root: float, axis: int, rules: Record) -> float:
 
 
 @compiled
-def _point(place: float, rules: Record) -> int:
-    point: int = math.floor((place + 1.0) / 2.0 * (rules.points - 1) + 0.5)
-    return point
-
-
-@compiled
 def _tune(ally: Record, point: int, spreading: bool, rules: Record) -> None:
     ally.point, ally.frequency_mhz, ally.spreading = point, point_mhz(point, rules), spreading
 
@@ -139,7 +133,7 @@ def read_ally(seen: np.ndarray, seats: Seats, rules: Record) -> SeatView:
     me, told, size, seat = seats.allies[0], 1, 1, 0
     for axis in range(3):
         me.ally_position[axis] = (seen[OWN_POSITION + axis] + 1.0) / 2.0 / rules.per_box[axis]
-    _tune(me, _point(seen[OWN_FREQUENCY], rules), seen[SPREADING_TIME] > 0.0, rules)
+    _tune(me, nearest_point(seen[OWN_FREQUENCY], rules), seen[SPREADING_TIME] > 0.0, rules)
     me.match = 0
     for block in range(FURTHER_ALLIES):
         at = FIRST_MATE + block * MATE_SIZE
@@ -150,7 +144,7 @@ def read_ally(seen: np.ndarray, seats: Seats, rules: Record) -> SeatView:
         mate = seats.allies[told]
         for axis in range(3):
             mate.ally_position[axis] = me.ally_position[axis] + _offset_m(seen[at + axis], axis, rules)
-        _tune(mate, _point(seen[at + 3], rules), seen[at + 4] > 0.0, rules)
+        _tune(mate, nearest_point(seen[at + 3], rules), seen[at + 4] > 0.0, rules)
         mate.match = 1 if seen[at + 6] > 0.0 else 0  # its seat comes before
         told += 1
     jammers = 1
@@ -438,9 +432,7 @@ class TeamScript(SeededPolicy):
             raise UserError(
                 f"{self.name}: plays a seat of a team, which observes {TEAM_OBSERVATION_SIZE} numbers"
             )
-        steps = np.zeros(count, np.int64) if state is None else state.copy()
-        if starts is not None:
-            steps[starts] = 0
+        steps = fresh_memory(np.int64, count, state, starts)
         actions = np.empty((count, ACTION_SIZE), np.float32)
         seen = np.require(seen, np.float32, ("C", "A", "W"))
         if self.side == "ally":

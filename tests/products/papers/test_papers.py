@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 import fpg_bench.cli.main as cli
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
-from fpg_bench.products.papers import ali_2023, liu_2018
+from fpg_bench.products.papers import ali_2023, liu_2018, verbs
 from fpg_bench.products.papers.learners import DuelingNetwork, PrioritisedBuffer, q_learning
 from fpg_bench.products.papers.page import write_page
 from fpg_bench.products.papers.reproduce import reproduce
@@ -190,6 +190,10 @@ def test_verdicts_follow_from_intervals():
     parts = {"a": np.array([1.0, 1.1]), "b": np.array([-1.0, -1.1])}
     both = PaperClaim("both", "", lambda results: parts)
     assert verdict(both, PaperResults({})) == FAILS
+
+
+def test_the_papers_that_are_listed_are_those_that_can_be_reproduced():
+    assert [*verbs.PAPERS] == [verbs.YANG, *NAMES]
 
 
 @pytest.mark.parametrize("paper", PAPERS, ids=NAMES)
