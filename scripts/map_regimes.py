@@ -31,7 +31,7 @@ from measure_payoffs import Frozen, Values
 from fpg_bench.common.canvas import blank_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.output import csv_text
+from fpg_bench.common.output import csv_text, number
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.rounds import make_match, play_round
@@ -262,7 +262,7 @@ def table(rows: Sequence[Line]) -> str:
         rows, key=lambda row: [float(row[name]) for name in (COLUMNS[2], COLUMNS[1], COLUMNS[0])]
     ):
         value = float(row["value"])
-        shares = [f"{100 * float(row[name]) / value:.0f} %" for name in LEVERS]
+        shares = [f"{number(float(row[name]) / value, 100, 0)} %" for name in LEVERS]
         idle = f"{float(row['idle']) / float(row['free']):.0%}"
         worth = f"{value:.2f} ± {1.96 * float(row['standard_error']):.2f}"
         key = [row[name] for name in COLUMNS[:3]]
@@ -301,7 +301,7 @@ def draw(rows: Sequence[Line]) -> Figure:
                     most = max(float(row[name]) for name in levers)
                     shown[y, x] = most if title == "value" else 100 * most / float(row["value"])
                     ink = "white" if shown[y, x] > (7 if title == "value" else 15) else "black"
-                    text = f"{shown[y, x]:.1f}" if title == "value" else f"{shown[y, x]:.0f}"
+                    text = number(shown[y, x], digits=1 if title == "value" else 0)
                     axes.text(x, y, text, ha="center", va="center", fontsize=8, color=ink)
             scale = Normalize(4, 9) if title == "value" else Normalize(0, 30)
             axes.imshow(shown, cmap="Greys", norm=scale, origin="lower", aspect="auto")
