@@ -3,7 +3,7 @@
     python scripts/check_link.py [--sionna] [--scenario link] [--page docs/reference/link.md]
 
 Prints tables of the closed form beside the simulation, with the difference in dB. ``--sionna`` needs the
-extra ``check-link`` and minutes; ``--scenario`` checks another scenario of the model, without buildings;
+extra ``check-link`` and minutes; ``--scenario`` checks another scenario of the model;
 ``--page`` puts the tables into a page, between its marks, and all cases beside it as CSV.
 """
 
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import itertools
 import math
 import sys
 from collections.abc import Iterator
@@ -26,9 +25,8 @@ from fpg_bench.common.output import csv_text
 from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.propagation import in_sight
 from fpg_bench.game.rules import radio_record, rules_record
-from fpg_bench.game.scenario import Scenario, as_scenario, preset
+from fpg_bench.game.scenario import Scenario, as_scenario
 
 OF_LENGTH_DB = -55.0  # stop band of the waveforms' filter
 MEAN_DB, WORST_DB = 0.3, 1.0  # bounds of a table
@@ -179,38 +177,6 @@ def beams(scenario: Scenario) -> Iterator[Row]:
         )
 
 
-def los_share(ground_m: float, height_m: float) -> float:
-    """Return the probability of line of sight by 3GPP TR 36.777, Table B-1, UMi-AV, for 22.5 to 300 m."""
-    p = 233.98 * math.log10(height_m) - 0.95
-    d = max(294.05 * math.log10(height_m) - 432.94, 18.0)
-    return 1.0 if ground_m <= d else d / ground_m + math.exp(-ground_m / p) * (1 - d / ground_m)
-
-
-def los_shares(scenario: Scenario, cities: int) -> Iterator[tuple[float, float, float, float]]:
-    """Yield ground distance, height, the report's share of line of sight, and that of drawn cities."""
-    batch, radio = GameBatch(scenario, cities, threads=1), radio_record(scenario)[0]
-    batch.reset(seeds=range(cities))
-    base = np.array(scenario.base_station_m)
-    angles = np.linspace(0, 2 * math.pi, 24, endpoint=False)
-    around = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
-    for height, metres in itertools.product((80.0, 100.0, 120.0), range(100, 701, 100)):
-        places = base * [1, 1, 0] + metres * around + [0, 0, height]
-        seen = [in_sight(base, place, boxes, radio) for boxes in batch.buildings for place in places]
-        yield metres, height, los_share(metres, height), float(np.mean(seen))
-
-
-def sight_note(scenario: Scenario, cities: int) -> str:
-    """Return how far the share of line of sight in drawn cities is from the report's."""
-    shares = list(los_shares(scenario, cities))
-    errors = np.array([found - wanted for _, _, wanted, found in shares])
-    k = int(np.abs(errors).argmax())
-    metres, height, _, _ = shares[k]
-    return (
-        f"Share of line of sight in {cities} cities of {scenario.name}, against TR 36.777: rms "
-        f"{np.sqrt(np.mean(errors**2)):.3f}, at worst {errors[k]:+.3f} ({metres:g} m, {height:g} m high)"
-    )
-
-
 def modulations(scenario: Scenario) -> Iterator[Row]:
     """Yield the SINR of a rate by the game's curve, and by the mutual information of the best QAM."""
     rng = np.random.default_rng(5)
@@ -303,7 +269,7 @@ def main() -> int:
         bounded["Overlap, against Sionna's filters"] = own
     comparisons = bounded | ideal
     text = summary(comparisons)
-    print(f"{cases(comparisons)}\n{text}\n{sight_note(preset('link-city'), 300)}")
+    print(f"{cases(comparisons)}\n{text}")
     if options.page:
         options.page.with_suffix(".csv").write_text(cases(comparisons), encoding="utf-8")
         fill(options.page, {"check_link": text})

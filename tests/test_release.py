@@ -30,7 +30,6 @@ HASHES = {
     "paper": "0fd90129e192bbf7840e0f374000c4a3e08ee74b060810bb728bf284eec8863e",
     "figures": "c95abd590ba8255df1280371f3ab5e96ab49f633afcb3294df06d9e831b318f3",
     "link": "fc0296d31d9580895368ead342d9eec215e2cada7527a107264da3bd099ef886",
-    "link-city": "65350ee948af4556ce0fffbaaa5a503945d7b44159eadc16147f223b1d664b04",
     "link-fast-hop": "6a1589aab4efdcdf05b1b3b04ca944fa79b1deb4d1dd01ef4c884fe33a374e18",
     "link-quick-check": "de292fdcabab5b0ed0b52fd367aca7c6f7ef6916eba1dfeb3cfa72fa33845d2a",
     "link-slow-check": "632917ebb302402b96f88fb62701e15022b4a60c279f7c0bacd5ac51bd91e338",

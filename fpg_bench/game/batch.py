@@ -49,8 +49,6 @@ class GameBatch:
             its middle and its mean reward; the history that a path planner may learn from.
         waypoints: ``(N, waypoints, 3)`` float64 in m, flown where the path is ``waypoints``.
         ally_observations, opponent_observations: ``(N, 15)`` float32 in [-1, 1].
-        buildings: ``(N, 5, n)`` float64 in m: west, east, south, north and top of each of a game's buildings;
-            None in scenarios without.
         flown_m: ``(N, T + 1, 3)`` float64, each ally's position after each second of its round; None unless
             :meth:`keep_flown` was called.
 
@@ -74,7 +72,6 @@ class GameBatch:
         self.histograms = np.zeros((self.count, 2, scenario.frequency_points), np.int32)
         self.segments = np.zeros((self.count, scenario.waypoints, 4))
         self.waypoints = np.zeros((self.count, scenario.waypoints, 3))
-        self.buildings = self._buildings()
         self._ally_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
         self._opponent_observations = np.zeros((self.count, OBSERVATION_SIZE), np.float32)
         self._ally_actions = np.zeros((self.count, ACTION_SIZE), np.float32)
@@ -83,14 +80,6 @@ class GameBatch:
         self._pool: ThreadPoolExecutor | None = None
         self._begun = False
         self._bind()
-
-    def _buildings(self) -> np.ndarray | None:
-        """Return the scenario's own buildings for each game, or room for those that are drawn."""
-        own = self.scenario.building_boxes_m
-        if own is not None:
-            west, south, east, north, top = np.transpose(own)
-            return np.tile(np.array([west, east, south, north, top]), (self.count, 1, 1))
-        return np.zeros((self.count, 5, self.scenario.buildings)) if self.scenario.buildings else None
 
     def _bind(self) -> None:
         """Collect the kernel's arguments once, as a call takes a few hundred nanoseconds."""
@@ -106,7 +95,6 @@ class GameBatch:
             self._opponent_actions,
             self._ally_observations,
             self._opponent_observations,
-            self.buildings,
             self._channel,
             self._rules,
             self._radio,
@@ -145,7 +133,6 @@ class GameBatch:
             self._ally_observations,
             self._opponent_observations,
             self.segments,
-            self.buildings,
             self._channel,
             self._rules,
             self._radio,

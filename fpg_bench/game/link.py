@@ -197,7 +197,7 @@ def transmit(game: Record, distance_to_base_m: float, rules: Record, radio: Reco
     game.snr_db = game.clean_snr_db
     if kind < 0:  # before the first step
         return
-    jamming = received_mw(radio.jamming_mw[kind], game.distance_m, f, rules, radio) * game.opponent_gain
+    jamming = received_mw(radio.jamming_mw[kind], game.distance_m, f, rules, radio)
     if radio.jamming_fading_sd > 0.0:
         jamming *= exp(radio.jamming_fading_sd * game.jamming_fading / DB)
     share, density, centre = jamming_passed(kind, game.jamming_mhz, f, spreading, rules, radio)
@@ -254,20 +254,20 @@ def beam(base: np.ndarray, towards: np.ndarray, place: np.ndarray, radio: Record
 
 @compiled
 def radiometer_detects(
-    game: Record, distance_to_base_m: float, base_gain: float, fading: float, rules: Record, radio: Record
+    game: Record, distance_to_base_m: float, fading: float, rules: Record, radio: Record
 ) -> bool:
     """Return True if the opponent's radiometer detects the link: the ally's signal or the base station's.
 
     It listens in the ally's present channel, where a part of its own jamming leaks into its receiver, unless
-    it stops jamming to look through. The base station is received over a path of the gain ``base_gain``.
+    it stops jamming to look through.
     """
     f, i, kind = game.frequency_mhz, int(game.spreading), game.jamming_type
     noise = radio.channel_noise_mw[i]
     if radio.look_through == 0.0:
         share, _, _ = jamming_passed(kind, game.jamming_mhz, f, game.spreading, rules, radio)
         noise += radio.own_jamming_mw[kind] * (share + radio.stopband)
-    ally = received_mw(radio.ally_emission_mw, game.distance_m, f, rules, radio) * game.opponent_gain
+    ally = received_mw(radio.ally_emission_mw, game.distance_m, f, rules, radio)
     towards = beam(rules.base_station, game.ally_position, game.opponent_position, radio)
-    base = received_mw(radio.base_mw * towards, distance_to_base_m, f, rules, radio) * base_gain
+    base = received_mw(radio.base_mw * towards, distance_to_base_m, f, rules, radio)
     level = max(ally, base) * exp(rules.fading_sd * fading / DB)
     return level >= radio.radiometer_threshold * noise

@@ -7,7 +7,6 @@ from numpy.lib.recfunctions import repack_fields
 
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import PATHS
-from fpg_bench.game.propagation import EAST, NORTH, SOUTH, TOP, WEST
 from fpg_bench.game.state import GAME
 
 FIELDS = (
@@ -44,7 +43,6 @@ class Recording:
         path: how the opponent flies, one of ``scenario.PATHS``.
         control_points: ``(4, 3)`` in m, the ally's Bezier curve.
         waypoints: ``(n, 3)`` in m where the path is ``waypoints``, else None.
-        buildings: ``(n, 5)`` in m: west, south, east, north and height of each; n is 0 where there are none.
 
     Args:
         batch: the games.
@@ -63,10 +61,6 @@ class Recording:
         self.horizon, self.path = int(game["horizon"]), PATHS[game["path"]]
         self.control_points = game["control_points"].copy()
         self.waypoints = self._batch.waypoints[self._game].copy() if self.path == "waypoints" else None
-        city = self._batch.buildings
-        boxes = np.zeros((5, 0)) if city is None else city[self._game]
-        boxes = boxes[[WEST, SOUTH, EAST, NORTH, TOP]].T
-        self.buildings = boxes[boxes[:, 4] > 0]
         self._kept = np.zeros(self.horizon + 1, FRAME)
         self._count = 0
         self.add()

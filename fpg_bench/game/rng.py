@@ -36,7 +36,6 @@ PLANNER_SEED = 22
 FADING_START = 23
 BEHAVIOUR_CHOICE = 24
 JAMMING_FADING_START = 25
-BUILDINGS = 26  # the key of their draws
 
 # Purposes of a step's draws.
 FADING_AND_SENSED_CENTRE = 0

@@ -29,12 +29,10 @@ from fpg_bench.game.names import (
     JAMMING_TYPES,
     MOST_PATHS,
     PATHS,
-    PATROLS,
     SNR_MODELS,
 )
 
 RULES_VERSION = 1
-MOST_BUILDINGS, MOST_COVERED = 1000, 0.6  # share of the ground
 MOST_ROTARY_WING_M_S = 30.0  # Zeng, Xu and Zhang (see flight.py) evaluate their model up to here
 _logger = logging.getLogger(__name__)
 # The fields of `standard` as version 1 of the rules was released. The file never changes, except that a new
@@ -117,19 +115,6 @@ def _checked_curve(name: str, value: object) -> tuple[tuple[float, ...], ...] | 
     return tuple(tuple(_checked_number(name, item, 0, 1e5, False) for item in point) for point in value)
 
 
-def _checked_boxes(name: str, value: object) -> tuple[tuple[float, ...], ...] | None:
-    if value is None or value == "none":
-        return None
-    if not isinstance(value, list | tuple) or not value:
-        raise ScenarioError(f"{name}: expected buildings or null, got {value!r}")
-    if len(value) > MOST_BUILDINGS:
-        raise ScenarioError(f"{name}: at most {MOST_BUILDINGS} buildings, got {len(value)}")
-    for box in value:
-        if not isinstance(box, list | tuple) or len(box) != 5:
-            raise ScenarioError(f"{name}: expected west, south, east, north and height, got {box!r}")
-    return tuple(tuple(_checked_number(name, item, 0, 1e5, False) for item in box) for box in value)
-
-
 def _checked_channel(name: str, value: object) -> str | None:
     if value is None or value == "none":
         return None
@@ -155,7 +140,6 @@ _OTHER_CHECKS = {
     "opponent_path": _checked_paths,
     "ally_path_m": _checked_curve,
     "snr_cap_db": _checked_cap,
-    "building_boxes_m": _checked_boxes,
     "channel": _checked_channel,
     "knowledge": _checked_knowledge,
 }
@@ -255,55 +239,9 @@ def _check_link(scenario: Scenario) -> None:
             f"hop_airtime_s {s.hop_airtime_s}, acquisition_s {s.acquisition_s}: "
             "together at most a step of 1 s"
         )
-    if s.buildings or s.building_boxes_m is not None:
-        _check_buildings(s)
     if not all(half > 0 for half in s.footprint_half_widths_mhz):
         raise ScenarioError(
             f"footprint_half_widths_mhz {s.footprint_half_widths_mhz}: must be above 0 with snr_model 'link'"
-        )
-
-
-def _check_buildings(scenario: Scenario) -> None:
-    """Refuse buildings outside the box, over the base station, as high as the ally, or that leave no way."""
-    s, area = scenario, scenario.box_m[0] * scenario.box_m[1]
-    for name in ("building_side_m", "building_height_m"):
-        low, high = getattr(s, name)
-        if low > high:
-            raise ScenarioError(f"{name}: its first value {low} must not exceed its second {high}")
-    if s.building_boxes_m is not None:
-        if s.buildings:
-            raise ScenarioError(f"buildings {s.buildings}: not with building_boxes_m; leave one of them out")
-        name, top, covered = "building_boxes_m", 0.0, 0.0
-        x, y = s.base_station_m[:2]
-        for west, south, east, north, height in s.building_boxes_m:
-            box = [west, south, east, north, height]
-            if not (west < east <= s.box_m[0] and south < north <= s.box_m[1] and height > 0):
-                raise ScenarioError(
-                    f"{name}: {box}: west must lie below east, south below north, all within "
-                    f"box_m {s.box_m}, and the height above 0"
-                )
-            if west <= x <= east and south <= y <= north:
-                raise ScenarioError(f"{name}: {box} overlaps the mast, base_station_m {s.base_station_m}")
-            top, covered = max(top, height), covered + (east - west) * (north - south)
-    else:
-        name, side, top = "building_height_m", s.building_side_m[1], s.building_height_m[1]
-        if side > min(s.box_m[:2]):
-            raise ScenarioError(f"building_side_m {s.building_side_m}: does not fit box_m {s.box_m}")
-        covered = s.buildings * (sum(s.building_side_m) / 2) ** 2
-    lowest = {"ally_path_altitude_m": s.ally_path_altitude_m[0]}
-    if s.ally_path_m is not None:
-        lowest = {"ally_path_m": min(point[2] for point in s.ally_path_m)}
-    if set(s.paths) & set(PATROLS):
-        lowest["patrol_centre_m"] = s.patrol_centre_m[2]
-    for other, height in lowest.items():
-        if top >= height:
-            raise ScenarioError(
-                f"{name}: {top:g} m high; must lie below {other}, which begins at {height:g} m"
-            )
-    if covered > area * MOST_COVERED:
-        raise ScenarioError(
-            f"{name}: buildings cover {covered / area:.0%} of box_m {s.box_m} and close all ways; "
-            f"at most {MOST_COVERED:.0%}"
         )
 
 
@@ -398,15 +336,6 @@ class Scenario:
     jamming_fading_sd_db: float = _number(0.0, 0, 50, "standard deviation of the jamming's fading", LINK)
     jamming_backoff_db: tuple[float, ...] = _numbers(
         (0.0, 0.0, 0.0, 0.0), 0, 100, "power below the amplifier's, for envelopes that vary", LINK
-    )
-    buildings: int = _number(0, 0, 1000, "buildings drawn per match, uniform in the box", LINK)
-    building_side_m: tuple[float, ...] = _numbers((120.0, 200.0), 1, 1e4, "shortest and longest side", LINK)
-    building_height_m: tuple[float, ...] = _numbers((40.0, 60.0), 1, 1e4, "lowest and highest building", LINK)
-    mast_clearance_m: float = _number(
-        40.0, 0.1, 1e4, "a drawn building nearer to the base is not built", LINK
-    )
-    building_boxes_m: tuple[tuple[float, ...], ...] | None = _other(
-        None, "buildings of one's own instead: west, south, east, north and height of each", LINK
     )
     channel: str | None = _other(None, "CSV file of the gain from base station to ally on a grid", LINK)
     hop_airtime_s: float = _number(0.0, 0, 1, "part of a step in which a hop leaves no link", LINK)

@@ -12,7 +12,6 @@ from fpg_bench.game.flight import distance_m
 from fpg_bench.game.jamming import covers
 from fpg_bench.game.link import radiometer_detects
 from fpg_bench.game.names import DETECTIONS
-from fpg_bench.game.propagation import path_gain
 from fpg_bench.game.radio import noise_dbm, path_loss_db
 from fpg_bench.game.state import OBSERVATION_SIZE, TYPES, Record
 
@@ -23,19 +22,16 @@ OWN_POSITION, RELATIVE_POSITION = 0, 3
 OWN_FREQUENCY, SPREADING_TIME, SNR, SENSED_CENTRE, SENSED_TYPE = range(6, 11)
 KNOWN_FREQUENCY, KNOWN_AGE, NEXT_CHECK, JAM_CENTRE, JAM_TYPE = range(6, 11)
 SENSED_COVERS = LAST_CHECK = OBSERVATION_SIZE - 1  # behind the types
-OUT_OF_SIGHT = np.float32(0.5)  # factor of a side's last number where a building hides the other side
 
 
 @compiled
-def run_detection_check(
-    game: Record, buildings: np.ndarray | None, rules: Record, radio: Record | None
-) -> None:
+def run_detection_check(game: Record, rules: Record, radio: Record | None) -> None:
     """Run a detection check if one is due; a detected frequency becomes known, with age 0."""
     game.age_s += 1
     game.checked = game.step + 1 == game.next_check
     if not game.checked:
         return
-    if detects_ally(game, buildings, rules, radio):
+    if detects_ally(game, rules, radio):
         game.known_mhz = game.frequency_mhz
         game.age_s = 0
         game.last_check = 1
@@ -46,7 +42,7 @@ def run_detection_check(
 
 
 @compiled
-def detects_ally(game: Record, buildings: np.ndarray | None, rules: Record, radio: Record | None) -> bool:
+def detects_ally(game: Record, rules: Record, radio: Record | None) -> bool:
     """Return True if the opponent detects the ally in the step just played.
 
     ``emission``: the ally's emission at the opponent's own receiver, against the noise in the ally's
@@ -57,10 +53,7 @@ def detects_ally(game: Record, buildings: np.ndarray | None, rules: Record, radi
     if radio is not None and rules.detection == RADIOMETER:
         fading, _ = rng.gaussians(game.round_key, game.step, rng.DETECTION_FADING)
         distance_to_base_m = distance_m(game.opponent_position, rules.base_station)
-        gain, place, base = 1.0, game.opponent_position, rules.base_station
-        if buildings is not None:
-            gain = path_gain(base, place, distance_to_base_m, buildings, rules, radio)
-        return radiometer_detects(game, distance_to_base_m, gain, fading, rules, radio)
+        return radiometer_detects(game, distance_to_base_m, fading, rules, radio)
     if rules.detection == EMISSION:
         level = rules.ally_emission - path_loss_db(game.distance_m, game.frequency_mhz, rules)
         fading, _ = rng.gaussians(game.round_key, game.step, rng.DETECTION_FADING)
@@ -117,7 +110,7 @@ def normalised_frequency(frequency_mhz: float, rules: Record) -> float:
 def write_ally_observation(out: np.ndarray, game: Record, rules: Record, radio: Record | None) -> None:
     """Write the ally's 15 numbers in [-1, 1]: own position (3), the opponent's relative to it (3), own
     frequency, spreading time, SNR, sensed centre, sensed type (4), whether the sensed footprint
-    covers the own frequency (halved where a building hides the opponent)."""
+    covers the own frequency."""
     _positions(out, game.ally_position, game.opponent_position, rules)
     out[OWN_FREQUENCY] = normalised_frequency(game.frequency_mhz, rules)
     out[SPREADING_TIME] = clip(game.spreading_s * rules.per_spreading_scale)
@@ -129,15 +122,13 @@ def write_ally_observation(out: np.ndarray, game: Record, rules: Record, radio: 
     f, spreading = game.frequency_mhz, game.spreading
     covered = sensed and covers(game.sensed_type, game.sensed_mhz, f, spreading, rules, radio)
     out[SENSED_COVERS] = 1.0 if covered else -1.0
-    if radio is not None and not game.in_sight:
-        out[SENSED_COVERS] *= OUT_OF_SIGHT
 
 
 @compiled
 def write_opponent_observation(out: np.ndarray, game: Record, rules: Record, radio: Record | None) -> None:
     """Write the opponent's 15 numbers in [-1, 1]: own position (3), the ally's relative to it (3), known
     frequency, its age, time to the next check, own jamming centre, own type (4), the last check's
-    result (1 heard, -1 not heard, 0 none yet; halved where a building hides the ally)."""
+    result (1 heard, -1 not heard, 0 none yet)."""
     _positions(out, game.opponent_position, game.ally_position, rules)
     out[KNOWN_FREQUENCY] = normalised_frequency(game.known_mhz, rules)
     out[KNOWN_AGE] = clip(game.age_s * rules.per_age_scale)
@@ -146,5 +137,3 @@ def write_opponent_observation(out: np.ndarray, game: Record, rules: Record, rad
     for kind in range(TYPES):
         out[JAM_TYPE + kind] = 1.0 if kind == game.jamming_type else 0.0
     out[LAST_CHECK] = game.last_check
-    if radio is not None and not game.in_sight:
-        out[LAST_CHECK] *= OUT_OF_SIGHT

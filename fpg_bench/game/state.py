@@ -58,9 +58,7 @@ GAME = np.dtype(
         # The step just played
         ("distance_m", "f8"),
         ("covered", "b1"),
-        ("in_sight", "b1"),  # ally and opponent see each other; in the model link
         ("base_gain", "f8"),  # of the path from base station to ally, 1 in free space
-        ("opponent_gain", "f8"),  # of the path between opponent and ally
         ("fading", "f8"),  # in standard deviations
         ("jamming_fading", "f8"),
         ("snr_db", "f8"),
@@ -193,11 +191,6 @@ RADIO = np.dtype(
         ("jamming_fading_sd", "f8"),
         ("noise_mw", "f8", (2,)),  # in a symbol, after despreading
         ("channel_width", "f8", (2,)),
-        ("draws_buildings", "b1"),
-        ("building_side", "f8", (2,)),
-        ("building_height", "f8", (2,)),
-        ("tallest", "f8"),  # building, m
-        ("clearance", "f8"),
         ("rolloff", "f8"),
         ("stopband", "f8"),
         ("spread_points", "i8", (2,)),  # the first and the last at which a spread signal fits into the band

@@ -23,7 +23,7 @@ from fpg_bench.game.flight import (
 from fpg_bench.game.hopping import choose_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
 from fpg_bench.game.link import transmit
-from fpg_bench.game.propagation import channel_gain, draw_buildings, keep_out, propagate, roof_m
+from fpg_bench.game.propagation import Grid, channel_gain
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
 from fpg_bench.game.sensing import (
@@ -33,8 +33,6 @@ from fpg_bench.game.sensing import (
     write_opponent_observation,
 )
 from fpg_bench.game.state import Record
-
-Grid = tuple[np.ndarray, np.ndarray, np.ndarray]  # a channel.Channel
 
 _LOW, _HIGH = np.float32(-1.0), np.float32(1.0)
 
@@ -62,7 +60,6 @@ def play(
     opponent_actions: np.ndarray,
     ally_observations: np.ndarray,
     opponent_observations: np.ndarray,
-    buildings_array: np.ndarray | None,
     channel: Grid | None,
     rules_array: np.ndarray,
     radio_array: np.ndarray | None,
@@ -77,17 +74,16 @@ def play(
         game, ally_action, opponent_action = games[i], ally_actions[i], opponent_actions[i]
         if game.truncated:
             continue
-        buildings = None if buildings_array is None else buildings_array[i]
         point_before = game.point
         choose_jamming(game, opponent_action, rules)
         choose_frequency(game, ally_action, ally_observations[i], rules, radio)
         # First the opponent: pursuit aims at where the ally was.
-        move_opponent(game, opponent_action, waypoints[i], buildings, rules, radio)
+        move_opponent(game, opponent_action, waypoints[i], rules, radio)
         speed_m_s = move_ally(game, ally_action, rules)
         fading, centre_error = rng.gaussians(game.round_key, game.step, rng.FADING_AND_SENSED_CENTRE)
-        transmit_step(game, fading, speed_m_s, buildings, channel, rules, radio)
+        transmit_step(game, fading, speed_m_s, channel, rules, radio)
         reward(game, speed_m_s, rules, radio)
-        run_detection_check(game, buildings, rules, radio)
+        run_detection_check(game, rules, radio)
         update_spectrum_monitor(game, centre_error, rules)
         game.truncated = game.step + 1 >= game.horizon
         count_step(game, tallies[i], histograms[i], point_before, rules)
@@ -133,7 +129,6 @@ def move_opponent(
     game: Record,
     action: np.ndarray,
     waypoints: np.ndarray,
-    buildings: np.ndarray | None,
     rules: Record,
     radio: Record | None,
 ) -> None:
@@ -141,8 +136,6 @@ def move_opponent(
     place = game.opponent_position
     x, y, z = place[0], place[1], place[2]
     fly_opponent(game, action, waypoints, rules)
-    if buildings is not None:
-        keep_out(place, x, y, z, rules.opponent_speed, buildings, radio)
     if radio is not None:
         game.flown_m = math.sqrt((place[0] - x) ** 2 + (place[1] - y) ** 2 + (place[2] - z) ** 2)
 
@@ -175,7 +168,6 @@ def transmit_step(
     game: Record,
     fading: float,
     speed_m_s: float,
-    buildings: np.ndarray | None,
     channel: Grid | None,
     rules: Record,
     radio: Record | None,
@@ -197,8 +189,6 @@ def transmit_step(
             game.jamming_fading = faded_jamming(
                 game.jamming_fading, kept, game.flown_m, game.round_key, game.step, radio
             )
-        if buildings is not None:
-            propagate(game, distance_to_base_m, buildings, rules, radio)
         if channel is not None:
             game.base_gain = channel_gain(
                 channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio
@@ -247,7 +237,6 @@ def begin(
     ally_observations: np.ndarray,
     opponent_observations: np.ndarray,
     segments: np.ndarray,
-    buildings_array: np.ndarray | None,
     channel: Grid | None,
     rules_array: np.ndarray,
     radio_array: np.ndarray | None,
@@ -259,19 +248,16 @@ def begin(
         if not mask[i]:
             continue
         game = games[i]
-        buildings = None if buildings_array is None else buildings_array[i]
-        begin_match(game, rng.match_key(game.seed, game.match), buildings, rules, radio)
-        begin_round(game, buildings, channel, rules, radio)
+        begin_match(game, rng.match_key(game.seed, game.match), rules)
+        begin_round(game, channel, rules, radio)
         segments[i] = 0.0
         write_ally_observation(ally_observations[i], game, rules, radio)
         write_opponent_observation(opponent_observations[i], game, rules, radio)
 
 
 @compiled
-def begin_match(
-    game: Record, key: np.uint64, buildings: np.ndarray | None, rules: Record, radio: Record | None
-) -> None:
-    """Draw what all rounds of a match share: the ally's path, buildings, and the opponent's start."""
+def begin_match(game: Record, key: np.uint64, rules: Record) -> None:
+    """Draw what all rounds of a match share: the ally's path and the opponent's start."""
     game.round_key = rng.round_key(key, game.round)
     for corner in range(4):
         for axis in range(3):
@@ -283,16 +269,10 @@ def begin_match(
             game.control_points[corner, axis] = drawn if rules.random_curve else rules.curve[corner, axis]
     for axis in range(3):
         game.opponent_start[axis] = rng.uniform(key, 0, rng.OPPONENT_START + axis) * rules.box[axis]
-    if buildings is not None and radio is not None:
-        if radio.draws_buildings:
-            draw_buildings(buildings, key, rules, radio)
-        game.opponent_start[2] = max(game.opponent_start[2], roof_m(game.opponent_start, buildings))
 
 
 @compiled
-def begin_round(
-    game: Record, buildings: np.ndarray | None, channel: Grid | None, rules: Record, radio: Record | None
-) -> None:
+def begin_round(game: Record, channel: Grid | None, rules: Record, radio: Record | None) -> None:
     """Put both sides at their start, and draw what a round begins with."""
     key = game.round_key
     game.step = 0
@@ -317,9 +297,7 @@ def begin_round(
     game.airtime, game.flown_m = 1.0, 0.0
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     if radio is not None:
-        game.in_sight, game.base_gain, game.opponent_gain = True, 1.0, 1.0
-        if buildings is not None:
-            propagate(game, distance_to_base_m, buildings, rules, radio)
+        game.base_gain = 1.0
         if channel is not None:
             game.base_gain = channel_gain(
                 channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio

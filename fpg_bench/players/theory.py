@@ -159,8 +159,8 @@ def _jam_point(
     game.jamming_type, game.jamming_mhz = kind, centre_mhz
     game.frequency_mhz, game.spreading = point_mhz(point, rules), spreads
     game.airtime, game.next_check = 1.0, -1
-    game.in_sight, game.base_gain, game.opponent_gain = True, 1.0, 1.0
-    transmit_step(game, 0.0, 0.0, None, None, rules, radio)
+    game.base_gain = 1.0
+    transmit_step(game, 0.0, 0.0, None, rules, radio)
     reward(game, 0.0, rules, radio)
 
 
@@ -320,9 +320,9 @@ def _weigh_waveform(
 ) -> None:
     """Update the chance that the ally spreads by the result of the check just made, under a jamming."""
     _jam_point(game, kind, centre_mhz, of.point, True, rules, radio)
-    spread = of.spread * (SURE if detects_ally(game, None, rules, radio) == is_heard else 1.0 - SURE)
+    spread = of.spread * (SURE if detects_ally(game, rules, radio) == is_heard else 1.0 - SURE)
     _jam_point(game, kind, centre_mhz, of.point, False, rules, radio)
-    plain = SURE if detects_ally(game, None, rules, radio) == is_heard else 1.0 - SURE
+    plain = SURE if detects_ally(game, rules, radio) == is_heard else 1.0 - SURE
     of.spread = spread / (spread + (1.0 - of.spread) * plain)
     of.spreads += of.spread
     of.checks += 1.0

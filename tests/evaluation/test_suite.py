@@ -31,7 +31,6 @@ rivals: [{ally: idle}, {ally: expert}]
 
 # A suite that changes is another suite, with a name of its own; a new one is added here.
 HASHES = {
-    "ally-link-city-v1": "55be68825200e6fe060b6333a33a5219c291368400047fbfb13e3bd3def548c0",
     "ally-link-responses-v1": "2cc9b2c3e862a58b4f60237287954f69e3d64256a45c886f7072d93a209b9a05",
     "ally-link-season-2": "5404dbd7d990dc71da0bd63519048ab77a066a6a61fc0db82a4151db6631da7c",
     "ally-link-season-3": "edd66de7f55f634b1ccbb4d22fa106a08c6c6d01a3b3d2834c35ccbbda8cec3e",
@@ -57,7 +56,6 @@ HASHES = {
     "opponent-learned-shifted-v2": "db782c5c01bc367b7f5d7e5f3b08b0d2d4ed739987626f05384604faf19debde",
     "opponent-learned-v1": "1d923106e265ed617fb5f990c9d2ec73e8e0052474d17189f8a366b835c42efb",
     "opponent-learned-v2": "d860ff6d4c1c9c74e0d2ff8e9cc37f0f98423acd258eec1c1877786f022e4f09",
-    "opponent-link-city-v1": "12dac8d9086aa4254fdd4a7f62cf084b1d937dbec5a472353a199c23ce842251",
     "opponent-link-responses-v1": "b06b41a9db9eaf88936080a1b3be7cb8a4ebce2fe4a122f7c96a22c934fe4305",
     "opponent-link-season-2": "ed97977d154edf409db1d7816090a6dcdc5002501a0a58da9c469080da3c8086",
     "opponent-link-season-3": "f04bbc7e3d3bc32754145db93003cab9c5d0694f911599e3c248e2577b09eebb",

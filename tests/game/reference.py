@@ -158,9 +158,6 @@ class ReferenceGame:
         self.ally_position = self.curve.at(0.0)
         share = [chance.of_match(rng.OPPONENT_START + axis) for axis in range(3)]
         self.opponent_position = np.array(share) * s.box_m
-        self.buildings = self._drawn_buildings()
-        roof = self._roof_m(self.opponent_position)
-        self.opponent_position[2] = max(self.opponent_position[2], roof)
         self.path = s.paths[chance.whole(0, rng.PATH_CHOICE, len(s.paths))]
         if self.path in ("circle", "triangle", "rectangle"):
             self.opponent_position = patrol(self.path, 0.0, s.patrol_centre_m, s.patrol_radius_m)
@@ -200,53 +197,10 @@ class ReferenceGame:
         d_km = max(float(np.linalg.norm(np.subtract(a, b))), self.s.minimum_distance_m) / 1000
         return self.s.path_loss_constant_db + 20 * math.log10(d_km) + 20 * math.log10(self.frequency_mhz)
 
-    def _drawn_buildings(self) -> list[tuple[float, ...]]:
-        """West, south, east, north and height of each building."""
-        s = self.s
-        if s.building_boxes_m is not None:
-            return list(s.building_boxes_m)
-        key = np.uint64(rng.bits(self.chance.match, 0, rng.BUILDINGS))
-        found = []
-        for number in range(s.buildings):
-            u = [rng.uniform(key, number, purpose) for purpose in range(5)]
-            low, high = s.building_side_m
-            sides = [low + share * (high - low) for share in u[:2]]
-            corner = [u[2 + axis] * (s.box_m[axis] - sides[axis]) for axis in range(2)]
-            ends = np.add(corner, sides)
-            nearest = np.clip(s.base_station_m[:2], corner, ends)
-            if np.linalg.norm(nearest - s.base_station_m[:2]) >= s.mast_clearance_m:
-                low, high = s.building_height_m
-                found.append((*corner, *ends, low + u[4] * (high - low)))
-        return found
-
-    def _sees(self, a, b) -> bool:
-        """Cut the line at all walls and roofs; some piece's middle lies in a building that hides it."""
-        a, b = np.asarray(a, float), np.asarray(b, float)
-        for west, south, east, north, top in self.buildings:
-            low, high = np.array([west, south, -1.0]), np.array([east, north, top])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                cuts = np.concatenate([(low - a) / (b - a), (high - a) / (b - a), [0.0, 1.0]])
-            cuts = np.unique(cuts[(cuts >= 0) & (cuts <= 1)])
-            for share in (cuts[1:] + cuts[:-1]) / 2:
-                place = a + share * (b - a)
-                if (low < place).all() and (place < high).all():
-                    return False
-        return True
-
-    def _gain_db(self, a, b) -> float:
-        """By how much a path is better than free space: 0 in sight, else TR 36.777, UMi-AV, NLoS."""
-        if not self.buildings or self._sees(a, b):
-            return 0.0
-        metres = max(float(np.linalg.norm(np.subtract(a, b))), self.s.minimum_distance_m)
-        height = clip(max(a[2], b[2]), 22.5, 300)
-        loss = 32.4 + (43.2 - 7.6 * math.log10(height)) * math.log10(metres)
-        loss += 20 * math.log10(self.frequency_mhz / 1000)
-        return min(self._loss(a, b) - loss, 0.0)
-
     def _base_gain_db(self) -> float:
         grid = self.s.channel_grid
         if grid is None:
-            return self._gain_db(self.ally_position, self.s.base_station_m)
+            return 0.0
         values = grid.gain_db
         for axis in range(3):  # a line, then a point, of what is left
             places = np.linspace(grid.origin_m[axis], grid.end_m[axis], grid.gain_db.shape[axis])
@@ -254,10 +208,6 @@ class ReferenceGame:
                 lambda line, at, of: np.interp(at, of, line), 0, values, self.ally_position[axis], places
             )
         return float(values) + self._loss(self.ally_position, self.s.base_station_m)
-
-    def _roof_m(self, place) -> float:
-        x, y = place[:2]
-        return max((top for w, s, e, n, top in self.buildings if w < x < e and s < y < n), default=0.0)
 
     def _noise(self) -> float:
         s = self.s
@@ -325,7 +275,6 @@ class ReferenceGame:
         leaked = 10 ** (s.filter_stopband_db / 10)
         if is_jammed:
             jamming = self._radiated() - self._loss(self.ally_position, self.opponent_position)
-            jamming += self._gain_db(self.ally_position, self.opponent_position)
             jamming += s.jamming_fading_sd_db * self.jamming_fading
             jamming_mw = 10 ** (jamming / 10)
             passed, density, tooth = self._passed(self.jamming_type, self.jamming_mhz)
@@ -378,13 +327,8 @@ class ReferenceGame:
         degrees = math.degrees(math.acos(clip(float(cosine))))
         weaker_db = min(12 * (degrees / s.base_beam_deg) ** 2, s.base_side_lobe_db)
         levels = (
-            s.ally_emission_dbm
-            - f_loss(self.ally_position, self.opponent_position)
-            + self._gain_db(self.ally_position, self.opponent_position),
-            s.base_power_dbm
-            - weaker_db
-            - f_loss(s.base_station_m, self.opponent_position)
-            + self._gain_db(s.base_station_m, self.opponent_position),
+            s.ally_emission_dbm - f_loss(self.ally_position, self.opponent_position),
+            s.base_power_dbm - weaker_db - f_loss(s.base_station_m, self.opponent_position),
         )
         highest = 10 ** (s.noise_uncertainty_db / 10)
         wall = 10 * math.log10(highest - 1 / highest)
@@ -483,8 +427,6 @@ class ReferenceGame:
         s = self.s
         before = self.opponent_position
         self.opponent_position = np.clip(self._opponent_goes(o), 0, s.box_m)
-        if self._roof_m(self.opponent_position) > self.opponent_position[2]:  # a wall: climb before it
-            self.opponent_position = np.add(before, [0, 0, s.opponent_speed_m_s])
         self.opponent_flown_m = float(np.linalg.norm(self.opponent_position - before))
         slow, fast = s.ally_speed_m_s
         self.speed_m_s = slow + (a[2] + 1) / 2 * (fast - slow)
@@ -587,7 +529,6 @@ class ReferenceGame:
         if self.jamming_type is not None:
             one_hot[0, self.sensed_type] = one_hot[1, self.jamming_type] = 1
         sensed = self.sensed_type is not None
-        hidden = 0.5 if self.buildings and not self._sees(self.ally_position, self.opponent_position) else 1.0
         flag = sensed and self._covers(self.sensed_type, self.sensed_mhz)
         ally = [
             *self._places(self.ally_position, self.opponent_position),
@@ -596,7 +537,7 @@ class ReferenceGame:
             self.snr_db / s.snr_scale_db,
             self._in_band(self.sensed_mhz) if sensed else 0.0,
             *one_hot[0],
-            hidden * (1.0 if flag else -1.0),
+            1.0 if flag else -1.0,
         ]
         opponent = [
             *self._places(self.opponent_position, self.ally_position),
@@ -605,7 +546,7 @@ class ReferenceGame:
             (self.next_check - self.step_number) / s.check_scale_s,
             self._in_band(self.jamming_mhz) if sensed else 0.0,
             *one_hot[1],
-            hidden * self.last_check,
+            self.last_check,
         ]
         self.ally_observation = np.clip(ally, -1, 1).astype(np.float32)
         self.opponent_observation = np.clip(opponent, -1, 1).astype(np.float32)

@@ -16,7 +16,7 @@ from .playing import begin, wander
 CIRCLE = dataclasses.replace(STANDARD, opponent_path="circle")
 LEARNED = dataclasses.replace(STANDARD, opponent_path="learned")
 PLANNED = dataclasses.replace(STANDARD, opponent_path="waypoints")
-LINK, CITY = preset("link"), preset("link-city")
+LINK = preset("link")
 ISOLATED = dataclasses.replace(LINK, look_through_s=0)  # its receiver hears its own jamming
 
 # field: another value, and where it matters if that is not the standard scenario
@@ -85,11 +85,6 @@ OTHERWISE = {
     "fading_distance_m": (50, LINK),
     "jamming_fading_sd_db": (2, LINK),
     "jamming_backoff_db": ((0, 0, 3, 3), LINK),
-    "buildings": (10, CITY),
-    "building_side_m": ((50, 60), CITY),
-    "building_height_m": ((20, 30), CITY),
-    "mast_clearance_m": (300, CITY),
-    "building_boxes_m": (((0, 0, 700, 700, 60),), dataclasses.replace(CITY, buildings=0)),
     "channel": (str(Path(__file__).parents[2] / "examples" / "free-space.csv"), LINK),
     "hop_airtime_s": (0.4, LINK),
     "acquisition_s": (0.3, LINK),

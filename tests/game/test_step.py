@@ -47,16 +47,7 @@ VARIANTS = {
     "link": preset("link"),
     "link-learned": dataclasses.replace(preset("link"), opponent_path="learned", sensing_type_error=0.5),
     "link-other": OTHER_LINK,
-    "link-city": preset("link-city"),
-    "link-other-city": dataclasses.replace(
-        OTHER_LINK, box_m=(1500, 1500, 150), ally_path_altitude_m=(65, 120), opponent_path="waypoints",
-        patrol_centre_m=(750, 750, 100), buildings=40, building_side_m=(60, 120), sensing_type_error=0.5,
-    ),
     "link-channel": dataclasses.replace(preset("link"), channel=FREE_SPACE),
-    "link-own-city": dataclasses.replace(
-        preset("link-city"), buildings=0, opponent_path="learned", opponent_speed_m_s=20,
-        building_boxes_m=((0, 0, 700, 700, 60), (0, 800, 700, 1300, 40), (800, 0, 1100, 1400, 30)),
-    ),
     "link-other-learned": dataclasses.replace(OTHER_LINK, opponent_path="learned"),
     "link-no-notch": dataclasses.replace(
         preset("link-throughput"), notch_width_mhz=0, opponent_path="circle"

@@ -85,7 +85,7 @@ def test_an_impossible_belief_begins_anew():
     assert after["point"] == 9
 
 
-@pytest.mark.parametrize("preset_name", ["standard", "paper", "link", "link-city", "link-throughput"])
+@pytest.mark.parametrize("preset_name", ["standard", "paper", "link", "link-throughput"])
 def test_each_game_of_a_batch_is_played_as_alone_in_every_scenario(preset_name):
     scenario, rng = preset(preset_name), np.random.default_rng(0)
     jammer = as_player("bayes", "opponent", scenario)

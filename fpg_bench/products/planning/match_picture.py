@@ -48,8 +48,6 @@ def _draw_above(axes: Axes, played: Round) -> None:
     _frame(axes, s.box_m[0], s.box_m[1])
     axes.set_aspect("equal")
     axes.set_title(_heading(played), size=8, color=INK)
-    for west, south, east, north, _ in recording.buildings:
-        axes.fill([west, east, east, west], [south, south, north, north], color=PALE, lw=0)
     axes.plot(
         *bezier_curve(recording.control_points)[:, :2].T, color=ALLY, lw=1, ls=":", label="ally's curve"
     )

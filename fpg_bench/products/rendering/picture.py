@@ -74,7 +74,6 @@ class BoxPanel(Panel):
         axes.set_aspect("equal")
         self._draw_box()
         self._room = 0.13 * (axes.get_xlim()[1] - axes.get_xlim()[0])  # half the width of a name
-        self._draw_buildings(recording)
         self._draw_plans(recording)
         self._draw_base_station()
         self._shadows = {side: self._line(GREY, alpha=0.3, linewidth=1.4) for side in SIDE_COLOURS}
@@ -121,15 +120,6 @@ class BoxPanel(Panel):
         self._note(f"x  {x:g} m", (x / 2, 0, 0), (-14, -10))
         self._note(f"y  {y:g} m", (x, y / 2, 0), (18, -8))
         self._note(f"{z:g} m", (0, 0, z / 2), (5, 0), ha="left")
-
-    def _draw_buildings(self, recording: Recording) -> None:
-        """Draw walls and roofs, the farthest building first."""
-        for west, south, east, north, top in sorted(recording.buildings.tolist(), key=lambda box: -box[3]):
-            corners = [(west, south), (east, south), (east, north), (west, north)]
-            sides = [[corners[i - 1], corners[i]] for i in (3, 2, 0, 1)]
-            walls = [[(*a, 0), (*b, 0), (*b, top), (*a, top)] for a, b in sides]
-            for face in (*walls, [(*corner, top) for corner in corners]):
-                self._axes.fill(*project(face).T, facecolor=PALE, edgecolor=GREY, lw=0.5, alpha=0.6)
 
     def _draw_base_station(self) -> None:
         self._path(self._base, marker="^", color=INK, ms=10)

@@ -66,8 +66,7 @@ def replay_data(
     - ``scenario``: a :class:`ScenarioData`.
     - ``rounds``: per round ``seed`` (text: it may exceed what JavaScript counts exactly), ``match``,
       ``round``, ``path``, ``control_points`` [4][3] of the ally's Bezier curve, ``waypoints`` [n][3] or
-      null, ``buildings`` [n][5] where there are some (west, south, east, north, height), and ``steps``:
-      one list per field, entry k after k steps (entry 0 is the round's start):
+      null, and ``steps``: one list per field, entry k after k steps (entry 0 is the round's start):
       ``ally`` and ``opponent`` [3], ``frequency``, ``known``, ``age``, ``type`` (index into ``jamming``,
       -1: none), ``centre``, ``distance``, ``snr``, ``clean_snr``, ``spreading`` (seconds without a break),
       ``hopped`` and ``covered`` (0 or 1), ``check`` (1 heard, -1 not heard, 0 no check in this step),
@@ -111,7 +110,7 @@ def scenario_data(scenario: Scenario) -> ScenarioData:
 
 
 def _round_data(recording: Recording) -> JsonObject:
-    waypoints, buildings = recording.waypoints, _rounded(recording.buildings, 1)
+    waypoints = recording.waypoints
     return {
         "seed": str(recording.seed),
         "match": recording.match,
@@ -119,7 +118,6 @@ def _round_data(recording: Recording) -> JsonObject:
         "path": recording.path,
         "control_points": _rounded(recording.control_points, 1),
         "waypoints": None if waypoints is None else _rounded(waypoints, 1),
-        **({"buildings": buildings} if buildings else {}),
         "steps": _steps_data(recording.frames),
     }
 

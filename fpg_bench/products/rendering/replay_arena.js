@@ -82,14 +82,6 @@ function fpgArena(scene, canvas) {
   }
 
   /** The waypoints that were due already: those to come are the planner's secret. */
-  function drawBuildings(pen, at) {
-    for (const [west, south, east, north, top] of scene.round.buildings || []) {
-      const corners = [[west, south], [east, south], [east, north], [west, north]];
-      stroke(pen, [...corners, corners[0]].map(([x, y]) => at([x, y, top])), scene.colours.grey);
-      for (const [x, y] of corners) stroke(pen, [at([x, y, 0]), at([x, y, top])], scene.colours.grey);
-    }
-  }
-
   function drawWaypoints(pen, at) {
     const { waypoints } = scene.round;
     if (!waypoints) return;
@@ -158,7 +150,6 @@ function fpgArena(scene, canvas) {
     const base = at(scene.scenario.base_station_m);
     const names = labels(pen, width, height, colours);
     drawBox(pen, at);
-    drawBuildings(pen, at);
     drawWaypoints(pen, at);
     drawFlight(pen, at, here);
     drawTower(pen, base);

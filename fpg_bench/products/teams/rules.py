@@ -139,9 +139,6 @@ def check_playable(scenario: Scenario) -> None:
         f"detection {s.detection!r}: jammers of a team find allies by 'radiometer' alone": (
             s.detection != "radiometer"
         ),
-        "buildings: paths between mates know none; leave out buildings and building_boxes_m": bool(
-            s.buildings or s.building_boxes_m
-        ),
         "channel: a measured channel has no directions, by which mates differ; leave it out": (
             s.channel is not None
         ),

@@ -93,7 +93,7 @@ def play(
             choose_jamming(jammer, action, rules)
             for axis in range(3):  # pursuit aims at where this ally was
                 jammer.ally_position[axis] = allies[j % n].ally_position[axis]
-            move_opponent(jammer, action, waypoints, None, rules, radio)
+            move_opponent(jammer, action, waypoints, rules, radio)
         for i in range(n):
             work.point_before[i] = allies[i].point
             choose_frequency(allies[i], actions[0][g, i], observations[0][g, i], rules, radio)
@@ -329,8 +329,8 @@ def _begin_seat(
 ) -> None:
     """Begin the duel of one seat, whose match has a key of its own."""
     seat.seed, seat.match, seat.round, seat.horizon = first.seed, first.match, first.round, first.horizon
-    begin_match(seat, seat_key(key, number), None, rules, radio)
-    begin_round(seat, None, None, rules, radio)
+    begin_match(seat, seat_key(key, number), rules)
+    begin_round(seat, None, rules, radio)
 
 
 @compiled

@@ -61,7 +61,7 @@ def test_types_that_are_not_allowed_have_no_rows_and_other_models_no_budget():
 
 
 def test_a_picture_is_drawn(tmp_path):
-    draw_link_budget(preset("link-city"), tmp_path / "link.png")
+    draw_link_budget(LINK, tmp_path / "link.png")
     assert (tmp_path / "link.png").read_bytes().startswith(b"\x89PNG")
 
 

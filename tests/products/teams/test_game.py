@@ -27,7 +27,7 @@ STRICT = dataclasses.replace(
     opponent_speed_m_s=15,
 )  # fmt: skip
 BASES = {
-    **{name: preset(name) for name in PRESETS if name.startswith("link") and name != "link-city"},
+    **{name: preset(name) for name in PRESETS if name.startswith("link")},
     "strict": STRICT,
     "learned": dataclasses.replace(STRICT, opponent_path=("learned", "pursuit"), sensing_type_error=0.5),
     "paid": dataclasses.replace(
@@ -225,7 +225,6 @@ def test_what_a_jammer_took_by_itself_is_at_most_what_all_took():
     ("name", "changes", "message"),
     [
         ("standard", {}, "teams: snr_model 'sinr': powers of several senders add in mW"),
-        ("link-city", {}, "teams: buildings: paths between mates know none"),
         ("link", {"detection": "off"}, "teams: detection 'off'"),
         ("link", {"opponent_path": "circle"}, "teams: opponent_path 'circle': jammers of a team fly pursuit"),
     ],

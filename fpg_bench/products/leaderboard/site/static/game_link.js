@@ -1,4 +1,4 @@
-/* The radio model `link`: what is received, despread, decoded and heard; see fpg_bench/game/link.py. Without buildings.
+/* The radio model `link`: what is received, despread, decoded and heard; see fpg_bench/game/link.py.
    rules.radio: the numbers of state.RADIO. Powers in mW, widths in MHz; [i] is unspread or, while spreading, spread. */
 "use strict";
 const fpgLink = (() => {
