@@ -195,7 +195,6 @@ def play_oracle(
             if spread:
                 point = min(max(point, radio.spread_points[0]), radio.spread_points[1])
             lost = radio.hop_airtime if point != own else 0.0
-            lost += radio.acquisition if spread != spreads else 0.0
             value = 0.0
             for kind in range(TYPES):
                 is_last = known[JAM_TYPE + kind]

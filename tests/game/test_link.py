@@ -143,17 +143,17 @@ def test_flying_costs_the_power_of_a_rotary_wing_above_its_least(speed, watts):
     assert free.games["opponent_reward"] == dear.games["opponent_reward"]
 
 
-def test_a_move_and_a_change_of_the_waveform_take_airtime():
+def test_a_move_takes_airtime_and_a_change_of_the_waveform_none():
     """Spreading moves the ally from point 0 to 5; what the reward loses, the rate loses too."""
-    base = dataclasses.replace(LINK, flight_cost_per_w=0, fading_sd_db=0, acquisition_s=0.2)
-    free = begin(dataclasses.replace(base, hop_airtime_s=0, acquisition_s=0), seed=3)
+    base = dataclasses.replace(LINK, flight_cost_per_w=0, fading_sd_db=0)
+    free = begin(dataclasses.replace(base, hop_airtime_s=0), seed=3)
     charged = begin(dataclasses.replace(base, hop_airtime_s=0.3), seed=3)
     for action, share in (
         (ally(hop=True, preference=-1), 0.7),
-        (ally(spread=True), 0.5),  # moves, and changes the waveform
+        (ally(spread=True), 0.7),  # moves
         (ally(spread=True), 1.0),
-        (ally(), 0.8),
-        (ally(hop=True, spread=True, preference=0), 0.5),
+        (ally(), 1.0),
+        (ally(hop=True, spread=True, preference=0), 0.7),
     ):
         for batch in (free, charged):
             batch.step(action, opponent())

@@ -155,10 +155,6 @@ def test_fields_of_another_radio_model_are_each_refused_by_name():
         ({"rate_top_bit_s_hz": -1}, ("rate_top_bit_s_hz", "-1", "[0.01, 1000]")),
         ({"fading_correlation": 0.76}, ("fading_distance_m 37.0", "fading_correlation 0.76", "excludes")),
         ({"ally_speed_m_s": (0, 31)}, ("ally_speed_m_s (0.0, 31.0)", "at most 30 m/s", "rotary wing")),
-        (
-            {"acquisition_s": 0.8},
-            ("hop_airtime_s 0.3", "acquisition_s 0.8", "together at most a step of 1 s"),
-        ),
     ],
 )
 def test_what_no_radio_has_is_refused_with_its_bound(changes, parts):

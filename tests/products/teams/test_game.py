@@ -22,7 +22,7 @@ LEARNED = dataclasses.replace(LINK, opponent_path="learned")
 
 # Other values of all rules that are new in link.
 STRICT = dataclasses.replace(
-    LINK, filter_stopband_db=-30, fading_distance_m=20, jamming_fading_sd_db=3, acquisition_s=0.4,
+    LINK, filter_stopband_db=-30, fading_distance_m=20, jamming_fading_sd_db=3,
     jamming_backoff_db=(0, 1, 2, 3), flight_cost_per_w=0.02, ally_speed_m_s=(5, 20), look_through_s=0.3,
     opponent_speed_m_s=15,
 )  # fmt: skip
@@ -41,7 +41,6 @@ NEUTRAL = {
     "jamming_fading_sd_db": {"jamming_fading_sd_db": 0},
     "jamming_backoff_db": {"jamming_backoff_db": (0, 0, 0, 0)},
     "hop_airtime_s": {"hop_airtime_s": 0},
-    "acquisition_s": {"acquisition_s": 0},
     "flight_cost_per_w": {"flight_cost_per_w": 0},
     "look_through_s": {"look_through_s": 0},
     "notch_width_mhz": {"notch_width_mhz": 0},
