@@ -1,6 +1,6 @@
 """Write the channel of free space as a grid: an example of the files that a scenario's ``channel`` names.
 
-python scripts/make_channel.py [--scenario link] [--spacing 250 250 200] [--out examples/free-space.csv]
+python scripts/make_channel.py [--scenario link] [--spacing 250 250 150] [--out examples/free-space.csv]
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def main() -> None:
     """Write the file."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenario", default="link", help="a preset or a YAML file")
-    parser.add_argument("--spacing", type=float, nargs=3, default=[250.0, 250.0, 200.0], metavar="M")
+    parser.add_argument("--spacing", type=float, nargs=3, default=[250.0, 250.0, 150.0], metavar="M")
     parser.add_argument("--out", type=Path, default=Path("examples/free-space.csv"))
     options = parser.parse_args()
     write_whole(options.out, csv_text([COLUMNS, *rows(as_scenario(options.scenario), options.spacing)]))

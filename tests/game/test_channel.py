@@ -56,11 +56,11 @@ def test_the_gain_between_the_places_is_linear_in_db_and_read_beside_the_file(tm
 
 def test_the_example_is_the_free_space_of_the_preset():
     lines = (Path(__file__).parents[2] / "examples/free-space.csv").read_text().splitlines()[1:]
-    assert lines == [",".join(row) for row in rows(preset("link"), [250, 250, 200])]
+    assert lines == [",".join(row) for row in rows(preset("link"), [250, 250, 150])]
 
 
 def test_a_fine_grid_of_free_space_is_free_space(tmp_path):
-    low = dataclasses.replace(LINK, fading_sd_db=0, ally_path_altitude_m=(400, 550))
+    low = dataclasses.replace(LINK, fading_sd_db=0, ally_path_altitude_m=(200, 250))
     grid = written(tmp_path, [",".join(row) for row in rows(low, [100, 100, 50])])
     played = [begin(s, games=20) for s in (low, dataclasses.replace(low, channel=grid))]
     for batch in played:

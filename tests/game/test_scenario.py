@@ -146,8 +146,8 @@ def test_fields_of_another_radio_model_are_each_refused_by_name():
 @pytest.mark.parametrize(
     ("changes", "parts"),
     [
-        ({"spread_bandwidth_mhz": 79}, ("spread_bandwidth_mhz 79.0", "at most the band's 78.5 MHz")),
-        ({"bandwidth_mhz": 120}, ("bandwidth_mhz 120.0", "at most the band's 78.5 MHz")),
+        ({"spread_bandwidth_mhz": 79}, ("spread_bandwidth_mhz 79.0", "at most the band's 77.4 MHz")),
+        ({"bandwidth_mhz": 120}, ("bandwidth_mhz 120.0", "at most the band's 77.4 MHz")),
         ({"spread_rate_mhz": 80}, ("spread_rate_mhz 80.0", "gain below 1", "at most", "50.0")),
         ({"spread_rate_mhz": 2, "bandwidth_mhz": 1}, ("spread_rate_mhz 2.0", "faster", "at most", "1.0")),
         ({"notch_width_mhz": 50}, ("notch_width_mhz 50.0", "spread_bandwidth_mhz 50.0")),

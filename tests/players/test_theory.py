@@ -24,7 +24,7 @@ def heard(point: int, jam: tuple[int, int] | None = None, age_s: float = 0.0, ch
     """Return what a jammer sees 200 m from an ally last heard at a point, after a jamming (type, centre)."""
     seen = opponent_sees((200.0, 0.0, 0.0), age_s=age_s)
     seen[0, :3], seen[0, 6], seen[0, LAST_CHECK] = 0.0, 2 * point / 14 - 1, check
-    seen[0, 8] = 1 / 3  # the next check comes in this step
+    seen[0, 8] = 1 / LINK.check_scale_s  # the next check comes in this step
     if jam is not None:
         seen[0, JAM_CENTRE], seen[0, JAM_TYPE + jam[0]] = 2 * jam[1] / 14 - 1, 1
     return seen
