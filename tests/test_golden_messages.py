@@ -32,7 +32,7 @@ LINES = (
     "curves nowhere",
     "best-response experd --out out",
     "double-oracle --side both --out out",
-    "self-play --actions many --out out",
+    "tabular-self-play --games 0 --out out",
     "fictitious-self-play --algorithm pppo --out out",
     "export nowhere --out mine",
     "reproduce yang-2026 fig99",

@@ -22,7 +22,7 @@ WRITERS = {
     "evaluate": ("idle --suite ally-v1 --matches 1 --out results", "results/evaluation.json"),
     "best-response": ("idle --hyperparams tiny.yml --out found", "found/best_responses.json"),
     "double-oracle": ("--hyperparams tiny.yml --out found", "found/search.json"),
-    "self-play": ("--hyperparams tiny.yml --out found", "found/search.json"),
+    "tabular-self-play": ("--iterations 1 --games 2 --out tables", "tables/tabular_self_play.json"),
     "fictitious-self-play": ("--hyperparams tiny.yml --out duels", "duels/fictitious_self_play.json"),
     "export": ("shipped --out mine/seed_0", "mine/seed_0"),
     "reproduce": (

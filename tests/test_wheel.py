@@ -121,11 +121,11 @@ EXTRAS = {
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
             "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 0 --out run",
             "export run --out exported/seed_0",
+            "tabular-self-play --iterations 1 --games 8 --out tables",
             "reproduce yang-2026 tables --n-seeds 1 --out reproduced",
         ),
         (
             "fictitious-self-play --generations 1 --out nowhere",
-            "self-play --side nobody --out nowhere",
             "best-response nobody --out nowhere",
             "double-oracle --side nobody --out nowhere",
             "leaderboard audit-season nothing --work nowhere",

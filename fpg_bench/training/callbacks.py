@@ -13,10 +13,8 @@ from pathlib import Path
 
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import HParam, Image, TensorBoardOutputFormat
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from tensorboard.compat.proto.summary_pb2 import Summary
 
 from fpg_bench.common.output import is_terminal
@@ -29,7 +27,7 @@ from fpg_bench.game.recording import Recording
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.interrupts import StopRequest
-from fpg_bench.training.models import begin_learning, by_side
+from fpg_bench.training.models import by_side
 
 _OF_MONITOR = ("r", "l", "t")  # in an episode's information beside its measures
 SAVE_EVERY_S = 60.0
@@ -165,52 +163,6 @@ class ProgressCallback(BaseCallback):
         self._progress.stop()
 
 
-class RivalCallback(BaseCallback):
-    """Let a rival of the other side learn at the same time: once the model has learned, so does the rival.
-
-    Args:
-        rival: an on-policy model.
-        budget: its steps.
-        players: what plays the model in the games of its rival, and what plays the rival in those of the
-            model.
-    """
-
-    def __init__(
-        self, rival: OnPolicyAlgorithm, budget: int, players: tuple[ActorPlayer, ActorPlayer]
-    ) -> None:
-        super().__init__()
-        self._rival, self._budget, self._players = rival, budget, players
-
-    def _on_training_start(self) -> None:
-        rival = self._rival
-        left = max(self._budget - rival.num_timesteps, 0)
-        self._callback = begin_learning(rival, left, [GameMeasuresCallback()], goes_on=True)
-        self._callback.on_training_start({}, {})
-        self._take_turns()
-
-    def _on_rollout_start(self) -> None:
-        self._take_turns()
-
-    def _on_step(self) -> bool:
-        return True
-
-    def _on_training_end(self) -> None:
-        self._take_turns()
-        self._callback.on_training_end()
-
-    def _take_turns(self) -> None:
-        """Let the rival learn from as many steps as the model has; then each plays its new policy."""
-        rival = self._rival
-        self._players[0].update(self.model)
-        while rival.num_timesteps < min(self.model.num_timesteps, self._budget):
-            assert rival.env is not None
-            rival.collect_rollouts(rival.env, self._callback, rival.rollout_buffer, rival.n_steps)
-            rival._update_current_progress_remaining(rival.num_timesteps, self._budget)
-            rival.dump_logs()
-            rival.train()
-        self._players[1].update(rival)
-
-
 class Clock:
     """Stopwatch of the training time over all parts of a run, without evaluations.
 
@@ -249,7 +201,6 @@ class EvalCheckpointCallback(BaseCallback):
         n_evals: number of evaluations, besides the one at the start.
         stop: request to save and stop the run.
         log_rounds: log a picture and a film of a round at each evaluation.
-        beside: folders of further checkpoints, and the models that are saved there as often.
     """
 
     def __init__(
@@ -262,10 +213,8 @@ class EvalCheckpointCallback(BaseCallback):
         n_evals: int,
         stop: StopRequest,
         log_rounds: bool = False,
-        beside: Mapping[Path, BaseAlgorithm] | None = None,
     ) -> None:
         super().__init__()
-        self._beside = beside or {}
         self._folder, self._clock, self._evaluators, self._file = folder, clock, evaluators, file
         self._eval_freq = budget / max(n_evals, 1)
         rows = file.read()
@@ -333,6 +282,5 @@ class EvalCheckpointCallback(BaseCallback):
                 form.writer._get_file_writer().add_summary(summary, self.num_timesteps)  # type: ignore[no-untyped-call]
 
     def _save(self) -> None:
-        for folder, model in {self._folder: self.model, **self._beside}.items():
-            save_checkpoint(model, folder, seconds=self._clock.seconds)
+        save_checkpoint(self.model, self._folder, seconds=self._clock.seconds)
         self._last_save = time.monotonic()

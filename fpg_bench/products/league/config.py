@@ -105,14 +105,17 @@ class FictitiousSelfPlayConfig(LeagueConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchConfig(LeagueConfig):
-    """A search for a player that is hard to beat, whose iterations fresh responses measure.
+class DoubleOracleConfig(LeagueConfig):
+    """Double oracle (PSRO): a side answers responses, and responses the side.
 
     Attributes:
         side: the side that learns: ``ally`` or ``opponent``.
         iterations: the most iterations.
         algorithm: algorithm of the side, as for ``train``.
         actions: action mode of the side; None: ``continuous``.
+        meta_solver: who is answered: ``weights``, the side answers all rivals by their weights, a response
+            the side's newest policy; or ``nash``, each side answers the other's equilibrium.
+        weight: how often a response is listed among the rivals, by ``weights``.
         steps: training budget of an iteration.
         against: rivals of the side's first training; None: all scripts of the other side. ``tone*8`` counts
             eight times, ``suite:NAME`` stands for all members of a suite.
@@ -123,6 +126,8 @@ class SearchConfig(LeagueConfig):
         patience: stop after as many iterations without a higher low.
         seed: seed of the trainings.
     """
+
+    verb = "double-oracle"
 
     algorithm: str = "ppo-stack8"
     steps: int = 1_000_000
@@ -137,32 +142,6 @@ class SearchConfig(LeagueConfig):
     response_hyperparams: Hyperparams = None
     patience: int = 2
     seed: int = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class SelfPlayConfig(SearchConfig):
-    """Self-play of two learners, each against the other's present policy.
-
-    Attributes:
-        algorithm: algorithm of both learners: PPO, or another that learns from rollouts.
-        weight: how many players of ``against`` the rival that learns counts as.
-    """
-
-    verb = "self-play"
-
-
-@dataclass(frozen=True, kw_only=True)
-class DoubleOracleConfig(SearchConfig):
-    """Double oracle (PSRO): the side answers responses, and responses the side.
-
-    Attributes:
-        meta_solver: who is answered: ``weights``, the side answers all rivals by their weights, a response
-            the side's newest policy; or ``nash``, each side answers the other's equilibrium.
-        weight: how often a response is listed among the rivals, by ``weights``.
-    """
-
-    verb = "double-oracle"
-
     meta_solver: str = "weights"
 
 
