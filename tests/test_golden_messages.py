@@ -61,7 +61,6 @@ LINES = (
     "leaderboard crossplay --folder nowhere",
     "leaderboard break ally/idle agent --name Me --author Me --folder nowhere",
     "leaderboard build --folder nowhere",
-    "leaderboard serve nowhere",
     "leaderboard close-season 9 --work work --folder nowhere",
     "leaderboard season season-9 --folder nowhere",
     "leaderboard audit-season 9 --work work --folder nowhere",

@@ -47,7 +47,7 @@ SHARED = {"tune run"}  # several machines work on one study
 SINGLE_FILES = {"play", "table", "curves", "tune report", "scenario show"}  # each is replaced as a whole
 READERS = {
     *("envs", "players", "suites", "zoo", "scenario check", "plan replay", "plan probe", "dataset list"),
-    *("dataset check", "hub push", "submit check", "leaderboard serve"),
+    *("dataset check", "hub push", "submit check"),
     "leaderboard season",
 }
 

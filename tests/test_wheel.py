@@ -103,7 +103,7 @@ EXTRAS = {
     "datasets": Extra(("dataset make ally-random-v0 --steps 300 --out datasets", "dataset check datasets")),
     "offline": Extra(tries=("offline bc nowhere --out nowhere",)),
     "hub": Extra(tries=("hub push nowhere me/agent", "hub pull nowhere --out nowhere")),
-    "leaderboard": Extra(("leaderboard build --folder board --out site",), ("leaderboard serve nowhere",)),
+    "leaderboard": Extra(("leaderboard build --folder board --out site",)),
     "video": Extra(
         (
             "play --every 100 --out round.gif",

@@ -6,7 +6,6 @@ import contextlib
 import json
 import logging
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -14,16 +13,13 @@ from pathlib import Path
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import HParam, Image, TensorBoardOutputFormat
-from tensorboard.compat.proto.summary_pb2 import Summary
+from stable_baselines3.common.logger import HParam
 
 from fpg_bench.common.output import is_terminal
 from fpg_bench.common.parallel import LINE_EVERY_S
-from fpg_bench.common.products import load
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
-from fpg_bench.game.recording import Recording
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.interrupts import StopRequest
@@ -200,7 +196,6 @@ class EvalCheckpointCallback(BaseCallback):
         budget: steps of the run.
         n_evals: number of evaluations, besides the one at the start.
         stop: request to save and stop the run.
-        log_rounds: log a picture and a film of a round at each evaluation.
     """
 
     def __init__(
@@ -212,7 +207,6 @@ class EvalCheckpointCallback(BaseCallback):
         budget: int,
         n_evals: int,
         stop: StopRequest,
-        log_rounds: bool = False,
     ) -> None:
         super().__init__()
         self._folder, self._clock, self._evaluators, self._file = folder, clock, evaluators, file
@@ -220,7 +214,7 @@ class EvalCheckpointCallback(BaseCallback):
         rows = file.read()
         self._last_eval = rows[-1]["steps"] if rows else -1
         self._last_save = time.monotonic()
-        self._stop, self._log_rounds = stop, log_rounds
+        self._stop = stop
 
     def _on_rollout_start(self) -> None:
         is_due = bool(self._evaluators) and self.num_timesteps >= self._next_eval
@@ -258,28 +252,7 @@ class EvalCheckpointCallback(BaseCallback):
             for name, value in ({"score": result["score"]} | result["measures"]).items():
                 if value is not None:
                     self.logger.record(score_tag(side, name, list(results)), value)
-        if self._log_rounds:
-            with self._clock.paused():
-                for side, player in by_side(self.model, tuple(self._evaluators)).items():
-                    self._log_round(side, self._evaluators[side].record_round(ActorPlayer(player)))
         self.logger.dump(self.num_timesteps)  # no rollout may follow
-
-    def _log_round(self, side: str, recording: Recording) -> None:
-        """Log a picture of a round at its end, and a film of it: an animated GIF, which TensorBoard plays."""
-        title = f"{side} after {self.num_timesteps:,} steps"
-        picture = load("rendering", "picture")(recording, title).draw()
-        self.logger.record(f"round/{side}", Image(picture, "HWC"), exclude=("stdout", "log", "json", "csv"))
-        with tempfile.TemporaryDirectory() as folder:
-            film = Path(folder) / "film.gif"
-            load("rendering", ".gif")([recording], film, title, FILM_EVERY)
-            height, width, colours = picture.shape
-            image = Summary.Image(
-                height=height, width=width, colorspace=colours, encoded_image_string=film.read_bytes()
-            )
-        summary = Summary(value=[Summary.Value(tag=f"round/{side}_film", image=image)])
-        for form in self.logger.output_formats:
-            if isinstance(form, TensorBoardOutputFormat):
-                form.writer._get_file_writer().add_summary(summary, self.num_timesteps)  # type: ignore[no-untyped-call]
 
     def _save(self) -> None:
         save_checkpoint(self.model, self._folder, seconds=self._clock.seconds)

@@ -29,7 +29,6 @@ from torch.distributions import Distribution
 from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, one_line
-from fpg_bench.common.extras import require_extra
 from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
@@ -39,7 +38,6 @@ from fpg_bench.evaluation.curves import CURVE, draw_curves, draw_run, levels_of,
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
-from fpg_bench.game.spec import OtherGame
 from fpg_bench.players.card import OfflineData
 from fpg_bench.players.planner import CountsPlans, asks_language_model
 from fpg_bench.training.algorithms import find_algorithm
@@ -94,7 +92,6 @@ def train(
     progress: bool | str = True,
     restart: bool = False,
     resume: bool = False,
-    log_rounds: bool = False,
     curve: bool = True,
 ) -> Path:
     """Train a run and export the agent.
@@ -124,8 +121,6 @@ def train(
             lines that begin with it, as one of several runs.
         restart: discard an unfinished run in the folder and start over.
         resume: continue an unfinished run in the folder, or start one if there is none.
-        log_rounds: log a picture and a film of a round at each evaluation, for TensorBoard; needs the extra
-            ``video``.
         curve: draw ``curve.png`` at the end, if the run was evaluated.
 
     Returns:
@@ -139,10 +134,6 @@ def train(
     torch.set_num_threads(1)
     if restart and resume:
         raise UserError("resume continues a run, restart starts it over; give only one of them")
-    if log_rounds:
-        require_extra("video", "PIL")
-        if isinstance(config.spec, OtherGame):
-            raise UserError(f"log_rounds: rounds of {config.spec.id} are not drawn; omit it")
     run = _Run(config, RunFolder(Path(out)), evaluations)
     run.setup()
     evaluators = {
@@ -159,7 +150,7 @@ def train(
                 run.resume(state)
             else:
                 run.folder.clear()
-            run.learn(evaluators, progress, log_rounds)
+            run.learn(evaluators, progress)
             run.finish()
         if curve and not run.folder.curve.exists():  # also where a finished run was killed before
             _draw(run.folder.curve, lambda: draw_run(run.folder.path))
@@ -199,7 +190,6 @@ def train_seeds(
     evaluations: int = EVALUATIONS,
     restart: bool = False,
     workers: Workers | int = 2,
-    log_rounds: bool = False,
 ) -> None:
     """Train several seeds of a run in parallel; finished ones are not repeated.
 
@@ -213,7 +203,6 @@ def train_seeds(
         evaluations: number of evaluations during each training.
         restart: discard unfinished runs and start them over; otherwise they are resumed.
         workers: number of parallel trainings, one thread each, or :class:`fpg_bench.common.parallel.Workers`.
-        log_rounds: see :func:`train`.
 
     Raises:
         UserError: something unknown or out of range, folders that hold other runs, a language model as the
@@ -234,7 +223,6 @@ def train_seeds(
             resume=not restart,
             progress=folder.name,
             curve=False,
-            log_rounds=log_rounds,
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
@@ -421,14 +409,12 @@ class _Run:
         self,
         evaluators: Mapping[str, PolicyEvaluator],
         progress: bool | str,
-        log_rounds: bool = False,
     ) -> None:
         """Train to the budget.
 
         Args:
             evaluators: evaluator of each learning side; empty for no evaluations.
             progress: show the progress.
-            log_rounds: see :func:`train`.
 
         Raises:
             KeyboardInterrupt: stopped by the user.
@@ -455,7 +441,6 @@ class _Run:
                 budget,
                 self.evaluations,
                 stop,
-                log_rounds,
             )
             try:
                 if model.num_timesteps < budget:
