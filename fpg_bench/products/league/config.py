@@ -14,8 +14,8 @@ from fpg_bench.training.config import Hyperparams
 GAME = ("scenario", "path", "knowledge", "jamming_types")  # options of a game that both sides share
 META_SOLVERS = ("weights", "nash")
 # Known words, and least values, of fields
-WORDS = {"side": SIDES, "start": ("nothing", "strongest"), "meta_solver": META_SOLVERS}
-LEAST = dict.fromkeys(("seed", "n_evals", "n_scripts"), 0) | dict.fromkeys(
+WORDS = {"side": SIDES, "meta_solver": META_SOLVERS}
+LEAST = dict.fromkeys(("seed", "n_evals"), 0) | dict.fromkeys(
     ("steps", "response_steps", "n_seeds", "generations", "pool", "iterations", "weight", "patience"), 1
 )
 
@@ -64,13 +64,10 @@ class BestResponseConfig(LeagueConfig):
         side: side of the player; None: that of the agent or the script.
         steps: training budget of each response.
         n_seeds: number of responses, with training seeds from 0 on.
-        start: start of each training: ``nothing``, or ``strongest``, to imitate first whichever script or
-            response from ``nothing`` has the lowest return of the player so far.
         reward: reward of the responses: ``zero_sum``, to lower the player's return, or ``own``, to raise the
             response's; None: ``zero_sum`` against an ally, ``own`` against an opponent. In Python also any
             other of :data:`fpg_bench.game.spec.REWARDS`.
         actions: action mode of the responses; None: ``continuous``.
-        n_scripts: number of scripts with random constants to evaluate in addition to the scripts.
         game: options of the game in place of those of the player's training.
     """
 
@@ -78,10 +75,8 @@ class BestResponseConfig(LeagueConfig):
     agent: str
     side: str | None = None
     n_seeds: int = 3
-    start: str = "nothing"
     reward: str | None = None
     actions: str | None = None
-    n_scripts: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,6 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import Rival, Scale, load_suite
 from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.tactics import draw_variants
 from fpg_bench.products.league import best_responses as responding
 from fpg_bench.products.league import champions as championing
 from fpg_bench.products.league import double_oracle as searching
@@ -111,7 +110,7 @@ def respond(agent, out, **options):
 
 
 def run_folder(out, seed, steps=400, algorithm="ppo"):
-    return out / f"nothing-{algorithm}-{steps}" / f"seed_{seed}"
+    return out / f"{algorithm}-{steps}" / f"seed_{seed}"
 
 
 def lowest(result):
@@ -124,23 +123,12 @@ def lowest(result):
 
 
 @pytest.mark.slow
-def test_scripts_with_other_constants_are_tried_beside_the_scripts(ally, tmp_path):
-    out = tmp_path / "responses"
-    few = respond(ally, out, n_scripts=2)
-    more = respond(ally, out, n_scripts=5)
-    variants = list(more["scripts"])[len(SCRIPTED["opponent"]) :]
-    assert variants == draw_variants("opponent", 5, STANDARD)
-    assert few["scripts"].items() <= more["scripts"].items()
-    assert more["lowest"] == lowest(more)
-
-
-@pytest.mark.slow
 def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result, tmp_path):
     out = tmp_path / "responses"
     respond(ally, out)
     found = respond(ally, out, actions="discrete")
     assert [row.get("actions") for row in found["responses"]] == [None, "discrete"]
-    agent = load_agent(out / "nothing-ppo-discrete-400" / "seed_0" / "agent", "opponent")
+    agent = load_agent(out / "ppo-discrete-400" / "seed_0" / "agent", "opponent")
     assert agent.card.game.actions == "discrete"
     assert respond(ally, out, actions="discrete") == found
     assert responding.response_label(found["responses"][1]) == "ppo discrete, 400 steps, seed 0"
@@ -201,35 +189,6 @@ def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, 
     ):
         with pytest.raises(UserError, match=f"holds best responses with another {what}"):
             respond(other, out, **options)
-
-
-@pytest.mark.slow
-def test_a_response_keeps_its_teacher_when_a_stronger_one_is_found(ally, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("fpg_bench.training.train.imitate", lambda *arguments: 0.0)
-    file = tmp_path / "out" / "best_responses.json"
-
-    def set_return(response, value):
-        content = json.loads(file.read_text())
-        content["responses"][response]["return"] = value
-        file.write_text(json.dumps(content))
-
-    respond(ally, "out", n_seeds=2)
-    set_return(0, -1000.0)
-    responses = respond(ally, "out", start="strongest")["responses"]
-    teacher = responses[2]["hyperparameters"]["imitate"]["teacher"]
-    assert teacher == "out/nothing-ppo-400/seed_0/agent"
-    set_return(1, -2000.0)
-    responses[1]["return"] = -2000.0
-    for out in ("out", tmp_path / "out"):
-        assert respond(ally, out, start="strongest")["responses"] == responses
-    with monkeypatch.context() as patched:
-        patched.setattr("fpg_bench.training.train.imitate", interrupt)
-        with pytest.raises(KeyboardInterrupt):
-            respond(ally, "out", start="strongest", n_seeds=2)
-    set_return(0, -3000.0)
-    resumed = respond(ally, tmp_path / "out", start="strongest", n_seeds=2)["responses"][3]
-    assert resumed["hyperparameters"]["imitate"]["teacher"] == "out/nothing-ppo-400/seed_1/agent"
 
 
 @pytest.mark.slow
@@ -315,7 +274,6 @@ def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
     for options, message in (
         ({}, "plays both sides; set side to ally or opponent"),
         ({"side": "alli"}, "expected one of ally, opponent, got 'alli'; did you mean 'ally'"),
-        ({"side": "ally", "start": "weakest"}, "start: expected one of nothing, strongest, got 'weakest'"),
     ):
         with pytest.raises(UserError, match=message):
             respond("random", tmp_path / "out", **options)
