@@ -178,9 +178,9 @@ def test_another_search_says_what_differs(tmp_path):
     about = {"game": {"id": "a", "opponent": ["tone"]}, "steps": [1, 2], "seed": 0}
     (tmp_path / "about.json").write_text(json.dumps(about))
     for changes, message in (
-        ({"game": {"id": "a", "opponent": ["comb"]}}, r"game, opponent \(\['tone'\], now \['comb'\]\)"),
-        ({"game": {"id": "a"}}, r"game, opponent \(\['tone'\], now None\)"),
-        ({"steps": [1, 3]}, r"steps \(\[1, 2\], now \[1, 3\]\)"),
+        ({"game": {"id": "a", "opponent": ["comb"]}}, r"game\.opponent\[0\] \('tone', now 'comb'\)"),
+        ({"game": {"id": "a"}}, r"game\.opponent \(\['tone'\], now None\)"),
+        ({"steps": [1, 3]}, r"steps\[1\] \(2, now 3\)"),
     ):
         with pytest.raises(UserError, match=f"holds a double oracle with another {message}"):
             check_same(tmp_path / "about.json", "a double oracle", about | changes)
