@@ -28,10 +28,10 @@ from fpg_bench.products.leaderboard.board import Board, make_board
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.exploited import Attack
 from fpg_bench.products.leaderboard.tracks import SCENARIOS, TRACKS
-from fpg_bench.products.league.search import ROWS, keep_search
+from fpg_bench.products.league.double_oracle import ROWS, keep_search
 
 OTHERS = "searches.jsonl"
-DASHES = {"weights": "-", "nash": "--", "self-play": ":"}  # by the meta-solver, or by the verb without one
+DASHES = {"weights": "-", "nash": "--", "self-play": ":"}  # by the meta-solver; self-play had none
 EVEN = "uniform-hop"  # the action mode without the points by name, which are the best answer to some mixtures
 
 

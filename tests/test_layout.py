@@ -153,7 +153,7 @@ def test_the_board_never_reads_the_records_of_the_zoo():
     [
         ("numba.core", "game/compiling.py"),
         ("._trial_id", "products/tuning/worker.py"),
-        ("._setup_learn", "training/models.py"),
+        ("._setup_learn", "products/maddpg/maddpg.py"),
     ],
 )
 def test_a_private_door_of_another_package_is_opened_in_one_place(door, home):

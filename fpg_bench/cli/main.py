@@ -45,7 +45,7 @@ _VERBS: dict[str, Callable[..., None] | typer.Typer | None] = {
     "curves": evaluation.curves,
     "best-response": None,
     "double-oracle": None,
-    "self-play": None,
+    "tabular-self-play": None,
     "fictitious-self-play": None,
     "export": training.export,
     "reproduce": None,
@@ -58,7 +58,6 @@ _VERBS: dict[str, Callable[..., None] | typer.Typer | None] = {
     "plan": None,
     "dataset": None,
     "hub": None,
-    "llm": None,
     "submit": None,
     "leaderboard": None,
 }

@@ -158,19 +158,6 @@ def test_tensorboard_shows_the_game(run):
     assert b"n_epochs" in started
 
 
-@pytest.mark.full
-@pytest.mark.slow
-def test_a_round_is_logged_at_each_evaluation(tmp_path):
-    train_tiny("ppo", tmp_path / "run", steps=64, evaluations=1, log_rounds=True)
-    events = EventAccumulator(str(tmp_path / "run"), size_guidance={"images": 0})
-    events.Reload()
-    assert {"round/ally", "round/ally_film"} <= set(events.Tags()["images"])
-    pictures, films = events.Images("round/ally"), events.Images("round/ally_film")
-    assert len(pictures) == len(films) == 2  # at the start and at the end
-    assert all(each.encoded_image_string.startswith(b"\x89PNG") for each in pictures)
-    assert all(each.encoded_image_string.startswith(b"GIF8") for each in films)
-
-
 @pytest.mark.slow
 def test_a_finished_run_is_not_repeated_and_no_other_is_overwritten(run, hyperparams, tmp_path):
     before = (run / "run.json").read_text()

@@ -76,7 +76,7 @@ class LLMPlanner(BatchPlanner):
             there is a transcript.
         calls, tokens, seconds: caps on the complete run; see
             :class:`fpg_bench.products.language_models.budget.CallBudget`.
-        deadline_s: time for each call; None: the endpoint's.
+        deadline_s: time for each call; None: 30 s.
         concurrency: number of games asked for at once. Calls under way may exceed the caps.
         chain: the start of the transcript's chain of hashes; None: no chain.
         temperature: sampling temperature; None: that of the server's profile.

@@ -257,30 +257,6 @@ def build(
 
 
 @leaderboard.command()
-def serve(
-    site: Annotated[Path, typer.Argument(help="Folder of the site.")] = SITE,
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port on this machine; 0 for any free one.")
-    ] = 8000,
-) -> None:
-    """Serve a built site on this machine, until Ctrl-C.
-
-    Example: fpg-bench leaderboard serve --port 8000
-    """
-    import signal
-
-    from fpg_bench.products.leaderboard.site.serve import HOST, make_server
-
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # background shells ignore it
-    with make_server(site, port) as server:
-        try:
-            print_line(f"http://{HOST}:{server.server_port}/ (stop with Ctrl-C)")
-            server.serve_forever()
-        except KeyboardInterrupt:
-            print_line("stopped")
-
-
-@leaderboard.command()
 @with_fields
 def close_season(
     name: Annotated[str, typer.Argument(help="The season's number, or the name of a training population.")],

@@ -7,8 +7,6 @@ import html
 import json
 import re
 import runpy
-import subprocess
-import sys
 from email.message import Message
 from html.parser import HTMLParser
 from pathlib import Path
@@ -36,7 +34,6 @@ from fpg_bench.products.leaderboard.site.entry_page import commands
 from fpg_bench.products.leaderboard.site.findings import CLAIMS, finding_cards, play_round
 from fpg_bench.products.leaderboard.site.reading_pages import PAGES
 from fpg_bench.products.leaderboard.site.replays import Replay
-from fpg_bench.products.leaderboard.site.serve import make_server
 from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
 from fpg_bench.products.league.champions import load_champions
 from tests.products.leaderboard.example_board import (
@@ -649,25 +646,3 @@ def test_the_waterfalls_of_a_training_are_rounds_that_can_be_played_again():
     assert first == script["record"]("random", 0)
     assert tuple(one["steps"] for one in trained) == script["BUDGETS"]
     assert trained[-1]["earned"] == max(one["earned"] for one in trained) > first["earned"]
-
-
-def test_serving_needs_a_site_and_a_free_port(site, tmp_path):
-    with pytest.raises(UserError, match="nothing is built there"):
-        make_server(tmp_path, 0)
-    with make_server(site, 0) as server, pytest.raises(UserError, match="is in use"):
-        make_server(site, server.server_port)
-
-
-@pytest.mark.process
-def test_ctrl_c_ends_serving_with_one_line(site):
-    import signal
-
-    words = [sys.executable, "-m", "fpg_bench", "leaderboard", "serve", str(site), "--port", "0"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline().startswith("http://127.0.0.1:")
-        process.send_signal(signal.SIGINT)
-        try:
-            out, err = process.communicate(timeout=60)
-        finally:
-            process.kill()
-    assert (process.returncode, out, err) == (0, "stopped\n", "")

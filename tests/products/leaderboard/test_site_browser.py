@@ -2,7 +2,6 @@
 
 import json
 import re
-import threading
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +12,6 @@ from fpg_bench.evaluation.statistics import difference
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.leaderboard.site.build import build_site
-from fpg_bench.products.leaderboard.site.serve import make_server
 from tests.products.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds, visits
 from tests.products.leaderboard.example_board import example_board, small_zoo, with_link
 
@@ -640,22 +638,6 @@ def test_the_skip_link_comes_first_and_leads_to_the_content(visit):
     assert page.evaluate("document.activeElement.className") == "skip"
     page.keyboard.press("Enter")
     assert page.evaluate("document.activeElement.id") == "main"
-
-
-def test_it_can_be_served_as_well(visit, site):
-    with make_server(site, 0) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        try:
-            home = f"http://127.0.0.1:{server.server_port}"
-            page = visit(origin=home)
-            for name in (WATCHED, "crossplay.html"):
-                page.goto(f"{home}/{name}")
-                assert page.locator("h1").is_visible()
-                page.wait_for_load_state("networkidle")  # the icon, too, before the server goes
-        finally:
-            server.shutdown()
-            thread.join()
 
 
 SCREENS = {"phone": PHONE, "desktop": {"width": 1440, "height": 900}}
