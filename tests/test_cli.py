@@ -47,7 +47,13 @@ def test_help_names_every_verb_and_loads_nothing_heavy():
         assert verb in result.stdout
 
 
-LISTS = ("listed", "zoo"), ("listed", "suites"), ("completed", "ally-scripted/"), ("completed", "")
+LISTS = (
+    ("listed", "zoo"),
+    ("listed", "suites"),
+    ("listed", "players"),
+    ("completed", "ally-scripted/"),
+    ("completed", ""),
+)
 LIST = """
 import sys
 from fpg_bench.cli.main import main

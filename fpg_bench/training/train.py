@@ -66,7 +66,7 @@ from fpg_bench.training.run_folder import RunFolder, command_line, revision
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EVALUATIONS = 20
+EVALUATIONS = 10  # each plays some 30,000 steps
 LOGS = 100  # at least, of a long run that learns from rollouts
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
 _logger = logging.getLogger(__name__)
