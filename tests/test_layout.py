@@ -33,7 +33,7 @@ FLOORS = {
     "cli": 6,
     "products": 7,
 }
-MOST_CODE = 13_014  # lines of the core; to raise it is a decision, in a commit of its own
+MOST_CODE = 13_022  # lines of the core; to raise it is a decision, in a commit of its own
 HEAVY = ("numba", "torch", "stable_baselines3", "matplotlib", "onnxruntime")
 
 
