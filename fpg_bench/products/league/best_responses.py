@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, cast
@@ -28,6 +29,8 @@ from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import check_run, train
+
+_logger = logging.getLogger(__name__)
 
 RESULT = "best_responses.json"
 # Reward of best responses by the side of the player: an ally's lowest return is what anybody can do to it, an
@@ -109,6 +112,7 @@ def best_responses(config: BestResponseConfig, out: str | Path, *, progress: boo
                 result["responses"].append(response)
                 result["lowest"] = _lowest_return(result)
                 write_json(file, result)
+                _logger.info(f"trained with seed {seed}: {response['return']:.2f} per step")
     return result
 
 

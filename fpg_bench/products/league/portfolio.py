@@ -339,6 +339,7 @@ class _Portfolio:
                 side=self.target.side,
                 scenario=self.asked[0],
                 path=self.asked[1],
+                progress=False,
             )
             return max(made["seconds"] - (time.process_time() - began), 0.0)
 

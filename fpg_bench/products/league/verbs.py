@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -75,7 +76,8 @@ def best_response(
         asked = {name: options.get(name) for name in ("side", "reward", "actions", "allow")}
         _search_response(search, agent, out, budget, **asked, **game)
         return
-    row = best_responses(BestResponseConfig(agent=agent, game=game, **options), out)
+    config = BestResponseConfig(agent=agent, game=game, **options)
+    row = best_responses(config, out, progress=sys.stdout.isatty())
     for response in row["responses"]:
         print_line(
             f"{response_label(response)}: {response['return']:.2f} per step, {_jamming(response)}; "

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from optuna.distributions import CategoricalDistribution
 from optuna.trial import FrozenTrial, TrialState
 
-from fpg_bench.common.canvas import Style, blank_figure, image_of, literal
+from fpg_bench.common.canvas import COLOURS, Style, blank_figure, image_of, literal, styled
+from fpg_bench.common.canvas import PAGE as WIDTH
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.products.tuning.space import format_values, from_params
@@ -24,9 +25,9 @@ PAGE = "report.html"
 _STYLE = (
     ":root{color-scheme:light dark}body{font-family:sans-serif;margin:1em auto;padding:0 1em;max-width:62em}"
     "td,th{padding:.2em .8em;text-align:left}.table{overflow-x:auto}svg{max-width:100%;height:auto}"
-    "@media (prefers-color-scheme:dark){svg{filter:invert(1) hue-rotate(180deg)}}"
 )
-_DOT: Style = {"color": "#0072b2", "alpha": 0.7, "s": 22}
+_BLUE, _RED = COLOURS[:2]
+_DOT: Style = {"color": _BLUE, "alpha": 0.7, "s": 12}
 _PER_LINE = 3  # hyper-parameters of a line of panels
 
 
@@ -84,50 +85,57 @@ def _complete(study: optuna.Study) -> list[FrozenTrial]:
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
 
 
+@styled
 def _history(study: optuna.Study) -> Figure:
     """Draw the score of each trial, and the best so far."""
-    figure = blank_figure(9, 3)
+    figure = blank_figure(WIDTH, 2.4)
     axes = figure.subplots()
     numbers, scores = zip(*((trial.number, trial.value) for trial in _complete(study)), strict=True)
-    axes.scatter(numbers, scores, **_DOT)
-    axes.step(numbers, np.maximum.accumulate(scores), where="post", color="#d55e00", label="best so far")
+    axes.scatter(numbers, scores, label="trial", **_DOT)
+    axes.step(numbers, np.maximum.accumulate(scores), where="post", color=_RED, label="best so far")
     axes.set(xlabel="trial", ylabel="score")
-    axes.legend(frameon=False)
+    axes.legend()
     return figure
 
 
+@styled
 def _intermediate(study: optuna.Study) -> Figure:
     """Draw the scores of each trial during its training; a cross marks where one was pruned."""
-    figure = blank_figure(9, 3)
+    figure = blank_figure(WIDTH, 2.4)
     axes = figure.subplots()
     for trial in study.get_trials(deepcopy=False):
         if trial.intermediate_values:
             steps, scores = zip(*sorted(trial.intermediate_values.items()), strict=True)
-            axes.plot(steps, scores, lw=1, marker=".", color="#0072b2", alpha=0.4)
+            axes.plot(steps, scores, lw=1, marker=".", color=_BLUE, alpha=0.4)
             if trial.state == TrialState.PRUNED:
-                axes.plot(steps[-1], scores[-1], "x", color="#d55e00")
+                axes.plot(steps[-1], scores[-1], "x", color=_RED)
+    axes.plot([], [], ".-", color=_BLUE, label="trial")
+    axes.plot([], [], "x", color=_RED, label="pruned")
     axes.set(xlabel="evaluation", ylabel="score of the seeds so far")
+    axes.legend()
     return figure
 
 
+@styled
 def _importances(study: optuna.Study) -> Figure:
     """Draw how much of the scores' variation each hyper-parameter explains."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = optuna.importance.get_param_importances(study)
-    figure = blank_figure(9, 0.8 + 0.28 * len(found))
+    figure = blank_figure(WIDTH, 0.6 + 0.18 * len(found))
     axes = figure.subplots()
-    axes.barh([literal(name) for name in found][::-1], list(found.values())[::-1], color="#0072b2")
+    axes.barh([literal(name) for name in found][::-1], list(found.values())[::-1], color=_BLUE)
     axes.set_xlabel("share of the variation that it explains")
     return figure
 
 
+@styled
 def _slices(study: optuna.Study) -> Figure:
     """Draw the score over each hyper-parameter."""
     trials = _complete(study)
     names = sorted({name for trial in trials for name in trial.params})
     lines = -(-len(names) // _PER_LINE)
-    figure = blank_figure(9, 2.6 * lines)
+    figure = blank_figure(WIDTH, 1.8 * lines)
     for name, axes in zip_longest(names, figure.subplots(lines, _PER_LINE, squeeze=False, sharey=True).flat):
         if name is None:
             axes.set_visible(False)
@@ -140,7 +148,6 @@ def _slices(study: optuna.Study) -> Figure:
         if getattr(kind, "log", False):
             axes.set_xscale("log")
         axes.set_xlabel(literal(name))
-        axes.tick_params(labelsize=8)
     return figure
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import logging
 import shlex
 
 import pytest
@@ -135,13 +136,18 @@ def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result
 
 
 @pytest.mark.slow
-def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys):
+def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys, caplog):
+    caplog.set_level(logging.INFO)
     options = {"steps": 400, "n_seeds": 1, "hyperparams": settings("ppo")}
     best_response("tone", tmp_path / "out", options=options, game={})
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
     assert [row["reward"] for row in result["responses"]] == ["own"]
     assert result["lowest"]["against"] in result["scripts"]
     assert "not best responses" not in capsys.readouterr().out  # it was not paid for the opponent's loss
+    earned = result["responses"][0]["return"]
+    assert [line for line in caplog.messages if "per step" in line or "training" in line] == [
+        f"trained with seed 0: {earned:.2f} per step"
+    ]
 
 
 @pytest.mark.slow

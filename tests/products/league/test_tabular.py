@@ -1,6 +1,7 @@
 """Tables and portfolios: what they find, resumption, and the exported agent."""
 
 import json
+import logging
 from itertools import pairwise
 from pathlib import Path
 
@@ -91,9 +92,11 @@ def test_an_exported_table_plays_as_the_table_to_the_bit(side, name):
 
 
 @pytest.mark.slow
-def test_an_obvious_hole_is_found_in_a_second_and_exported_as_an_agent(tmp_path):
+def test_an_obvious_hole_is_found_in_a_second_and_exported_as_an_agent(tmp_path, caplog):
+    caplog.set_level(logging.INFO)
     result = tabular_response("idle", tmp_path / "out", side="ally", features=FEW, budget=1)
     assert result["returns"]["idle"]["high"] < -12  # random play leaves it 15
+    assert 1 <= sum(line.startswith("generation") for line in caplog.messages) <= 4 < result["generations"]
     assert result == json.loads((tmp_path / "out" / "tabular.json").read_text())
     card = load_agent(tmp_path / "out" / "agent", "opponent").card
     assert (card.algorithm, card.recipe["cells"]) == ("tabular", result["cells"])
