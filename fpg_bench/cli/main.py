@@ -61,7 +61,7 @@ _VERBS: dict[str, Callable[..., None] | typer.Typer | None] = {
     "submit": None,
     "leaderboard": None,
 }
-_VERBS |= {name: load("verb", name) for name in offered("verb") if " " not in name}
+_VERBS |= {name: load("verb", name) for name in offered("verb")}
 for name, verb in _VERBS.items():
     if isinstance(verb, typer.Typer):
         app.add_typer(verb, name=name)
