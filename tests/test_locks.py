@@ -41,12 +41,11 @@ WRITERS = {
     "leaderboard break": ("ally/idle agent --name Me --author Me --folder board", BOARD),
     "leaderboard build": ("--folder board --out site", "site"),
     "leaderboard close-season": ("4 --folder board --work work --out season", "work/at-work-ally"),
-    "leaderboard audit-season": ("season-3 --folder board --work work", "work/audit"),
 }
 SHARED = {"tune run"}  # several machines work on one study
-SINGLE_FILES = {"play", "table", "curves", "tune report", "scenario show"}  # each is replaced as a whole
+SINGLE_FILES = {"play", "table", "curves", "scenario show"}  # each is replaced as a whole
 READERS = {
-    *("envs", "players", "suites", "zoo", "scenario check", "plan replay", "plan probe", "dataset list"),
+    *("envs", "players", "suites", "zoo", "scenario check", "plan replay", "dataset list"),
     *("dataset check", "hub push", "submit check"),
     "leaderboard season",
 }

@@ -112,7 +112,7 @@ EXTRAS = {
             "gymnasium.make('FPG/AllyVsScripted-v0', render_mode='rgb_array').reset()",
         )
     ),
-    "llm": Extra(tries=("plan probe --deadline 1",)),
+    "llm": Extra(tries=("plan compare llm --out nowhere",)),
     "fast": Extra(("reproduce yang-2026 tables --learner jax --n-seeds 1 --out fast",), base="train"),
     "train": Extra(
         (
@@ -127,15 +127,11 @@ EXTRAS = {
             "fictitious-self-play --generations 1 --out nowhere",
             "best-response nobody --out nowhere",
             "double-oracle --side nobody --out nowhere",
-            "leaderboard audit-season nothing --work nowhere",
             "leaderboard close-season ../nothing --work nowhere --folder nowhere",
         ),
     ),
     "tune": Extra(
-        (
-            "tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --steps 500 --rounds 2 --out study",
-            "tune report study",
-        ),
+        ("tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --steps 500 --rounds 2 --out study",),
         ("tune export nowhere mine.yml",),
     ),
     "supersuit": Extra(("fpg_bench.supersuit_vec_env(n_envs=2).reset()",), base="train"),

@@ -43,7 +43,7 @@ _ORDER = (  # of --help, with those of products, which are there or not
 _VERBS: dict[str, str | None] = dict.fromkeys(_ORDER.split())
 _VERBS |= {name: f"fpg_bench.cli.{module}:{name}" for module, names in _OWN.items() for name in names}
 _VERBS["scenario"] = "fpg_bench.cli.scenario:app"
-_VERBS |= {name: place for name, place in offered("verb").items() if " " not in name}
+_VERBS |= offered("verb")
 
 
 class _Commands(UserDict[str, Any]):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
 import sys
 import time
@@ -13,13 +12,11 @@ from pathlib import Path
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import HParam
 
 from fpg_bench.common.output import is_terminal
 from fpg_bench.common.parallel import LINE_EVERY_S
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
-from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.interrupts import StopRequest
@@ -27,7 +24,6 @@ from fpg_bench.training.models import by_side
 
 _OF_MONITOR = ("r", "l", "t")  # in an episode's information beside its measures
 SAVE_EVERY_S = 60.0
-FILM_EVERY = 10  # steps between two pictures of a film
 
 _logger = logging.getLogger(__name__)
 
@@ -50,34 +46,6 @@ class GameMeasuresCallback(BaseCallback):
         infos = self.model.ep_info_buffer or ()
         for name in {name: None for info in infos for name in info if name not in _OF_MONITOR}:
             self.logger.record(f"game/{name}", float(np.mean([info[name] for info in infos if name in info])))
-
-    def _on_step(self) -> bool:
-        return True
-
-
-class DescriptionCallback(BaseCallback):
-    """Log how a run is made: its description as text, and its hyper-parameters, as TensorBoard compares them.
-
-    Args:
-        about: description of the run.
-        sides: the sides that are evaluated.
-    """
-
-    def __init__(self, about: RunDescription, sides: Sequence[str]) -> None:
-        super().__init__()
-        self._about, self._sides = about, sides
-
-    def _on_training_start(self) -> None:
-        about = self._about.to_dict()
-        text = json.dumps(about, indent=2)
-        made = {"id": about["game"]["id"], **self._about.hyperparameters}
-        made |= {key: about[key] for key in ("algorithm", "training_seed", "training_steps") if key in about}
-        plain: dict[str, bool | str | float | None] = {}
-        plain |= {name: x if isinstance(x, bool | int | float | str) else str(x) for name, x in made.items()}
-        metrics = {score_tag(side, "score", self._sides): 0.0 for side in self._sides}
-        self.logger.record("run/description", f"```json\n{text}\n```")
-        self.logger.record("hparams", HParam(plain, metrics or {"rollout/ep_rew_mean": 0.0}))
-        self.logger.dump(self.num_timesteps)
 
     def _on_step(self) -> bool:
         return True

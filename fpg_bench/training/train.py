@@ -43,7 +43,6 @@ from fpg_bench.players.planner import CountsPlans, asks_language_model
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
-    DescriptionCallback,
     EvalCheckpointCallback,
     GameMeasuresCallback,
     ProgressCallback,
@@ -419,8 +418,7 @@ class _Run:
         Raises:
             KeyboardInterrupt: stopped by the user.
         """
-        started = self.about.model_copy(update={"finished": False, "part": self._part})
-        started.write(self.folder.path)
+        self.about.model_copy(update={"finished": False, "part": self._part}).write(self.folder.path)
         self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
         if kept := self.model.num_timesteps:  # TensorBoard drops what a killed process logged behind it
             (output,) = self.model.logger.output_formats
@@ -447,8 +445,7 @@ class _Run:
                     steps = budget - model.num_timesteps
                     interval = _log_interval(model, budget)
                     _warn_of_overshoot(model, steps)
-                    about = DescriptionCallback(started, tuple(evaluators))
-                    callbacks = [about, GameMeasuresCallback(interval), checkpoints, *bars]
+                    callbacks = [GameMeasuresCallback(interval), checkpoints, *bars]
                     model.learn(steps, callbacks, log_interval=interval, reset_num_timesteps=False)
             except (RuntimeError, ValueError) as error:
                 if tells_divergence(error, self.sides) or not is_finite(model):

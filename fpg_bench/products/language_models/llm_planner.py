@@ -196,7 +196,7 @@ class LLMPlanner(BatchPlanner):
         self._client.complete_all([body for _, body in talks], self.concurrency, keep)
         for index, reply in failed.items():
             if not self._is_answered:  # nothing is kept, so that the same run can go on once it is mended
-                mend = "mend the server or the FPG_LLM_ variables, and try fpg-bench plan probe"
+                mend = "mend the server or the FPG_LLM_ variables"
                 raise UserError(f"planner {self.name}: {reply.detail}; {mend}")
             keep(index, reply)
         for index, (talk, _) in enumerate(talks):

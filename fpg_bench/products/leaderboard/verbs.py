@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.fields import with_fields
-from fpg_bench.cli.options import LocalWorkersOption, WorkersOption, share
+from fpg_bench.cli.options import WorkersOption, share
 from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.locks import locked
@@ -310,7 +310,7 @@ def season(
     name: Annotated[str, typer.Argument(help="A season, such as season-3, or its folder.")],
     folder: FolderOption = Path("leaderboard"),
 ) -> None:
-    """Describe the members of a season's suites, and name the entries that came after it was closed.
+    """Describe the members of a season's suites, check its seed, and name the entries that came later.
 
     Example: fpg-bench leaderboard season season-3
     """
@@ -319,33 +319,3 @@ def season(
 
     for line in describe_season(name, folder):
         print_line(line)
-
-
-@leaderboard.command()
-@with_fields
-def audit_season(
-    name: Annotated[str, typer.Argument(help="A shipped season (season-3), or its folder.")],
-    work: Annotated[Path, typer.Option(help="Folder to train in.")],
-    folder: FolderOption = Path("leaderboard"),
-    member: Annotated[list[str] | None, typer.Option(help="Member to train again; can be repeated.")] = None,
-    n_members: Annotated[
-        int, typer.Option(min=1, help="Number of members of each side if none is named.")
-    ] = 2,
-    workers: LocalWorkersOption = Workers(2),
-) -> None:
-    """Train members of a season again, and compare the entries' returns against old and new members.
-
-    Example: fpg-bench leaderboard audit-season season-3 --work runs/audit
-    """
-    require_extra("train", "torch")
-    from fpg_bench.products.leaderboard.season import audit
-    from fpg_bench.products.leaderboard.season.entries import read_entries
-    from fpg_bench.products.leaderboard.season.season import load_season
-
-    season = load_season(name)
-    with locked(work / "audit", work):
-        entries = read_entries(folder, scenario=season.scenario)
-        verdicts = audit.audit_season(season, entries, work, member, n_members, workers=workers)
-    for verdict in verdicts:
-        print_line(f"{verdict.name}: {verdict.line}")
-    raise typer.Exit(0 if all(verdict.is_good for verdict in verdicts) else 1)

@@ -181,19 +181,6 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     assert fpg("leaderboard", "crossplay", "--folder", tmp_path) == (0, "crossplay: 0 of 0 pairs to play\n")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("--sample much", "expected a percentage such as 5%, got 'much'"),
-        ("--folder nowhere", "leaderboard nowhere: has no folder submissions; fpg-bench leaderboard init "),
-    ],
-)
-def test_bad_words_are_one_line(words, message):
-    done = CliRunner().invoke(app, ["leaderboard", "verify", *words.split()])
-    assert isinstance(done.exception, UserError)
-    assert str(done.exception).startswith(message)
-
-
 def test_pages_of_the_board_load_little(board, tmp_path):
     build_site(board, tmp_path)
 
