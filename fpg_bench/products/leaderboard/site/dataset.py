@@ -54,7 +54,7 @@ def dataset_files(board: Board, board_json: str) -> dict[str, str]:
     about = metadata(
         "fpg-bench-leaderboard",
         "Verified results of the fpg-bench leaderboard: scores of agents, scripts and planners against "
-        "public, unseen and shifted rivals in a game of communication and jamming between two UAVs.",
+        "public, held-out and shifted rivals in a game of communication and jamming between two UAVs.",
         board.version,
         f"The fpg-bench authors. fpg-bench {board.version}, leaderboard of {board.built}.",
         ["reinforcement learning", "benchmark results"],
