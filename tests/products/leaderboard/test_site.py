@@ -260,7 +260,7 @@ def test_an_entry_without_a_score_that_ranks_has_no_rank(plain_site):
     assert (row["rank"], row["gap"], row["scores"][UNSEEN]) == ("–", None, [None] * 3)
     text = Page(plain_site / entry_file(2)).text
     assert "over the public suite" in text
-    assert "It has not played the unseen suite, so it has no rank." in text
+    assert "It has not played the held-out suite, so it has no rank." in text
 
 
 def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, pages, plain_site):
