@@ -38,7 +38,8 @@ _OWN = {
 }
 _ORDER = (  # of --help, with those of products, which are there or not
     "play train offline evaluate table curves best-response double-oracle tabular-self-play "
-    "fictitious-self-play export reproduce envs players suites scenario zoo tune plan dataset hub submit leaderboard"
+    "fictitious-self-play export reproduce envs players suites scenario zoo tune plan dataset hub submit "
+    "leaderboard"
 )
 _VERBS: dict[str, str | None] = dict.fromkeys(_ORDER.split())
 _VERBS |= {name: f"fpg_bench.cli.{module}:{name}" for module, names in _OWN.items() for name in names}
