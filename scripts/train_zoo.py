@@ -29,7 +29,7 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import EvaluatedPlayer, player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_record
-from fpg_bench.evaluation.store import pairings
+from fpg_bench.evaluation.store import Store, pairings
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.players.agent import load_agent
@@ -134,9 +134,9 @@ def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
     records = []
     for suite in map(load_suite, group.suites):
         known = {record.key for record in zoo.read_records(group, suite)}
-        for store, entries in ((zoo.store(suite), scripts), (zoo.store(group), agents)):
+        for of, entries in ((suite, scripts), (group, agents)):
             missing = [pairing for pairing in pairings(entries, suite) if pairing.key not in known]
-            store.fill(missing, progress=partial(_tell, suite))
+            Store(zoo.records_file(of)).fill(missing, progress=partial(_tell, suite))
         records += zoo.read_records(group, suite)
     return records
 

@@ -112,7 +112,7 @@ EXTRAS = {
             "gymnasium.make('FPG/AllyVsScripted-v0', render_mode='rgb_array').reset()",
         )
     ),
-    "llm": Extra(tries=("plan compare llm --out nowhere",)),
+    "llm": Extra(tries=("play --planner llm",)),
     "fast": Extra(("reproduce yang-2026 tables --learner jax --n-seeds 1 --out fast",), base="train"),
     "train": Extra(
         (

@@ -26,7 +26,6 @@ from fpg_bench.players.player import SIDES
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.entry import EvaluatedPlayer
-    from fpg_bench.evaluation.store import Store
 
 SCORES = "scores/summary.json"  # of a zoo's folder
 Players = Mapping[tuple[str, int | None], str]  # fingerprints by name and training seed
@@ -135,12 +134,6 @@ class Zoo:
         if isinstance(of, Suite):
             return self.folder / "scores" / "scripts" / f"{of.name}.jsonl"
         return self.scores(of) / "records.jsonl"
-
-    def store(self, of: ZooGroup | Suite) -> Store:
-        """Return the store of that file."""
-        from fpg_bench.evaluation.store import Store  # needs the extra `evaluate`
-
-        return Store(self.records_file(of))
 
     def members(self, only: str | None = None) -> list[ZooAgent]:
         """Return the agents, by group, algorithm and seed.

@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 from pydantic import Field, field_validator, model_validator
 
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.schema import Expected, Items, PositiveInt, Strict, parse
 
@@ -152,6 +153,7 @@ def endpoint_from_environment(server: str | None = None) -> Endpoint:
     Raises:
         UserError: something is missing or invalid; the message names the variables to set.
     """
+    require_extra("llm", "openai")
     profile = load_server(server or _variable(SERVER) or "generic")
     base_url, model = _variable(BASE_URL) or profile.base_url, _variable(MODEL) or profile.model
     missing = []

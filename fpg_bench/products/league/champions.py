@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fpg_bench.common.checks import check_keys, integer, mapping, one_of
 from fpg_bench.common.errors import UserError
@@ -41,7 +42,7 @@ class Champion:
     seeds: int
 
     @classmethod
-    def parse(cls, name: str, content: JsonObject, where: str) -> Champion:
+    def parse(cls, name: str, content: Mapping[str, Any], where: str) -> Champion:
         """Return the champion of an entry; raises UserError for an invalid one."""
         options = dict(content)
         verb, seeds = one_of(options.pop("verb", None), f"{where}: verb", SEARCHES), options.pop("seeds", 3)

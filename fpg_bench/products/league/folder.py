@@ -56,7 +56,7 @@ def as_json(content: Mapping[str, object]) -> JsonObject:
     return read
 
 
-def check_same(file: Path, kind: str, about: JsonObject) -> JsonObject:
+def check_same(file: Path, kind: str, about: Mapping[str, object]) -> JsonObject:
     """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
     content = read_json(file, kind)
     if found := first_difference(about, {key: content.get(key) for key in about}):

@@ -2,6 +2,7 @@
 
 import json
 import logging
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -190,12 +191,14 @@ def test_another_search_needs_another_folder(tmp_path, local):
 @pytest.mark.full
 @pytest.mark.slow
 def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, local, monkeypatch):
-    monkeypatch.setattr(mixing, "MATCHES", 5)
-    options = {"side": "ally", "steps": 400, "imitation_steps": 400, "n_scripts": 2, "table_budget": 0.3}
-    options |= {"algorithm": "ppo", "hyperparams": settings("ppo")}
-    first = portfolio("idle", tmp_path, budget=0.5, **options)
+    small = {"MATCHES": 5, "STEPS": 400, "IMITATION_STEPS": 400, "N_SCRIPTS": 2, "TABLE_BUDGET": 0.3}
+    for name, value in (small | {"ALGORITHM": "ppo"}).items():
+        monkeypatch.setattr(mixing, name, value)
+    load = partial(mixing.load_hyperparameters, file=settings("ppo"))
+    monkeypatch.setattr(mixing, "load_hyperparameters", load)
+    first = portfolio("idle", tmp_path, side="ally", budget=0.5)
     begun = RowFile(tmp_path / mixing.ROWS).read()
-    result = portfolio("idle", tmp_path, budget=first["seconds"] + 8, **options)
+    result = portfolio("idle", tmp_path, side="ally", budget=first["seconds"] + 8)
     rows = RowFile(tmp_path / mixing.ROWS).read()
     assert rows[: len(begun)] == begun
     assert {row["method"] for row in rows} == {"script", "tabular", "pupil", "ppo"}
@@ -215,7 +218,8 @@ def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, loc
 
 def test_no_code_is_run_on_the_word_of_a_portfolio_s_rows(tmp_path, monkeypatch, local):
     monkeypatch.setattr(mixing, "MATCHES", 2)
-    portfolio("idle", tmp_path, side="ally", budget=1e-3, n_scripts=0)
+    monkeypatch.setattr(mixing, "N_SCRIPTS", 0)
+    portfolio("idle", tmp_path, side="ally", budget=1e-3)
     file = tmp_path / mixing.ROWS
     (row,) = RowFile(file).read()
     file.write_text(json.dumps(row | {"response": "package.module:object"}) + "\n")
