@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from fpg_bench.products.leaderboard.site import serve
-from fpg_bench.products.leaderboard.site.build import MARK
+from fpg_bench.products.leaderboard.site.mark import MARK
 
 
 @pytest.fixture

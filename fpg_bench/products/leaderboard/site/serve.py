@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 from urllib.parse import urlsplit
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.products.leaderboard.site.build import MARK
+from fpg_bench.products.leaderboard.site.mark import MARK
 
 HOST = "127.0.0.1"
 _LOCAL = (HOST, "localhost")  # a name of another host comes from a page that was led here
