@@ -32,7 +32,7 @@ from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.products import load
 from fpg_bench.training.algorithms import ALGORITHMS, JOINT
-from fpg_bench.training.config import RunConfig
+from fpg_bench.training.config import EVALUATIONS, RunConfig
 
 if TYPE_CHECKING:
     from fpg_bench.training.run_folder import RunFolder
@@ -86,7 +86,7 @@ def train(
     restart: RestartOption = False,
     seed: SeedOption = None,
     seeds: SeedsOption = None,
-    n_evals: EvaluationsOption = 20,
+    n_evals: EvaluationsOption = EVALUATIONS,
     against: Annotated[
         str | None,
         typer.Option(

@@ -102,8 +102,9 @@ class _Cache(caching.FunctionCache):
 def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
     """Compile a function: no fast-math (identical bits), no GIL, cached on disk.
 
-    All of a step of the game is put into one piece of machine code, without wrappers for C and reference counts
-    (``_nrt``): the game allocates nothing, and counting took more time than some of its equations.
+    All of a step of the game is put into one piece of machine code, without wrappers for C, which nobody
+    calls, and without Numba's reference counts (``_nrt``): the game allocates nothing, and counting took more
+    time than some of its equations.
 
     Args:
         function: the function.

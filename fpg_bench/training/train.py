@@ -54,7 +54,7 @@ from fpg_bench.training.checkpoint import (
     save_model,
     steps_of,
 )
-from fpg_bench.training.config import RunConfig
+from fpg_bench.training.config import EVALUATIONS, RunConfig
 from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import as_option, load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
@@ -65,7 +65,6 @@ from fpg_bench.training.run_folder import RunFolder, command_line, revision
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EVALUATIONS = 10  # each plays some 30,000 steps
 LOGS = 100  # at least, of a long run that learns from rollouts
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
 _logger = logging.getLogger(__name__)

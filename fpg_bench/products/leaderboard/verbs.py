@@ -12,6 +12,7 @@ from fpg_bench.cli.fields import with_fields
 from fpg_bench.cli.options import WorkersOption, share
 from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.files import write_whole
 from fpg_bench.common.locks import locked
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
@@ -232,24 +233,31 @@ def build(
         typer.Option(help="URL of the documentation, relative to OUT. Default: the site includes the rules."),
     ] = "",
 ) -> None:
-    """Build the static site; it can be viewed offline.
+    """Build the static site, unless nothing has changed since the last time; it can be viewed offline.
 
     Example: fpg-bench leaderboard build
     """
     require_extra("leaderboard", "jinja2")
-    from fpg_bench.products.leaderboard.board import make_board
-    from fpg_bench.products.leaderboard.entries import load_entries
-    from fpg_bench.products.leaderboard.past_seasons import read_seasons
-    from fpg_bench.products.leaderboard.site.build import build_site, check_folder
-    from fpg_bench.products.leaderboard.site.page_data import submitted_policies
-    from fpg_bench.products.leaderboard.site.replays import make_replays
+    from fpg_bench.products.leaderboard.site.mark import MARK, check_folder, made_of
 
     check_folder(out)
     with locked(out):
+        mark = out / MARK
+        if mark.exists() and mark.read_text(encoding="utf-8") == made_of(folder, out, replays, docs):
+            print_line(f"nothing has changed since it was built: open {out / 'index.html'}")
+            return
+        from fpg_bench.products.leaderboard.board import make_board
+        from fpg_bench.products.leaderboard.entries import load_entries
+        from fpg_bench.products.leaderboard.past_seasons import read_seasons
+        from fpg_bench.products.leaderboard.site.build import build_site
+        from fpg_bench.products.leaderboard.site.page_data import submitted_policies
+        from fpg_bench.products.leaderboard.site.replays import make_replays
+
         entries = load_entries(folder)
         rounds = make_replays(entries, out, simulate=replays)
         board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
         files = build_site(board, out, rounds, docs, submitted_policies(entries), read_seasons(folder))
+        write_whole(mark, made_of(folder, out, replays, docs))
     n_entries, n_rounds = len(entries.verified) + len(entries.rejected), sum(map(len, rounds.values()))
     print_line(
         f"{n_entries} entries, {n_rounds} rounds to watch, {len(files)} files: open {out / 'index.html'}"

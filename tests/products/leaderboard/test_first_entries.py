@@ -215,3 +215,25 @@ def test_a_leaderboard_starts_empty_and_is_built_with_the_game(tmp_path):
     assert "has not been played" in (tmp_path / "site" / "crossplay.html").read_text()
     with pytest.raises(UserError, match="holds files already"):
         start_board(tmp_path / "own")
+
+
+def test_a_site_is_built_again_only_if_it_or_what_it_is_made_of_changed(tmp_path, capsys):
+    start_board(tmp_path / "own")
+    site, page = tmp_path / "site", tmp_path / "site" / "index.html"
+    build(site, tmp_path / "own", replays=False)
+    capsys.readouterr()
+    changes = (
+        lambda: None,
+        page.unlink,
+        lambda: page.write_text("cut"),
+        lambda: (tmp_path / "own" / "more.txt").write_text("more"),
+    )
+    built = []
+    for change in changes:
+        change()
+        build(site, tmp_path / "own", replays=False)
+        built.append("nothing has changed" not in capsys.readouterr().out)
+        assert "No entries yet" in page.read_text()
+    build(site, tmp_path / "own", replays=False, docs="..")
+    assert built == [False, True, True, True]
+    assert "nothing has changed" not in capsys.readouterr().out
