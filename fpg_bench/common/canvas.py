@@ -41,7 +41,7 @@ _PLAYERS = (
 )
 # On a dark page colours are turned round and hues stay: black becomes white, blue stays blue.
 _TURNED = b"svg{filter:invert(1) hue-rotate(180deg) brightness(1.35)}"
-_DARK = b"<style>@media (prefers-color-scheme:dark){%b}</style>" % _TURNED
+_DARK = b"<style>svg{color-scheme:light dark} @media (prefers-color-scheme:dark){%b}</style>" % _TURNED
 
 
 def styled(draw: _Draw) -> _Draw:

@@ -235,24 +235,24 @@ def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
     label = "score" if planned else textwrap.fill(suite.scale.description, 48)
     axes.set(ylim=(-0.6, len(summaries) - 0.4), xlabel=label)
     first = "" if count == len(summaries) else f", the first {len(summaries)} of {count:,}"
-    figure.suptitle(canvas.literal(f"{suite.name}, {suite.matches} matches per rival{first}"))
+    title = f"{suite.name}, {suite.matches} matches per rival{first}; 95 % intervals"
+    figure.suptitle(canvas.literal(textwrap.fill(title, 54)))
     marks = {"mean": {"color": canvas.GREY, "marker": "o"}} if planned else _KINDS
     for label, style in marks.items():
-        axes.errorbar([], [], xerr=[], label=f"{label}, 95 % interval", ls="", **style)
+        axes.errorbar([], [], xerr=[], label=label, ls="", **style)
     axes.plot([], [], "|", color=canvas.GREY, ms=6, label="one rival")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     canvas.write_figure(figure, path)
 
 
 def _draw_curves(axes: Axes, summaries: Sequence[Summary], styles: Iterable[canvas.Style]) -> None:
-    suite = summaries[0].suite
-    rounds = range(1, suite.rounds_per_match + 1)
+    rounds = range(1, summaries[0].suite.rounds_per_match + 1)
     for s, style in zip(summaries, styles, strict=True):
         curve = learning_curve(s)
         axes.plot(rounds, [score.value for score in curve], **style)
         low, high = ([getattr(score, end) for score in curve] for end in ("low", "high"))
         axes.fill_between(rounds, low, high, color=style["color"], alpha=0.15, lw=0)
-    scale = textwrap.fill(suite.scale.description, 40)
+    scale = textwrap.fill(summaries[0].suite.scale.description, 40)
     axes.set(xlabel="round of the match; marks as on the right", ylabel=scale, xticks=rounds)
 
 

@@ -137,7 +137,7 @@ def test_a_figure_fits_a_page_of_a_journal_and_pages_that_are_dark(runs):
     assert {text.get_fontsize() for text in figure.findobj(Text) if text.get_text()} == {8}
     legend = {text.get_text() for text in figure.legends[0].get_texts()}
     assert legend == {"ppo", "sac", "95 % interval of the mean"}
-    assert "prefers-color-scheme:dark" in image
+    assert "svg{color-scheme:light dark} @media (prefers-color-scheme:dark)" in image
     assert ">score</text>" in image  # text that can be searched
     assert "fill: #ffffff" not in image
     assert "fill: #ff0000" not in image
