@@ -6,6 +6,7 @@ import logging
 import shlex
 
 import pytest
+import train_champions
 import yaml
 
 from fpg_bench.common.errors import UserError
@@ -489,3 +490,13 @@ def test_an_invalid_champion_is_refused_in_one_line(tmp_path):
         with pytest.raises(UserError, match=message) as caught:
             load_champion(tmp_path, **changes)
         assert "\n" not in str(caught.value)
+
+
+def test_a_champion_of_an_earlier_revision_is_trained_there(tmp_path, monkeypatch):
+    file = tmp_path / "champions.yml"
+    file.write_text("old: abc1234\n")
+    words = ["train_champions.py", "--only", "old", "--file", str(file), "--runs", str(tmp_path / "runs")]
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(UserError, match="old is trained at revision abc1234; check it out and run this"):
+        train_champions.main()
+    assert not (tmp_path / "runs").exists()
