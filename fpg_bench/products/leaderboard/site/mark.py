@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-import fpg_bench
 from fpg_bench.common.files import check_own_folder
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.version import versions
@@ -28,7 +27,7 @@ def made_of(folder: Path, out: Path, *options: object) -> str:
     """
     digest, home = hashlib.sha256(repr((options, versions())).encode()), baselines_folder()
     others = (home.parent / name for name in ("docs", "results", "leaderboard"))
-    for root in (Path(fpg_bench.__file__).parent, home, *others, folder, out):
+    for root in (Path(__file__).parents[3], home, *others, folder, out):
         for path in sorted(root.rglob("*")):
             if path.is_file() and path.name != MARK and "__pycache__" not in path.parts:
                 digest.update(f"\0{path.relative_to(root)}\0{path.stat().st_size}\0".encode())
