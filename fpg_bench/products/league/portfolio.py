@@ -162,6 +162,9 @@ def portfolio(
         for name in (*SCRIPTS[other], *variants):
             if search.spent < budget:
                 search.add(name, "script")
+        best = min(search.rows, key=lambda row: min(row.returns.values()), default=None)
+        if best is not None:
+            search.log(f"strongest of {len(search.rows)}, {best.response}", best)
         for number, method in ((k, method) for k in count() for method in METHODS):
             left = budget - search.spent
             if left <= 0:
@@ -293,7 +296,12 @@ class _Portfolio:
         )
         self.file.append([row.model_dump(exclude_none=True)])
         self.rows.append(row)
-        _logger.info(f"{response}: lowest {min(returns.values()):.2f} per step; spent {self.spent:.0f} CPU s")
+        if method != "script":
+            self.log(response, row)
+
+    def log(self, what: str, row: _Response) -> None:
+        """Log what a row found, and the CPU seconds so far."""
+        _logger.info(f"{what}: lowest {min(row.returns.values()):.2f} per step; spent {self.spent:.0f} CPU s")
 
     def add_table(self, number: int, budget: float) -> None:
         """Add a table."""

@@ -167,7 +167,7 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
     page.wait_for_url("**#track=opponent-pursuit&a=player-*")
     expect(page.locator("#verdict")).to_contain_text("Player 1")
     headings = page.locator("#comparison h2").all_inner_texts()
-    assert [heading.partition(":")[0] for heading in headings[:3]] == ["Public", "Unseen", "Shifted"]
+    assert [heading.partition(":")[0] for heading in headings[:3]] == ["Public", "Held-out", "Shifted"]
     assert page.locator("#comparison svg").count() == 3 + 4 + 3  # all rivals, then each of them
 
 

@@ -190,7 +190,8 @@ def test_another_search_needs_another_folder(tmp_path, local):
 
 @pytest.mark.full
 @pytest.mark.slow
-def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, local, monkeypatch):
+def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, local, monkeypatch, caplog):
+    caplog.set_level(logging.INFO)
     small = {"MATCHES": 5, "STEPS": 400, "IMITATION_STEPS": 400, "N_SCRIPTS": 2, "TABLE_BUDGET": 0.3}
     for name, value in (small | {"ALGORITHM": "ppo"}).items():
         monkeypatch.setattr(mixing, name, value)
@@ -203,6 +204,8 @@ def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, loc
     assert rows[: len(begun)] == begun
     assert {row["method"] for row in rows} == {"script", "tabular", "pupil", "ppo"}
     assert len({row["response"] for row in rows}) == len(rows)
+    told = [line for line in caplog.messages if "spent" in line]  # a line for all scripts of a call
+    assert len(told) == 2 + sum(row["method"] != "script" for row in rows)
     best = min(rows, key=lambda row: row["returns"]["idle"])
     found = result["returns"][result["lowest"]]
     assert (found["response"], found["method"]) == (best["response"], best["method"])
