@@ -301,7 +301,7 @@ def draw(rows: Sequence[Line]) -> Figure:
                     most = max(float(row[name]) for name in levers)
                     shown[y, x] = most if title == "value" else 100 * most / float(row["value"])
                     ink = "white" if shown[y, x] > (7 if title == "value" else 15) else "black"
-                    text = number(shown[y, x], digits=1 if title == "value" else 0)
+                    text = number(shown[y, x], digits=1 if title == "value" else 0).replace("-", "\u2212")
                     axes.text(x, y, text, ha="center", va="center", color=ink)
             scale = Normalize(4, 9) if title == "value" else Normalize(0, 30)
             axes.imshow(shown, cmap="Greys", norm=scale, origin="lower", aspect="auto")
@@ -324,7 +324,7 @@ def _mark_radios(axes: Axes) -> None:
     rows = [sum(checks) / 2 for checks in sorted(REACTIONS)]
     for name, (hop, reaction) in RADIOS.items():
         x, y = np.interp(hop, HOPS, range(len(HOPS))), np.interp(reaction, rows, range(len(rows)))
-        mark = {"weight": "bold", "color": OPPONENT, "ha": "center", "va": "center"}
+        mark = {"weight": "bold", "color": OPPONENT, "ha": {"C": "right"}.get(name, "left"), "va": "center"}
         axes.text(x, y if reaction >= rows[0] else -0.36, name, **mark)
 
 
