@@ -91,7 +91,7 @@ def test_the_script_keeps_a_finished_search_and_writes_page_and_picture(tmp_path
     assert text.endswith("<!-- end -->\nafter\n")
     assert "4.00 (`bold`, seed 4, iteration 0, 10 steps)" in text
     assert "](value.svg)" in text
-    assert "prefers-color-scheme: dark" in (tmp_path / "value.svg").read_text()
+    assert "prefers-color-scheme:dark" in (tmp_path / "value.svg").read_text()
     (search / "search.json").write_text("{}")
     with pytest.raises(UserError, match="the search is not finished"):
         value_of_game.main()
