@@ -42,6 +42,7 @@ html_favicon = "../fpg_bench/products/leaderboard/site/static/icon.svg"
 html_search_scorer = str(HERE / "search_scorer.js")
 html_static_path = ["_static"]
 html_css_files = ["wide_tables.css"]
+html_js_files = [("enlarge.js", {"defer": "defer"})]
 html_copy_source = False
 html_show_copyright = False
 # The board, where `make docs` has built it, stands in the folder `board` of the site.

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 import os
 import resource
 import subprocess
@@ -34,6 +35,7 @@ import fpg_bench
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.products.teams.sb3_vec_env import make_sb3_team
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.fast_ppo import FastPPO
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -154,20 +156,23 @@ def child_seconds(*words: object, **variables: str) -> float:
 
 
 def stepping(quick: bool) -> list[Figure]:
-    """Compare the batch of games and a single environment with CartPole."""
+    """Compare the batch of games and single environments with CartPole."""
     repeats, batch_steps, steps = (3, 30, 2000) if quick else (9, 290, 15_000)
-    env = gymnasium.make(ENV_ID)
-    single_rate(env, 2)  # compiles the scripted players
+    env, link = gymnasium.make(ENV_ID), gymnasium.make(ENV_ID, scenario="link")
+    for each in (env, link):
+        single_rate(each, 2)  # compiles the scripted players
     rates = interleaved(
         repeats,
         one=partial(batch_rate, GameBatch(STANDARD, BATCH_GAMES, threads=1), batch_steps),
         cart_pole=partial(single_rate, gymnasium.make("CartPole-v1"), steps),
         single=partial(single_rate, env, steps),
+        link=partial(single_rate, link, steps),
     )
     ratios = {name: float(np.median(values / rates["cart_pole"])) for name, values in rates.items()}
     return [
         Figure("4096 games, one thread / CartPole-v1", ratios["one"], 20),
         Figure("single environment / CartPole-v1", ratios["single"], 0.4),
+        Figure("single environment of link / CartPole-v1", ratios["link"], 0.3),
     ]
 
 
@@ -198,6 +203,18 @@ def learning(quick: bool) -> list[Figure]:
     ]
 
 
+def team(quick: bool) -> list[Figure]:
+    """Compare an ally's step in a team with one of the duel, in the same scenario."""
+    seats = make_sb3_team(PPO_GAMES, side="ally", rivals="tone")
+    duels = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0, scenario="link", opponent="tone")
+    repeats, steps = (3, 20) if quick else (9, 200)
+    rates = interleaved(
+        repeats, duels=partial(vec_env_rate, duels, steps), seats=partial(vec_env_rate, seats, steps)
+    )
+    ratio = float(np.median(rates["duels"] / rates["seats"]))
+    return [Figure("CPU time of a team's ally step / a duel's, link", ratio, 6, at_least=False)]
+
+
 def updating(quick: bool) -> list[Figure]:
     """Compare the rollouts and updates of FastPPO with those of Stable-Baselines3's PPO."""
     parameters = load_hyperparameters("ppo-fast", ENV_ID)
@@ -222,10 +239,16 @@ def updating(quick: bool) -> list[Figure]:
 
 
 def waiting(quick: bool) -> list[Figure]:
-    """Measure the CPU seconds of commands: the lists of names, and a first compilation of the game."""
+    """Measure the CPU seconds of commands beside those of imports alone, which no command can be below."""
     repeats = 1 if quick else 5
     program = ("-m", "fpg_bench")
-    runs = {verb: partial(child_seconds, *program, verb) for verb in ("zoo", "players", "suites")}
+    verbs = ("zoo", "players", "suites")
+    runs: dict[str, Any] = {verb: partial(child_seconds, *program, verb) for verb in verbs}
+    floors = {
+        "import fpg_bench, which registers ids": "import fpg_bench",
+        "import torch, and a first optimizer": "import torch; torch.optim.Adam([torch.zeros(1)])",
+    }
+    runs |= {floor: partial(child_seconds, "-c", code) for floor, code in floors.items()}
     seconds = {verb: float(np.median(of)) for verb, of in interleaved(repeats, **runs).items()}
     make = f"import fpg_bench; games = fpg_bench.make_sb3({ENV_ID!r})"
     play = ("-c", f"{make}; games.reset(); games.step(games.action_space.sample()[None])")
@@ -234,6 +257,7 @@ def waiting(quick: bool) -> list[Figure]:
         cold = child_seconds(*play, NUMBA_CACHE_DIR=folder)
     bounds = {"zoo": 0.9, "players": 0.6, "suites": 0.6}
     return [
+        *(Figure(f"CPU s of {floor}", seconds[floor], math.inf, False) for floor in floors),
         *(Figure(f"CPU s of fpg-bench {verb}", seconds[verb], bounds[verb], False) for verb in bounds),
         Figure("CPU s of a first compilation of the game", cold - warm, 6, at_least=False),
     ]
@@ -250,7 +274,11 @@ def results() -> list[Figure]:
         agents = [runs / f"seed_{seed}" / "agent" for seed in range(SEEDS)]
         out = Path(folder, "results")
         spent += child_seconds(*program, "evaluate", *agents, "--matches", 20, "--out", out)
+        site = ("leaderboard", "build", "--out", Path(folder, "site"))
+        child_seconds(*program, *site)
+        again = child_seconds(*program, *site)
     return [
+        Figure("CPU s of leaderboard build, nothing changed", again, 2, at_least=False),
         Figure("CPU s of train ppo-fast, 2,000,000 steps", trained, 15, at_least=False),
         Figure("CPU s from five seeds x 400,000 to a table", spent, 30, at_least=False),
     ]
@@ -308,7 +336,7 @@ def main() -> None:
     quick = parser.parse_args().quick
     warnings.filterwarnings("ignore", module="stable_baselines3")
     torch.set_num_threads(1)
-    kinds: list[Callable[[bool], list[Figure]]] = [learning, choosing, updating, waiting]
+    kinds: list[Callable[[bool], list[Figure]]] = [learning, team, choosing, updating, waiting]
     rest: list[Callable[[], list[Figure]]] = [partial(kind, quick) for kind in kinds]
     parts = [partial(stepping, quick), memory, *rest]
     for part in parts if quick else [*parts, results]:

@@ -2,12 +2,13 @@
 
 ``system.svg``, ``detection.svg`` and ``seasons.svg`` show the rules and the protocol; ``waterfall.svg`` a
 round and what the ally's waterfall shows of it; ``crossplay.svg`` the board's cross-play in ``standard``;
-``clones.svg`` a round of a team whose allies choose alike. They are dark where the reader's system is.
+``clones.svg`` a round of a team whose allies choose alike.
 """
 
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import cast
@@ -19,8 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 import fpg_bench  # noqa: F401  registers the ids
-from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, image_of
-from fpg_bench.common.files import write_whole
+from fpg_bench.common.canvas import ALLY, OPPONENT, PAGE, blank_figure, styled, write_figure
 from fpg_bench.envs.gymnasium_env import FPGEnv
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
@@ -36,20 +36,18 @@ BAND_MHZ = STANDARD.band_low_mhz, STANDARD.band_high_mhz
 STEPS = 60  # of the round in waterfall.svg
 FIRST = 8  # entries of each side in crossplay.svg: the highest means
 CLONE = "ally-link/ppo-stack8/seed_0"
-# Colours are turned round, hues stay: white becomes black, blue stays blue.
-DARK = "<style>@media (prefers-color-scheme: dark) { svg { filter: invert(1) hue-rotate(180deg) } }</style>"
 Place = tuple[float, float]
 
 
 def system() -> Figure:
     """Draw who sends, hears and jams what in a step."""
-    figure, axes = canvas(8.6, 3.3)
+    figure, axes = canvas(2.75)
     boxes = {
         "base": ((1.15, 1.5), "base station", INK),
         "ally": ((4.2, 2.6), "ally UAV\nhop, spread, speed", ALLY),
         "knowledge": ((7.6, 2.6), "expert knowledge base\nwhich points are free", ALLY),
         "opponent": ((4.2, 0.5), "opponent UAV\ntype, centre, flight", OPPONENT),
-        "planner": ((7.6, 0.5), "planner of the path\nscript, search, language model", OPPONENT),
+        "planner": ((7.6, 0.5), "planner of the path\nscript, search or LLM", OPPONENT),
     }
     for (x, y), text, colour in boxes.values():
         box(axes, (x, y), text, colour)
@@ -63,7 +61,7 @@ def system() -> Figure:
 
 def detection() -> Figure:
     """Draw what the opponent knows of the ally's frequency, and what changes it."""
-    figure, axes = canvas(8.6, 2.7)
+    figure, axes = canvas(2.25)
     box(axes, (1.5, 1.3), "known\njamming may cover", OPPONENT)
     box(axes, (7.1, 1.3), "out of date\nthe age grows", GREY)
     arrow(axes, (2.7, 1.5), (5.9, 1.5), "the ally hops", (4.3, 1.62), ALLY)
@@ -78,7 +76,7 @@ def detection() -> Figure:
 
 def seasons() -> Figure:
     """Draw which seeds and rivals are known when."""
-    figure, axes = canvas(8.6, 2.6)
+    figure, axes = canvas(2.1)
     axes.annotate("", (8.9, 1.2), (0.1, 1.2), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.6})
     marks = (
         (1.1, "train and tune", "public rivals,\ntraining and tuning seeds"),
@@ -91,7 +89,7 @@ def seasons() -> Figure:
         axes.text(x, 1.42, what, ha="center", va="bottom", weight="bold", color=INK)
         axes.text(x, 0.98, about, ha="center", va="top", color=GREY)
     span(axes, (0.3, 5.1), "a public score may be learned by heart", 2.15)
-    span(axes, (5.5, 8.7), "an unseen score cannot", 2.15)
+    span(axes, (5.5, 8.7), "a held-out score cannot", 2.15)
     return figure
 
 
@@ -110,14 +108,14 @@ def waterfall() -> Figure:
         shown, *_ = env.step(np.int64(16 if step % 10 == 9 else 0))  # by the knowledge base every ten seconds
         recording.add()
     frames = recording.frames[1:]
-    figure = blank_figure(8.6, 3.6)
+    figure = blank_figure(PAGE, 2.8)
     left, right = figure.subplots(1, 2, sharey=True)
     seconds = np.arange(STEPS)
     half = STANDARD.footprint_half_widths_mhz[JAMMING_TYPES.index("narrowband")]
     left.barh(
         seconds, 2 * half, left=frames["jamming_mhz"] - half, color=OPPONENT, alpha=0.6, label="jamming"
     )
-    left.plot(frames["frequency_mhz"], seconds, "|", color=ALLY, ms=7, mew=3, label="ally")
+    left.plot(frames["frequency_mhz"], seconds, "|", color=ALLY, ms=4, mew=2, label="ally")
     left.set(
         xlim=BAND_MHZ,
         ylim=(STEPS, -1),
@@ -125,28 +123,40 @@ def waterfall() -> Figure:
         ylabel="second",
         title="what happens",
     )
-    left.legend(frameon=False, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.2))
-    right.imshow(shown, cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto", extent=(*BAND_MHZ, STEPS - 0.5, -0.5))
+    image = right.imshow(
+        shown, cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto", extent=(*BAND_MHZ, STEPS - 0.5, -0.5)
+    )
     right.set(xlabel="frequency, MHz", title="the ally's waterfall")
+    figure.colorbar(image, label="level", ticks=(-1, 0, 1))
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
 def crossplay() -> Figure:
     """Draw the ally's return per step of the best allies against the best opponents in ``standard``."""
-    played = make_board(load_entries(ROOT / "leaderboard")).crossplay["standard"]
-    allies, opponents = played.allies, played.opponents
+    board = make_board(load_entries(ROOT / "leaderboard"))
+    played = board.crossplay["standard"]
     table = np.array(played.returns["ally"])
     best = np.argsort(-table.mean(1))[:FIRST], np.argsort(table.mean(0))[:FIRST]
     table = table[np.ix_(*best)]
-    figure = blank_figure(8.6, 4.6)
-    axes = figure.subplots()
-    image = axes.imshow(table, cmap="RdBu", vmin=-22, vmax=22, aspect="auto")
-    for (row, column), value in np.ndenumerate(table):
-        axes.text(
-            column, row, f"{value:.1f}", ha="center", va="center", color="w" if abs(value) > 14 else INK
+    rows, columns = (
+        [textwrap.fill(board.names(side)[slugs[k]], width) for k in of]
+        for side, slugs, of, width in (
+            ("ally", played.allies, best[0], 22),
+            ("opponent", played.opponents, best[1], 9),
         )
-    axes.set_xticks(range(len(best[1])), [opponents[k] for k in best[1]], rotation=30, ha="right")
-    axes.set_yticks(range(len(best[0])), [allies[k] for k in best[0]])
+    )
+    figure = blank_figure(PAGE, 3)
+    axes = figure.subplots()
+    image = axes.imshow(table, cmap="Blues", aspect="auto")
+    for (row, column), value in np.ndenumerate(table):
+        ink = "white" if value > (table.max() + table.min()) / 2 else "black"
+        axes.text(
+            column, row, f"{value:.1f}".replace("-", "\N{MINUS SIGN}"), ha="center", va="center", color=ink
+        )
+    axes.set_xticks(range(len(columns)), columns)
+    axes.set_yticks(range(len(rows)), rows)
+    axes.set(xlabel="opponents", ylabel="allies")
     figure.colorbar(image, label="ally's return per step")
     return figure
 
@@ -161,11 +171,11 @@ def clones() -> Figure:
 DIAGRAMS: Sequence[Callable[[], Figure]] = (system, detection, seasons, waterfall, crossplay, clones)
 
 
-def canvas(width: float, height: float) -> tuple[Figure, Axes]:
+def canvas(height: float) -> tuple[Figure, Axes]:
     """Return a figure without axes, 9 units wide and in proportion high."""
-    figure = blank_figure(width, height)
+    figure = blank_figure(PAGE, height)
     axes = figure.subplots()
-    axes.set(xlim=(0, 9), ylim=(0, 9 * height / width))
+    axes.set(xlim=(0, 9), ylim=(0, 9 * height / PAGE))
     axes.axis("off")
     return figure, axes
 
@@ -176,25 +186,25 @@ def box(axes: Axes, place: Place, text: str, colour: str) -> None:
     (x, y), width, height = place, 2.15, 0.72
     style = "round,pad=0.03,rounding_size=0.08"
     patch = FancyBboxPatch(
-        (x - width / 2, y - height / 2), width, height, boxstyle=style, fc="w", ec=colour, lw=1.8
+        (x - width / 2, y - height / 2), width, height, boxstyle=style, fc="none", ec=colour, lw=1.8
     )
     axes.add_patch(patch)
     axes.text(x, y + (0.14 if rest else 0), head, ha="center", va="center", weight="bold", color=colour)
     if rest:
-        axes.text(x, y - 0.16, rest[0], ha="center", va="center", color=GREY, fontsize=8.5)
+        axes.text(x, y - 0.16, rest[0], ha="center", va="center", color=GREY)
 
 
 def arrow(axes: Axes, start: Place, end: Place, text: str, where: Place, colour: str = INK) -> None:
     """Draw an arrow, and its name at a place."""
     axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.6})
-    axes.text(*where, text, ha="center", va="center", color=colour, fontsize=9)
+    axes.text(*where, text, ha="center", va="center", color=colour)
 
 
 def loop(axes: Axes, place: Place, text: str) -> None:
     """Draw an arrow from a box to itself, and its name above."""
     (x, y), style = place, {"arrowstyle": "-|>", "color": GREY, "lw": 1.4, "connectionstyle": "arc3,rad=-1.6"}
     axes.annotate("", (x + 0.25, y), (x - 0.25, y), arrowprops=style)
-    axes.text(x, y + 0.5, text, ha="center", va="bottom", color=GREY, fontsize=9)
+    axes.text(x, y + 0.5, text, ha="center", va="bottom", color=GREY)
 
 
 def span(axes: Axes, ends: Place, text: str, y: float) -> None:
@@ -205,15 +215,9 @@ def span(axes: Axes, ends: Place, text: str, y: float) -> None:
     axes.text(sum(ends) / 2, y + 0.12, text, ha="center", va="bottom", color=GREY)
 
 
-def write(figure: Figure, path: Path) -> None:
-    """Write a figure as SVG, dark where the reader's system is."""
-    head, mark, rest = image_of(figure, "svg", path.stem).decode().partition("<defs>")
-    write_whole(path, head + DARK + mark + rest)
-
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Draw the diagrams of the documentation.")
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
     for draw in DIAGRAMS:
-        write(draw(), folder / f"{draw.__name__}.svg")
+        write_figure(styled(draw)(), folder / f"{draw.__name__}.svg")

@@ -22,13 +22,12 @@ from pathlib import Path
 
 import numpy as np
 from lineage import fill
-from make_diagrams import write
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from measure_payoffs import Frozen, Values
 
-from fpg_bench.common.canvas import blank_figure
+from fpg_bench.common.canvas import OPPONENT, PAGE, blank_figure, styled, write_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number
@@ -269,6 +268,7 @@ def table(rows: Sequence[Line]) -> str:
     return markdown_table(lines)
 
 
+@styled
 def draw(rows: Sequence[Line]) -> Figure:
     """Draw value and levers over hop time and reaction, and over hop time and power."""
     known = {tuple(row[name] for name in COLUMNS[:3]): row for row in rows}
@@ -291,7 +291,7 @@ def draw(rows: Sequence[Line]) -> Figure:
         "spread %": ("spread",),
         "type, tuning %": ("type", "tuning"),
     }
-    figure = blank_figure(7.16, 3.9)
+    figure = blank_figure(PAGE, 3.9)
     for axes_row, (label, names, others) in zip(figure.subplots(2, 4), planes, strict=True):
         for axes, (title, levers) in zip(axes_row, panels.items(), strict=True):
             shown = np.full((len(others), len(HOPS)), np.nan)
@@ -300,20 +300,21 @@ def draw(rows: Sequence[Line]) -> Figure:
                     most = max(float(row[name]) for name in levers)
                     shown[y, x] = most if title == "value" else 100 * most / float(row["value"])
                     ink = "white" if shown[y, x] > (7 if title == "value" else 15) else "black"
-                    text = number(shown[y, x], digits=1 if title == "value" else 0)
-                    axes.text(x, y, text, ha="center", va="center", fontsize=8, color=ink)
+                    text = number(shown[y, x], digits=1 if title == "value" else 0).replace("-", "\u2212")
+                    axes.text(x, y, text, ha="center", va="center", color=ink)
             scale = Normalize(4, 9) if title == "value" else Normalize(0, 30)
             axes.imshow(shown, cmap="Greys", norm=scale, origin="lower", aspect="auto")
-            axes.set_xticks(range(len(HOPS)), [f"{hop:g}" for hop in HOPS], fontsize=8)
-            axes.set_yticks(range(len(names)), names if levers == ("value",) else [], fontsize=8)
-            axes.set_title(title, fontsize=8)
+            axes.set_xticks(range(len(HOPS)), [f"{hop:g}" for hop in HOPS])
+            axes.set_yticks(range(len(names)), names if levers == ("value",) else [])
+            axes.set_title(title)
             at = names.index("4") if others[0][1] == others[-1][1] else names.index("39")
             axes.plot(2, at, "s", ms=26, mfc="none", mec="black")
             axes.set(xlim=(-0.5, len(HOPS) - 0.5), ylim=(-0.5, len(names) - 0.5))
             if others[0][1] == others[-1][1]:
                 _mark_radios(axes)
-        axes_row[0].set_ylabel(label, fontsize=8)
-        axes_row[0].set_xlabel("hop time / dwell; square: link", fontsize=8)
+        axes_row[0].set_ylabel(label)
+    radios = "B Bluetooth, E ExpressLRS, C CABELL V3, under a follower of 1 ms"
+    figure.supxlabel(f"hop time / dwell; square: link; {radios}")
     return figure
 
 
@@ -322,7 +323,7 @@ def _mark_radios(axes: Axes) -> None:
     rows = [sum(checks) / 2 for checks in sorted(REACTIONS)]
     for name, (hop, reaction) in RADIOS.items():
         x, y = np.interp(hop, HOPS, range(len(HOPS))), np.interp(reaction, rows, range(len(rows)))
-        mark = {"fontsize": 8, "weight": "bold", "color": "#d55e00", "ha": "center", "va": "center"}
+        mark = {"weight": "bold", "color": OPPONENT, "ha": {"C": "right"}.get(name, "left"), "va": "center"}
         axes.text(x, y if reaction >= rows[0] else -0.36, name, **mark)
 
 
@@ -348,7 +349,7 @@ def main() -> None:
             print(*row.values(), sep=", ", flush=True)
     if options.page:
         rows = read_rows(options.file)
-        write(draw(rows), options.page.with_suffix(".svg"))
+        write_figure(draw(rows), options.page.with_suffix(".svg"))
         fill(options.page, {"map": table(rows)})
 
 

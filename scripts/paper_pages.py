@@ -1,23 +1,28 @@
-"""Rewrite the committed numbers on the paper's claims from the committed runs, without training.
+"""Rewrite the committed numbers and figures on the paper's claims from the committed runs, without training.
 
 ``python scripts/paper_pages.py`` writes ``figures.md``, ``fifths.csv`` and ``levels-*.csv`` of the three
-presets, and ``tests.csv`` with the tests of all committed runs, into ``docs/results/paper``. ``fpg-bench
-reproduce`` makes the runs and the figures, with a full report on each preset.
+presets, ``tests.csv`` with the tests of all committed runs, and all figures into ``docs/results/paper``.
+``fpg-bench reproduce`` makes the runs, with a full report on each preset.
 """
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, StrictUndefined
+from matplotlib.figure import Figure
 
+from fpg_bench.common.canvas import COLOURS, PAGE, Style, blank_figure, styled, write_figure
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.products.paper.claims import compare
 from fpg_bench.products.paper.experiment import BUDGETS
+from fpg_bench.products.paper.figures import FIGURES
 from fpg_bench.products.paper.report import CAPTIONS, fifths_table, levels_csv, tests_table
 from fpg_bench.products.paper.report import content as report_content
 from fpg_bench.products.paper.runs import RunFile, Runs, read_results
@@ -34,6 +39,19 @@ VARIANTS_OF = {  # stored names of the trained variants, by what differs from fi
     "interference=twice": "hops=always,hop-cost=0,memory=for-ever",
     "noise=0.04": "interference=once,hops=always,hop-cost=0,memory=for-ever,noise=0.04",
     "as-printed, noise=0.04": "as-printed,noise=0.04",
+}
+CLAIMS = {  # in the words of a figure
+    "D1": "planned paths beat fixed",
+    "D2": "overlap falls, success rises",
+    "D3 level": "each type below the ally",
+    "D3 order": "tone weakest, broad strongest",
+    "D4 knowledge": "knowledge base helps",
+    "D4 planner": "planner beats learned path",
+}
+VERDICTS: dict[str, Style] = {
+    "holds": {"color": COLOURS[0], "marker": "o"},
+    "not shown": {"color": COLOURS[-1], "marker": "_"},
+    "the opposite": {"color": COLOURS[1], "marker": "v", "mfc": "none"},
 }
 # Of each report: preset, budget, seeds, and the command after its name.
 REPORTS = (
@@ -134,6 +152,81 @@ def figures_page(parts: dict[str, dict[str, Any]]) -> str:
     )
 
 
+def write_figures(folder: Path = PAGES) -> list[Path]:
+    """Write all figures into folders of the pages, and return their paths."""
+    figures = {
+        f"figures/{name}-{preset}": draw(results_of(preset, budget, seeds), preset)
+        for preset, budget, seeds, _ in REPORTS
+        for name, draw in FIGURES.items()
+    }
+    tenth = results_of("figures", "tenth", range(200, 210))
+    figures["figures/fig5-figures-tenth"] = FIGURES["fig5"](tenth, "figures")
+    alone = RunFile(RUNS, "paper", "full")
+    alone.path = ROOT / "results/language-model/fig3/rows.jsonl.gz"
+    runs = results_of("paper", "full", range(10)).runs | read_results(alone, {"llm": range(1)}).runs
+    figures["../fig7-language-model"] = FIGURES["fig7"](Runs(runs), "paper")
+    for name, draw in (("screen", draw_screen), ("trained-variants", draw_variants)):
+        figures[f"figures/{name}"] = draw(folder)
+    paths = [folder / f"{name}.svg" for name in figures]
+    for path, figure in zip(paths, figures.values(), strict=True):
+        write_figure(figure, path)
+    return paths
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """Return the lines of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@styled
+def draw_screen(folder: Path) -> Figure:
+    """Draw the share of the interpretations with a setting under which each claim holds."""
+    lines = read_csv(folder / "screen-points.csv")
+    shares = np.array([[int(line[f"{claim} holds %"]) for claim in CLAIMS] for line in lines])
+    figure = blank_figure(PAGE, 3.7)
+    axes = figure.subplots()
+    axes.imshow(shares, cmap="Blues", vmin=0, vmax=100, aspect="auto")
+    for (row, column), share in np.ndenumerate(shares):
+        axes.text(column, row, share, ha="center", va="center", color="white" if share > 65 else "black")
+    axes.set_xticks(
+        range(len(CLAIMS)), [text.replace(" ", "\n", 2).replace("\n", " ", 1) for text in CLAIMS.values()]
+    )
+    axes.set_yticks(range(len(lines)), [f"{line['point']}: {line['setting']}" for line in lines])
+    for row, (line, before) in enumerate(zip(lines[1:], lines, strict=False)):
+        if line["point"] != before["point"]:
+            axes.axhline(row + 0.5, color="white", lw=2)
+    figure.supxlabel("share of the interpretations under which a claim holds, %")
+    return figure
+
+
+@styled
+def draw_variants(folder: Path) -> Figure:
+    """Draw the verdict on each part of the claims under each trained variant."""
+    names = ("figures", *VARIANTS_OF)
+    tested = [
+        line
+        for line in read_csv(folder / "tests.csv")
+        if line["budget"] == "hundredth" and line["game"] in names
+    ]
+    parts = list(dict.fromkeys(line["claimed to be positive"] for line in tested))
+    figure = blank_figure(PAGE, 3.6)
+    axes = figure.subplots()
+    for verdict, style in VERDICTS.items():
+        places = [
+            (names.index(line["game"]), parts.index(line["claimed to be positive"]))
+            for line in tested
+            if line["by itself"] == verdict
+        ]
+        axes.plot(*np.transpose(places), ls="", ms=5, mew=1.2, label=verdict, **style)
+    axes.set_xticks(range(len(names)), names, rotation=35, ha="right")
+    axes.set_yticks(range(len(parts)), parts)
+    axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(parts) - 0.5, -0.5))
+    axes.grid(alpha=0.3, lw=0.5)
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
 def as_csv(headings: list[str], tables: Iterable[tuple[tuple[str, ...], list[list[str]]]]) -> str:
     """Return tables below each other as CSV, each line behind the cells that come with its table."""
     every: list[list[str]] = []
@@ -144,5 +237,5 @@ def as_csv(headings: list[str], tables: Iterable[tuple[tuple[str, ...], list[lis
 
 
 if __name__ == "__main__":
-    for path in write_pages():
+    for path in [*write_pages(), *write_figures()]:
         print(path)

@@ -32,7 +32,7 @@ FIRST = 8  # entries of each side in docs/pictures/crossplay.svg
 PLANNER_SCORES = "docs/guides/planner-v1.csv"
 HEADLINE = ("player", "", "public score", "held-out score", "lowest known return")
 ENTRIES = ("entry", "seeds", "held-out score", "rank", "public", "shifted", "lowest known return")
-UNBROKEN = ("entry", "keeps at most", "found by", "CPU s", "responses")
+FOUND = ("found by", "CPU s")  # the lowest return, of allies
 PerEntry = tuple[BoardEntry, Figures]
 per_step = partial(number, digits=2)
 
@@ -70,19 +70,6 @@ def attacked(key: str) -> list[PerEntry]:
     return sorted(entries, key=lambda each: -lowest(each[1]).return_per_step.value)
 
 
-def unbroken(key: str) -> str:
-    """Return the table of the entries that somebody tried to break."""
-    lines = []
-    for entry, figures in attacked(key):
-        attack, count = lowest(figures), len(figures.exploited.attacks if figures.exploited else ())
-        ends = (per_step(end) for end in (attack.return_per_step.low, attack.return_per_step.high))
-        value = f"{kept(figures)} [{', '.join(ends)}]"
-        found_by = f"{attack.name}, {', '.join(attack.authors)}" if attack.name else attack.rival
-        seconds = "-" if attack.seconds is None else number(attack.seconds, digits=0)
-        lines.append([player(entry), value, found_by, seconds, str(count)])
-    return markdown_table([UNBROKEN, *lines])
-
-
 def score(interval: Interval) -> str:
     """Return a score with its interval."""
     return f"{number(interval.value)} {bounds(interval)}"
@@ -115,14 +102,19 @@ def headline() -> str:
 
 def track_table(key: str) -> str:
     """Return the table of the entries of a track with responses; of opponents, the first ones."""
-    lines = []
-    for entry, figures in attacked(key) or verified(key)[:FIRST_OPPONENTS]:
+    lines, broken = [], attacked(key)
+    for entry, figures in broken or verified(key)[:FIRST_OPPONENTS]:
         scores = [number(figures.scores[role].value) for role in (PUBLIC, SHIFTED)]
         rank = "-".join(map(str, dict.fromkeys(figures.rank or ())))
         seeds = str(figures.training_seeds or "-")
-        held_out = score(figures.scores[UNSEEN])
-        lines.append([player(entry), seeds, held_out, rank, *scores, kept(figures)])
-    return markdown_table([ENTRIES, *lines])
+        lines.append([player(entry), seeds, score(figures.scores[UNSEEN]), rank, *scores, kept(figures)])
+        if broken:
+            attack = lowest(figures)
+            ends = (per_step(end) for end in (attack.return_per_step.low, attack.return_per_step.high))
+            lines[-1][-1] += f" [{', '.join(ends)}]"
+            cost = "-" if attack.seconds is None else number(attack.seconds, digits=0)
+            lines[-1] += [attack.name or attack.rival, cost]
+    return markdown_table([ENTRIES + FOUND * bool(broken), *lines])
 
 
 def lowest_of(slug: str) -> str:
@@ -164,8 +156,6 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
             "allies in link": track_table("ally-link"),
             "opponents that fly themselves": track_table("opponent-learned"),
             "opponents in pursuit": track_table("opponent-pursuit"),
-            "unbroken": unbroken("ally"),
-            "unbroken in link": unbroken("ally-link"),
         },
         "docs/results/findings.md": {
             "most against hunter": most_against("hunter"),

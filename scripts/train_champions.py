@@ -3,7 +3,7 @@
 python scripts/train_champions.py                                 all of them; run it again to resume
 python scripts/train_champions.py --only ally-champion --seed 0   one
 
-Of a champion that a search finds, the iterations of all seeds' searches stand beside the agents.
+Of a double oracle, the iterations of all seeds stand beside the agents.
 """
 
 from __future__ import annotations
@@ -16,15 +16,8 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.output import print_messages
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.products.league.champions import (
-    SearchedChampion,
-    load_champions,
-    search_folder,
-    ship_champion,
-    train_champion,
-)
-from fpg_bench.products.league.config import SearchConfig
-from fpg_bench.products.league.search import ROWS, keep_search
+from fpg_bench.products.league.champions import load_champions
+from fpg_bench.products.league.double_oracle import ROWS, keep_search
 
 
 def main() -> None:
@@ -38,21 +31,23 @@ def main() -> None:
     parser.add_argument("--progress", action="store_true", help="show the progress of each training")
     options = parser.parse_args()
     print_messages()
-    configs = load_champions(options.file or baselines_folder() / "champions.yml")
-    if options.only is not None and options.only not in configs:
-        raise UserError(f"only: no champion {options.only!r}{nearest(options.only, configs)}")
+    champions = load_champions(options.file or baselines_folder() / "champions.yml")
+    if options.only is not None and options.only not in champions:
+        raise UserError(f"only: no champion {options.only!r}{nearest(options.only, champions)}")
+    if isinstance(revision := champions.get(options.only), str):
+        raise UserError(f"only: {options.only} is trained at revision {revision}; check it out and run this")
     agents = options.agents or baselines_folder() / "agents"
-    for name in [options.only] if options.only else list(configs):
-        config = configs[name]
-        for seed in range(config.seeds) if options.seed is None else (options.seed,):
-            agent = train_champion(config, seed, options.runs, progress=options.progress)
-            folder = agents / name / config.algorithm / f"seed_{seed}"
+    for name, champion in champions.items():
+        if isinstance(champion, str) or options.only not in (None, name):
+            continue
+        for seed in range(champion.seeds) if options.seed is None else (options.seed,):
+            run, folder = options.runs / name / f"seed_{seed}", agents / name / champion.config.algorithm
+            agent = champion.train(seed, run, progress=options.progress)
             command = f"python scripts/train_champions.py --only {name} --seed {seed}"
-            ship_champion(agent, folder, config, seed, command)
-            if isinstance(config, SearchedChampion) and isinstance(config.config, SearchConfig):
-                search = search_folder(config, seed, options.runs)
-                keep_search(search, folder.with_name(ROWS))
-            print(f"shipped: {folder}", flush=True)
+            champion.ship(agent, folder / f"seed_{seed}", seed, command)
+            if (run / ROWS).exists():
+                keep_search(run, folder / ROWS)
+            print(f"shipped: {folder / f'seed_{seed}'}", flush=True)
 
 
 if __name__ == "__main__":

@@ -3,14 +3,13 @@
 python scripts/train_zoo.py [--only ally-scripted/ppo] [--n-jobs 2]    trains; run it again to resume
 python scripts/train_zoo.py --list      shows which agents are shipped
 python scripts/train_zoo.py --check     evaluates every shipped agent again and compares the records
-python scripts/train_zoo.py --compact   drops records that repeat a matchup, or of suites that no group has
+python scripts/train_zoo.py --compact   drops records that are there twice, on the board, or of no suite
 python scripts/train_zoo.py --tables    adds missing records; writes baselines/README.md and its pictures
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import signal
 import sys
@@ -29,8 +28,8 @@ from fpg_bench.common.parallel import Job, Workers, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import EvaluatedPlayer, player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.record import MatchupKey, Record, read_record
-from fpg_bench.evaluation.store import pairings
+from fpg_bench.evaluation.record import Record, read_record
+from fpg_bench.evaluation.store import Store, pairings
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
 from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.players.agent import load_agent
@@ -134,8 +133,10 @@ def add_missing_records(zoo: Zoo, group: ZooGroup) -> list[Record]:
     agents = [agent.entry() for agent in zoo.members(group.name) if agent.shipped]
     records = []
     for suite in map(load_suite, group.suites):
-        for store, entries in ((zoo.store(suite), scripts), (zoo.store(group), agents)):
-            store.fill(pairings(entries, suite), progress=partial(_tell, suite))
+        known = {record.key for record in zoo.read_records(group, suite)}
+        for of, entries in ((suite, scripts), (group, agents)):
+            missing = [pairing for pairing in pairings(entries, suite) if pairing.key not in known]
+            Store(zoo.records_file(of)).fill(missing, progress=partial(_tell, suite))
         records += zoo.read_records(group, suite)
     return records
 
@@ -147,27 +148,24 @@ def _tell(suite: Suite, entry: EvaluatedPlayer, rival: Rival, rounds: int, *of: 
 
 
 def compact(zoo: Zoo) -> int:
-    """Keep each record once, the newest of its matchup, and those of scripts in the file of their suite.
+    """Keep each record of an agent once, the newest of its matchup, and none that the board has.
 
-    Records of suites that no group has any more are dropped.
+    Records of suites that its group has no more are dropped.
 
     Returns:
         The number of rows that are gone.
     """
-    suites = {suite.name: suite for group in zoo.groups for suite in map(load_suite, group.suites)}
-    kept: dict[Path, dict[MatchupKey, Record]] = {
-        zoo.records_file(of): {} for of in (*suites.values(), *zoo.groups)
-    }
-    rows = [(path, row) for path in kept for row in RowFile(path).read()]
-    for path, row in rows:
-        record = read_record(row, f"records {path}")
-        if record.suite in suites:
-            is_script = record.training_seed is None
-            kept[zoo.records_file(suites[record.suite]) if is_script else path][record.key] = record
-    for path, records in kept.items():
-        text = [json.dumps(record.row(), separators=(",", ":")) + "\n" for record in records.values()]
-        write_whole(path, "".join(text))
-    return len(rows) - sum(map(len, kept.values()))
+    gone = 0
+    for group in zoo.groups:
+        suites, file = [*map(load_suite, group.suites)], RowFile(zoo.records_file(group))
+        hashes = {suite.hash[:16] for suite in suites}
+        board = {record.key for suite in suites for record in zoo.read_board(group, suite)}
+        rows = file.read()
+        newest = {read_record(row, f"records {file.path}").key: row for row in rows}
+        kept = [row for key, row in newest.items() if key[0] in hashes and key not in board]
+        file.replace(kept)
+        gone += len(rows) - len(kept)
+    return gone
 
 
 def differences(zoo: Zoo, agent: ZooAgent) -> list[str]:

@@ -15,11 +15,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lineage import fill
-from make_diagrams import write
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fpg_bench.common.canvas import ALLY, OPPONENT, Style, blank_figure
+from fpg_bench.common.canvas import COLOURS, PAGE, Style, blank_figure, styled, write_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.table import markdown_table
@@ -28,10 +27,14 @@ from fpg_bench.products.leaderboard.board import Board, make_board
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.exploited import Attack
 from fpg_bench.products.leaderboard.tracks import SCENARIOS, TRACKS
-from fpg_bench.products.league.search import ROWS, keep_search
+from fpg_bench.products.league.double_oracle import ROWS, keep_search
 
 OTHERS = "searches.jsonl"
-DASHES = {"weights": "-", "nash": "--", "self-play": ":"}  # by the meta-solver, or by the verb without one
+DASHES = {"weights": "-", "nash": "--", "self-play": ":"}  # by the meta-solver; self-play had none
+MARKS: Mapping[str, Style] = {
+    "high": {"color": COLOURS[2], "marker": "v"},
+    "low": {"color": COLOURS[3], "marker": "^"},
+}
 EVEN = "uniform-hop"  # the action mode without the points by name, which are the best answer to some mixtures
 
 
@@ -84,10 +87,11 @@ def _lowest(rows: Sequence[Row]) -> str:
     return f"{row['high']:.2f} (`{row['search']}`, {at}, {steps:,} steps)"
 
 
+@styled
 def draw(rows: Sequence[Row]) -> Figure:
     """Draw low and high of each seed over the iterations, a panel for each scenario."""
     scenarios = [scenario for scenario in SCENARIOS if any(row["scenario"] == scenario for row in rows)]
-    figure = blank_figure(8.6, 3.2)
+    figure = blank_figure(PAGE, 2.6)
     panels = figure.subplots(1, len(scenarios), squeeze=False)[0]
     for axes, scenario in zip(panels, scenarios, strict=True):
         own = [row for row in rows if row["scenario"] == scenario]
@@ -102,7 +106,7 @@ def draw(rows: Sequence[Row]) -> Figure:
         for axes in panels
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    figure.legend(known.values(), known, loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(known.values(), known, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -114,19 +118,13 @@ def _solver(row: Row) -> str:
 
 def _lines(axes: Axes, rows: Sequence[Row]) -> None:
     iterations, solver = [row["iteration"] for row in rows], _solver(rows[0])
-    style: Style = {"lw": 1.4, "alpha": 0.8, "ls": DASHES[solver]}
-    for name, color in (("high", OPPONENT), ("low", ALLY)):
+    dashes: Style = {"ls": DASHES[solver], "lw": 1}
+    for name, style in MARKS.items():
         label = name if solver == "weights" else f"{name}, {solver}"
-        axes.plot(iterations, [row[name] for row in rows], color=color, label=label, **style)
+        axes.plot(iterations, [row[name] for row in rows], label=label, **style, **dashes)
     later = [row for row in rows if row["confirmed"] is not None]
-    axes.plot(
-        [row["iteration"] for row in later],
-        [row["confirmed"] for row in later],
-        "o",
-        color=ALLY,
-        ms=4,
-        label="a second response",
-    )
+    second = [row["confirmed"] for row in later]
+    axes.plot([row["iteration"] for row in later], second, "kx", ms=5, label="low by a second response")
 
 
 def main() -> None:
@@ -146,7 +144,7 @@ def main() -> None:
     parts = [markdown_table(bracket(rows, kept))]
     if rows:
         picture = options.page.with_suffix(".svg")
-        write(draw(rows), picture)
+        write_figure(draw(rows), picture)
         parts.append(f"![Low and high over the iterations of each search]({picture.name})")
     fill(options.page, {"value": "\n\n".join(parts)})
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.canvas import blank_figure, image_of
+from fpg_bench.common.canvas import ALLY, COLUMN, GREY, Styles, blank_figure, image_of, styled, styles_of
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.evaluation.curves import EVALUATIONS, GREY, Styles, draw_curves, styles_of
+from fpg_bench.evaluation.curves import EVALUATIONS, draw_curves
 from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, probability_of_improvement
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
@@ -24,7 +24,6 @@ from fpg_bench.evaluation.zoo import SCORES, Zoo, ZooAgent, ZooGroup
 PAGE, TABLE, CURVES = "README.md", "table.csv", "curves.jsonl"
 PICTURES = ("curves", "profiles", "improvement")
 COMMAND = "python scripts/train_zoo.py --tables"
-_BLUE = "#0072b2"
 _MEASURES = (
     ("overlap ratio %", "overlap_ratio"),
     ("jamming success rate %", "jamming_success_rate"),
@@ -215,32 +214,36 @@ def draw_pictures(zoo: Zoo, group: ZooGroup, summaries: Sequence[Summary]) -> No
     levels = {of.entry: of.score.value for of in _scripts(zoo, group)[:1]}
     styles = styles_of(group.steps)
     if rows := curve_file(zoo, group).read():
-        _save(draw_curves(rows, levels=levels, styles=styles, band="range"), paths[0])
+        _save(draw_curves(rows, levels=levels, band="range"), paths[0])
     _draw_profiles(scores, styles, paths[1])
     _draw_improvement(scores, styles, paths[2])
 
 
+@styled
 def _draw_profiles(scores: Mapping[str, np.ndarray], styles: Styles, path: Path) -> None:
     """Draw the share of runs above each return per step, of scores ``(training seeds, rivals)``."""
-    figure = blank_figure(6, 3.8)
+    figure = blank_figure(COLUMN, 2.8)
     axes = figure.subplots()
     values = np.concatenate([each.ravel() for each in scores.values()])
     thresholds = np.linspace(values.min() - 1, values.max() + 1, 400)
     for name, each in scores.items():
-        style = styles.get(name, {"color": GREY})
+        style = styles.get(name, {"color": GREY, "ls": ":"})
         if len(each) > 1:
             for seed in performance_profile(each[:, None], thresholds):
-                axes.step(thresholds, seed, color=style["color"], lw=0.5, alpha=0.45)
-        axes.step(thresholds, performance_profile(each, thresholds), lw=1.8, label=name, **style)
+                axes.step(thresholds, seed, color=style["color"], lw=0.4, alpha=0.45)
+        profile = performance_profile(each, thresholds)
+        axes.step(thresholds, profile, label=name, markevery=len(thresholds) // 5, **style)
+    axes.plot([], [], color=GREY, lw=0.4, label="one training seed")
     axes.set(xlabel="return per step τ", ylabel="share of runs above τ", ylim=(-0.02, 1.02))
-    axes.legend(frameon=False, fontsize=8, handlelength=4)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     _save(figure, path)
 
 
+@styled
 def _draw_improvement(scores: Mapping[str, np.ndarray], styles: Styles, path: Path) -> None:
     """Draw the probability of improvement of each pair, the better one first."""
     pairs = [pair for pair in combinations(scores, 2) if set(pair) & set(styles)]
-    figure = blank_figure(6, 1.1 + 0.3 * len(pairs))
+    figure = blank_figure(COLUMN, 0.7 + 0.18 * len(pairs))
     axes = figure.subplots()
     labels = []
     for height, (one, other) in enumerate(reversed(pairs)):
@@ -250,15 +253,13 @@ def _draw_improvement(scores: Mapping[str, np.ndarray], styles: Styles, path: Pa
             estimate = probability_of_improvement(scores[one], scores[other])
         labels.append(f"{one} > {other}")
         bar = [[estimate.value - estimate.low], [estimate.high - estimate.value]]
-        axes.errorbar(estimate.value, height, xerr=bar, fmt="o", color=_BLUE, ms=4, lw=1.6, capsize=4)
-    axes.axvline(0.5, color="0.6", lw=0.8, ls=":")
-    axes.set_yticks(range(len(labels)), labels, fontsize=8)
+        axes.errorbar(estimate.value, height, xerr=bar, fmt="o", color=ALLY)
+    axes.axvline(0.5, color=GREY, lw=0.8, ls=":")
+    axes.set_yticks(range(len(labels)), labels)
     axes.set(xlim=(-0.02, 1.02), ylim=(-0.6, max(len(labels), 1) - 0.4))
-    axes.set_xlabel("probability of improvement, with its 95 % interval")
+    figure.supxlabel("probability of improvement, 95 % interval; dotted: equal")
     _save(figure, path)
 
 
 def _save(figure: Any, path: Path) -> None:
-    for axes in figure.axes:
-        axes.spines[["top", "right"]].set_visible(False)
     write_whole(path, image_of(figure, "svg", f"{path.parent.name}-{path.stem}"))

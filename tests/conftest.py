@@ -25,9 +25,6 @@ FULL = {"browser", "llama", "postgres", "ray"}  # what a user's machine may lack
 settings.register_profile("fpg_bench", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("fpg_bench")
 
-# A language model that this user has fetched answers in no test but the docs' own.
-os.environ["FPG_BENCH_MODELS"] = os.devnull
-
 # A script's background job ignores Ctrl-C, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)

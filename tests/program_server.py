@@ -64,6 +64,7 @@ def warm() -> None:
     typer.main.get_command = functools.cache(typer.main.get_command)  # builds all verbs anew for each command
     with contextlib.redirect_stdout(io.StringIO()):
         app(["suites"], standalone_mode=False)
+    list(typer.main.get_command(app).commands.values())  # imports the others
     for each in weakref.finalize._registry:  # what is imported is not put away
         each.atexit = False
     assert threading.active_count() == 1

@@ -47,7 +47,13 @@ def test_help_names_every_verb_and_loads_nothing_heavy():
         assert verb in result.stdout
 
 
-LISTS = ("listed", "zoo"), ("listed", "suites"), ("completed", "ally-scripted/"), ("completed", "")
+LISTS = (
+    ("listed", "zoo"),
+    ("listed", "suites"),
+    ("listed", "players"),
+    ("completed", "ally-scripted/"),
+    ("completed", ""),
+)
 LIST = """
 import sys
 from fpg_bench.cli.main import main
@@ -172,43 +178,12 @@ def test_version():
 
 
 @pytest.mark.process
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("evaluate", "exprt"), "did you mean 'expert'"),
-        (("evaluate", "no/such/agent"), "neither a shipped agent nor a folder"),
-        (("evaluate", "expert", "--matches", "0"), "matches"),
-        (("train", "ppo", "FPG/AllyVsScriptd-v0", "--out", "x", "--steps", "1e6"), "did you mean 'FPG/Ally"),
-        ((*TRAIN, "--steps", "1e-6"), "2000000 or 2e6"),
-        ((*TRAIN, "--opponent", "tonne"), "did you mean 'tone'"),
-        ((*TRAIN, "--resume"), "resume: x holds no run; omit --resume"),
-        ((*TRAIN, "--seeds", "0-999999999"), "at most 1,000"),
-        ((*TRAIN, "--seeds", "4-0"), "use 0-4"),
-        ((*TRAIN, "--backend", "ray"), "backend: needs several runs; list their --seeds"),
-        (("tune", "run", "pqo", "FPG/AllyVsScripted-v0", "--out", "study"), "did you mean 'ppo'"),
-        (("tune", "report", "nowhere"), "holds no study"),
-        (("reproduce", "yang-2026", "fig7", "--out", "/dev/null"), "out: /dev/null is a file; name a folder"),
-        (("play", "--scenario", "papr"), "did you mean 'paper'"),
-        (("play", "--seed", "-1"), "seed"),
-        (("play", "--out", "round.xyz"), ".xyz"),
-        (("play", "--out", "/proc/there/round.html"), "there is no folder /proc/there; make it first"),
-        (("leaderboard", "verify", "--sample", "500%"), "at most 100 %, got 500 %"),
-        (("leaderboard", "crossplay", "--check", "500%"), "at most 100 %, got 500 %"),
-        (("table", "nowhere"), "results nowhere: there are none; make them first"),
-        (("play", "--opponent", "suite:nope"), "opponent 'suite:nope': no such suite"),
-        (("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x", "--against", "suite:nope"), "no such suite"),
-        (("tune", "run", "ppo"), "(fpg-bench tune run --help)"),
-        (("trian",), "train"),
-        (("play", "--sed", "1"), "--seed"),
-    ],
-    ids=lambda value: "-".join(value)[:40] if isinstance(value, tuple) else "",
-)
-def test_bad_words_get_one_line_and_a_status(words, message, tmp_path):
-    result = fpg(*words, folder=tmp_path)
+def test_a_wrong_word_gets_one_line_and_a_status(tmp_path):
+    result = fpg("play", "--opponent", "tonne", folder=tmp_path)
     assert result.returncode == 2
     (line,) = [line for line in result.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
     assert line.startswith("fpg-bench: ")
-    assert message in line
+    assert "did you mean 'tone'" in line
     assert not list(tmp_path.iterdir())
 
 

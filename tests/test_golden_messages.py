@@ -1,4 +1,4 @@
-"""One wrong command line of each verb: its message and status are those of ``golden/messages.json``.
+"""Wrong command lines of every verb: message and status of each are those of ``golden/messages.json``.
 
 ``python -m tests.test_golden_messages`` writes the file again.
 """
@@ -32,7 +32,7 @@ LINES = (
     "curves nowhere",
     "best-response experd --out out",
     "double-oracle --side both --out out",
-    "self-play --actions many --out out",
+    "tabular-self-play --games 0 --out out",
     "fictitious-self-play --algorithm pppo --out out",
     "export nowhere --out mine",
     "reproduce yang-2026 fig99",
@@ -43,19 +43,16 @@ LINES = (
     "scenario show lnk",
     "scenario check nowhere.yml",
     "tune run pppo FPG/AllyVsScripted-v0 --out study",
-    "tune report nowhere",
     "tune export nowhere best.yml",
     "plan run --planner hill-clim",
     "plan replay nowhere.jsonl",
-    "plan probe --server nowhere",
+    "plan run --planner llm --server nowhere",
     "plan compare circel --suite planner-v1",
     "dataset list surplus",
     "dataset make ally-randm-v0",
     "dataset check nowhere",
     "hub push nowhere me/mine",
     "hub pull mine --out mine",
-    "llm fetch --wheel nowhere",
-    "llm serve --model nowhere",
     "submit check nowhere",
     "submit run nowhere",
     "leaderboard init /dev/null",
@@ -63,10 +60,40 @@ LINES = (
     "leaderboard crossplay --folder nowhere",
     "leaderboard break ally/idle agent --name Me --author Me --folder nowhere",
     "leaderboard build --folder nowhere",
-    "leaderboard serve nowhere",
     "leaderboard close-season 9 --work work --folder nowhere",
     "leaderboard season season-9 --folder nowhere",
-    "leaderboard audit-season 9 --work work --folder nowhere",
+    # Words of one's own that each verb refuses in its own way
+    "trian",
+    "play --sed 1",
+    "play --seed -1",
+    "play --scenario papr",
+    "play --opponent suite:nope",
+    "play --out round.xyz",
+    "play --out /proc/there/round.html",
+    "train ppo FPG/AllyVsScriptd-v0 --out x --steps 1e6",
+    "train ppo FPG/AllyVsScripted-v0 --out x --steps 1e-6",
+    "train ppo FPG/AllyVsScripted-v0 --out x --resume",
+    "train ppo FPG/AllyVsScripted-v0 --out x --seeds 0-999999999",
+    "train ppo FPG/AllyVsScripted-v0 --out x --seeds 4-0",
+    "train ppo FPG/AllyVsScripted-v0 --out x --backend ray",
+    "train ppo FPG/AllyVsScripted-v0 --out x --against suite:nope",
+    "evaluate no/such/agent",
+    "evaluate expert --matches 0",
+    "reproduce yang-2026 fig7 --out /dev/null",
+    "tune run ppo",
+    "plan",
+    "plan run --planner llm",
+    "plan run --planner circle --prompt paper",
+    "plan run --planner circle --rounds 0",
+    "plan replay .",
+    "plan compare llm",
+    "leaderboard verify --sample 500%",
+    "leaderboard verify --sample much",
+    "leaderboard crossplay --check 500%",
+    "reproduce ali-2022 --out out",
+    "reproduce ali-2023 fig3 --out out",
+    "reproduce liu-2018 --scenario link --out out",
+    "reproduce liu-2018 --budget paper --out out",
 )
 
 
@@ -74,10 +101,15 @@ def message_of(line: str) -> str:
     """The last line that a wrong command line prints, after its status; it must fail and write nothing."""
     shown, status = io.StringIO(), 0
     words, home = ["fpg-bench", *line.split()], os.getcwd()
+    models = {name: "" for name in os.environ if name.startswith("FPG_LLM_")}  # none is configured
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stderr(shown):
         os.chdir(folder)
         try:
-            with contextlib.redirect_stdout(shown), patch.object(sys, "argv", words):
+            with (
+                contextlib.redirect_stdout(shown),
+                patch.object(sys, "argv", words),
+                patch.dict(os.environ, models),
+            ):
                 cli.main()
         except SystemExit as end:
             status = end.code

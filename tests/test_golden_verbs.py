@@ -96,7 +96,6 @@ CASES = {
         "tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --steps @steps --rounds 1 --out study",
         ("study/*.db",),
     ),
-    "tune-report": Case("tune report study", ()),
     "tune-export": Case("tune export study best.yml --n-best 1 --n-seeds 1 --steps @steps", ("best.yml",)),
     "best-response": Case(
         "best-response idle --steps @steps --n-seeds 1 --hyperparams tiny.yml --out exploited",

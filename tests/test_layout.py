@@ -33,7 +33,8 @@ FLOORS = {
     "cli": 6,
     "products": 7,
 }
-MOST_CODE = 13_014  # lines of the core; to raise it is a decision, in a commit of its own
+# Lines of the core, and of all; to raise one is a decision, in a commit of its own
+MOST_CODE, MOST_IN_ALL = 12_614, 29_536
 HEAVY = ("numba", "torch", "stable_baselines3", "matplotlib", "onnxruntime")
 
 
@@ -127,9 +128,11 @@ def test_lines_of_code_are_counted_without_what_is_written_beside_them():
     assert code_lines('"""Words."""\n\nimport io\n\n# More.\nx = """a\nb"""\ndef f():\n    """Do."""\n') == 3
 
 
-def test_the_core_has_no_more_code_than_was_decided():
-    core = [path for module, path in FILES.items() if not room_of(module).startswith("products")]
-    assert sum(code_lines(path.read_text(encoding="utf-8")) for path in core) <= MOST_CODE
+def test_there_is_no_more_code_than_was_decided():
+    lines = {module: code_lines(path.read_text(encoding="utf-8")) for module, path in FILES.items()}
+    core = {module for module in lines if not room_of(module).startswith("products")}
+    assert sum(lines[module] for module in core) <= MOST_CODE
+    assert sum(lines.values()) <= MOST_IN_ALL
 
 
 def test_a_public_class_name_stands_for_one_thing():
@@ -153,7 +156,7 @@ def test_the_board_never_reads_the_records_of_the_zoo():
     [
         ("numba.core", "game/compiling.py"),
         ("._trial_id", "products/tuning/worker.py"),
-        ("._setup_learn", "training/models.py"),
+        ("._setup_learn", "products/maddpg/maddpg.py"),
     ],
 )
 def test_a_private_door_of_another_package_is_opened_in_one_place(door, home):

@@ -22,7 +22,7 @@ WRITERS = {
     "evaluate": ("idle --suite ally-v1 --matches 1 --out results", "results/evaluation.json"),
     "best-response": ("idle --hyperparams tiny.yml --out found", "found/best_responses.json"),
     "double-oracle": ("--hyperparams tiny.yml --out found", "found/search.json"),
-    "self-play": ("--hyperparams tiny.yml --out found", "found/search.json"),
+    "tabular-self-play": ("--iterations 1 --games 2 --out tables", "tables/tabular_self_play.json"),
     "fictitious-self-play": ("--hyperparams tiny.yml --out duels", "duels/fictitious_self_play.json"),
     "export": ("shipped --out mine/seed_0", "mine/seed_0"),
     "reproduce": (
@@ -41,13 +41,12 @@ WRITERS = {
     "leaderboard break": ("ally/idle agent --name Me --author Me --folder board", BOARD),
     "leaderboard build": ("--folder board --out site", "site"),
     "leaderboard close-season": ("4 --folder board --work work --out season", "work/at-work-ally"),
-    "leaderboard audit-season": ("season-3 --folder board --work work", "work/audit"),
 }
 SHARED = {"tune run"}  # several machines work on one study
-SINGLE_FILES = {"play", "table", "curves", "tune report", "scenario show"}  # each is replaced as a whole
+SINGLE_FILES = {"play", "table", "curves", "scenario show"}  # each is replaced as a whole
 READERS = {
-    *("envs", "players", "suites", "zoo", "scenario check", "plan replay", "plan probe", "dataset list"),
-    *("dataset check", "hub push", "llm fetch", "llm serve", "submit check", "leaderboard serve"),
+    *("envs", "players", "suites", "zoo", "scenario check", "plan replay", "dataset list"),
+    *("dataset check", "hub push", "submit check"),
     "leaderboard season",
 }
 

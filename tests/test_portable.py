@@ -14,7 +14,6 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.folders import _own_temporary_folder, user_cache
 from fpg_bench.common.imports import names_object
 from fpg_bench.common.output import is_terminal
-from fpg_bench.products.language_models import local_server
 from fpg_bench.products.offline.make import datasets_root
 from fpg_bench.training.run_folder import RunFolder
 
@@ -123,12 +122,6 @@ def test_a_path_with_a_drive_is_no_object():
     assert names_object("m:Player")
 
 
-def test_cores_are_counted_where_there_is_no_affinity(monkeypatch):
-    monkeypatch.delattr(os, "sched_getaffinity")
-    monkeypatch.delattr(os, "getloadavg")
-    assert local_server.free_cores() == (os.cpu_count() or 1)
-
-
 def homeless(*words, **options):
     raise RuntimeError("Could not determine home directory.")
 
@@ -138,8 +131,7 @@ def no_home(monkeypatch, tmp_path):
     monkeypatch.setattr(platformdirs, "user_cache_path", homeless)
     monkeypatch.setattr(Path, "home", homeless)
     monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
-    for name in ("MINARI_DATASETS_PATH", local_server.FOLDER):
-        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delenv("MINARI_DATASETS_PATH", raising=False)
     _own_temporary_folder.cache_clear()
     yield tmp_path
     _own_temporary_folder.cache_clear()
@@ -150,7 +142,6 @@ def test_without_a_home_folder_the_cache_is_a_private_temporary_one_and_said_onc
     assert folder == user_cache() == no_home / f"fpg_bench-{os.getuid()}"
     assert folder.stat().st_mode & 0o777 == 0o700
     assert messages == [f"no home folder (set HOME); the cache is {folder}"]
-    assert local_server.SMOLLM2.file.is_relative_to(folder)
     with pytest.raises(UserError, match="no home folder; set MINARI_DATASETS_PATH"):
         datasets_root()
 

@@ -97,13 +97,18 @@ def test_the_map_shows_the_products_and_names_what_there_is():
             assert not [name for name in re.findall(r"\w+", names) if name not in text], place
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "planner tier"])
 def test_what_products_offer_is_theirs_and_is_there(kind):
     assert offered(kind)
     for name, product in products().items():
         for place in product.offers.get(kind, {}).values():
             assert owner(place.partition(":")[0]) == name
             assert pkgutil.resolve_name(place) is not None
+
+
+@pytest.mark.parametrize("name", offered("planner"))
+def test_the_tier_of_a_planner_is_that_of_its_class(name):
+    assert load("planner", name).tier == offered("planner tier")[name]
 
 
 @pytest.fixture

@@ -103,7 +103,7 @@ EXTRAS = {
     "datasets": Extra(("dataset make ally-random-v0 --steps 300 --out datasets", "dataset check datasets")),
     "offline": Extra(tries=("offline bc nowhere --out nowhere",)),
     "hub": Extra(tries=("hub push nowhere me/agent", "hub pull nowhere --out nowhere")),
-    "leaderboard": Extra(("leaderboard build --folder board --out site",), ("leaderboard serve nowhere",)),
+    "leaderboard": Extra(("leaderboard build --folder board --out site",)),
     "video": Extra(
         (
             "play --every 100 --out round.gif",
@@ -112,8 +112,7 @@ EXTRAS = {
             "gymnasium.make('FPG/AllyVsScripted-v0', render_mode='rgb_array').reset()",
         )
     ),
-    "llm": Extra(tries=("plan probe --deadline 1",)),
-    "local-llm": Extra(tries=("llm serve --model agent.json",)),
+    "llm": Extra(tries=("play --planner llm",)),
     "fast": Extra(("reproduce yang-2026 tables --learner jax --n-seeds 1 --out fast",), base="train"),
     "train": Extra(
         (
@@ -121,22 +120,18 @@ EXTRAS = {
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
             "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 0 --out run",
             "export run --out exported/seed_0",
+            "tabular-self-play --iterations 1 --games 8 --out tables",
             "reproduce yang-2026 tables --n-seeds 1 --out reproduced",
         ),
         (
             "fictitious-self-play --generations 1 --out nowhere",
-            "self-play --side nobody --out nowhere",
             "best-response nobody --out nowhere",
             "double-oracle --side nobody --out nowhere",
-            "leaderboard audit-season nothing --work nowhere",
             "leaderboard close-season ../nothing --work nowhere --folder nowhere",
         ),
     ),
     "tune": Extra(
-        (
-            "tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --steps 500 --rounds 2 --out study",
-            "tune report study",
-        ),
+        ("tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --steps 500 --rounds 2 --out study",),
         ("tune export nowhere mine.yml",),
     ),
     "supersuit": Extra(("fpg_bench.supersuit_vec_env(n_envs=2).reset()",), base="train"),
@@ -164,7 +159,7 @@ PLAYS = (
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "leaderboard init own",
 )
-REFUSES = ("llm fetch --wheel agent.whl", "scenario check match.jsonl")
+REFUSES = ("scenario check match.jsonl",)
 COMMANDS = [verb.removeprefix("fpg-bench ") for verb in VERBS]
 
 

@@ -6,26 +6,22 @@ import atexit
 import errno
 import gc
 import os
+import pkgutil
 import signal
 import sys
-from collections.abc import Callable
+from collections import UserDict
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperOption
+from typer.core import TyperGroup, TyperOption
+from typer.main import get_command, get_group
 
-from fpg_bench.cli import evaluation, listing, scenario, training
 from fpg_bench.cli.fields import with_fields
 from fpg_bench.common.errors import UserError, bounded
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
-from fpg_bench.common.products import load, offered
+from fpg_bench.common.products import offered
 
-app = typer.Typer(
-    help="Benchmark suite for the UAV frequency point game.",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
 _display_type = TyperOption.display_type_rich
 
 
@@ -35,39 +31,53 @@ def _shown_type(option: TyperOption, ctx: Any) -> str | None:
 
 
 TyperOption.display_type_rich = _shown_type  # type: ignore[method-assign, assignment]
-# In the order of --help; None: a product's, which is there or not
-_VERBS: dict[str, Callable[..., None] | typer.Typer | None] = {
-    "play": evaluation.play,
-    "train": training.train,
-    "offline": None,
-    "evaluate": evaluation.evaluate,
-    "table": evaluation.table,
-    "curves": evaluation.curves,
-    "best-response": None,
-    "double-oracle": None,
-    "self-play": None,
-    "fictitious-self-play": None,
-    "export": training.export,
-    "reproduce": None,
-    "envs": listing.envs,
-    "players": listing.players,
-    "suites": listing.suites,
-    "scenario": scenario.app,
-    "zoo": listing.zoo,
-    "tune": None,
-    "plan": None,
-    "dataset": None,
-    "hub": None,
-    "llm": None,
-    "submit": None,
-    "leaderboard": None,
+_OWN = {
+    "evaluation": ("play", "evaluate", "table", "curves"),
+    "listing": ("envs", "players", "suites", "zoo"),
+    "training": ("train", "export"),
 }
-_VERBS |= {name: load("verb", name) for name in offered("verb") if " " not in name}
-for name, verb in _VERBS.items():
-    if isinstance(verb, typer.Typer):
-        app.add_typer(verb, name=name)
-    elif verb is not None:
-        app.command(name)(with_fields(verb))
+_ORDER = (  # of --help, with those of products, which are there or not
+    "play train offline evaluate table curves best-response double-oracle tabular-self-play "
+    "fictitious-self-play export reproduce envs players suites scenario zoo tune plan dataset hub submit "
+    "leaderboard"
+)
+_VERBS: dict[str, str | None] = dict.fromkeys(_ORDER.split())
+_VERBS |= {name: f"fpg_bench.cli.{module}:{name}" for module, names in _OWN.items() for name in names}
+_VERBS["scenario"] = "fpg_bench.cli.scenario:app"
+_VERBS |= offered("verb")
+
+
+class _Commands(UserDict[str, Any]):
+    """Commands by name, imported when they are asked for: all together take longer than most of them run."""
+
+    def __getitem__(self, name: str) -> Any:
+        if isinstance(place := self.data[name], str):
+            verb = pkgutil.resolve_name(place)
+            if isinstance(verb, typer.Typer):
+                self.data[name] = get_group(verb)
+            else:
+                (alone := typer.Typer(add_completion=False)).command()(with_fields(verb))
+                self.data[name] = get_command(alone)
+            self.data[name].name = name
+        return self.data[name]
+
+
+class _Group(TyperGroup):
+    def __init__(self, **options: Any) -> None:
+        verbs = {name: place for name, place in _VERBS.items() if place}
+        super().__init__(**options | {"commands": _Commands(verbs | options["commands"])})
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names, without importing the verbs."""
+        return [*self.commands]
+
+
+app = typer.Typer(
+    cls=_Group,
+    help="Benchmark suite for the UAV frequency point game.",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 _NAME = "fpg-bench"
 _DEBUG = False
 _STOPPED, _KEPT = 130, "stopped; what was finished is kept"

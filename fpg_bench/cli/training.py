@@ -32,7 +32,7 @@ from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.products import load
 from fpg_bench.training.algorithms import ALGORITHMS, JOINT
-from fpg_bench.training.config import RunConfig
+from fpg_bench.training.config import EVALUATIONS, RunConfig
 
 if TYPE_CHECKING:
     from fpg_bench.training.run_folder import RunFolder
@@ -86,15 +86,7 @@ def train(
     restart: RestartOption = False,
     seed: SeedOption = None,
     seeds: SeedsOption = None,
-    n_evals: EvaluationsOption = 20,
-    log_rounds: Annotated[
-        bool,
-        typer.Option(
-            "--log-rounds",
-            help="Log a picture and a film of a round at each evaluation, for TensorBoard.",
-            rich_help_panel=EVALUATION,
-        ),
-    ] = False,
+    n_evals: EvaluationsOption = EVALUATIONS,
     against: Annotated[
         str | None,
         typer.Option(
@@ -125,7 +117,7 @@ def train(
     config = RunConfig(algorithm, spec, seed or 0, planner_options=planner_options, **run)
     if seeds is None and workers.backend != "loky":
         raise UserError("backend: needs several runs; list their --seeds")
-    train_runs(config, out, seed, seeds, n_evals, resume, restart, workers, log_rounds)
+    train_runs(config, out, seed, seeds, n_evals, resume, restart, workers)
 
 
 def train_runs(
@@ -137,7 +129,6 @@ def train_runs(
     resume: bool,
     restart: bool,
     workers: Workers,
-    log_rounds: bool = False,
 ) -> None:
     """Train one run, or one for each of several seeds, and print the scores and files."""
     from fpg_bench.training.run_folder import RunFolder
@@ -157,7 +148,6 @@ def train_runs(
             evaluations=n_evals,
             restart=restart,
             workers=workers,
-            log_rounds=log_rounds,
         )
         for each in listed_seeds:
             print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
@@ -168,9 +158,7 @@ def train_runs(
     folder = RunFolder(out)
     already = folder.is_finished()
     try:
-        agent = train_run(
-            config, out, evaluations=n_evals, resume=resume, restart=restart, log_rounds=log_rounds
-        )
+        agent = train_run(config, out, evaluations=n_evals, resume=resume, restart=restart)
     except KeyboardInterrupt as stop:
         kept = "the last checkpoint is kept" if folder.has_checkpoint() else "no step is saved yet"
         saved = str(stop) or kept

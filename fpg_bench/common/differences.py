@@ -1,10 +1,8 @@
-"""The first difference between two values, and values as text in a line."""
+"""The first difference between two values."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-
-_SHOWN = 80  # characters of a value in a line
 
 
 def first_difference(
@@ -30,9 +28,3 @@ def first_difference(
         return None if now == then else (where, now, then)
     found = (first_difference(one, other, path) for path, one, other in inner)
     return next(filter(None, found), None)
-
-
-def short(value: object) -> str:
-    """Return a value as text in a line."""
-    text = repr(value)
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} ..."

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import sys
-import urllib.parse
-import urllib.request
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 
@@ -37,9 +35,12 @@ def install_command(extra: str) -> str:
 
     That is the folder, archive or repository of PEP 610's ``direct_url.json``, else the package index.
     """
+    import urllib.request  # here, as it takes longer to import than most of this package
+    from urllib.parse import urlsplit
+
     with contextlib.suppress(PackageNotFoundError, KeyError, ValueError):
         origin = read_object(distribution("fpg-bench").read_text("direct_url.json") or "{}")
-        url = urllib.parse.urlsplit(origin["url"])
+        url = urlsplit(origin["url"])
         if origin.get("dir_info", {}).get("editable"):
             return f'pip install -e "{urllib.request.url2pathname(url.path)}[{extra}]"'
         vcs = origin.get("vcs_info")

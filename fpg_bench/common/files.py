@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import copy
 import errno
-import functools
 import glob
 import gzip
 import io
@@ -21,25 +19,37 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
+from yaml.composer import Composer
 
 from fpg_bench.common.errors import UserError, one_line, other_content
 from fpg_bench.common.strict_json import LONGEST, JsonObject, read_plain
 
 PACKED = ".gz"
 _MOST_NODES = 100_000
-_MOST_YAML = 200_000  # bytes; the parser reads 60,000 a second, and the largest file shipped has 25,000
+_MOST_YAML = 200_000  # bytes; without libyaml 60,000 are read a second; the largest file shipped has 25,000
 _DEEPEST = 50
 _BRACKET = re.compile(r"[\[\]{}]")
+if TYPE_CHECKING:
+    from yaml import SafeLoader as Loader
+else:
+    Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-class _CarefulLoader(yaml.SafeLoader):
-    """YAML's safe loader, which also refuses duplicate keys and aliases that expand without bound."""
+class _CarefulLoader(Loader, Composer):
+    """YAML's safe loader, which also refuses duplicate keys and aliases that expand without bound.
+
+    Events are libyaml's where PyYAML has it, nodes are not: its own composer overflows the stack.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        Composer.__init__(self)
 
     def get_single_node(self) -> yaml.Node | None:
-        node = super().get_single_node()
+        node = Composer.get_single_node(self)
         if node is not None and _expanded(node, {}) > _MOST_NODES:
             raise yaml.constructor.ConstructorError(
                 None, None, f"its aliases stand for more than {_MOST_NODES:,} values", node.start_mark
@@ -93,18 +103,12 @@ def read_yaml(path: Path, what: str) -> JsonObject:
     if _too_deep(text):  # the parser's time grows with the square of the depth
         raise UserError(f"{what} {path}: not valid YAML: more than {_DEEPEST} brackets within brackets")
     try:
-        content = copy.deepcopy(_parsed(text))
+        content = _CarefulLoader(text).get_single_data()
     except UserError:
         raise
     except Exception as error:  # PyYAML lets errors of many kinds out, tagged values above all
         raise UserError(f"{what} {path}: not valid YAML: {one_line(error)}") from error
     return _mapping(content, path, what)
-
-
-@functools.lru_cache(maxsize=32)
-def _parsed(text: str) -> Any:
-    """Parse a YAML text; cached, as the same suites are read again and again and the parser is slow."""
-    return _CarefulLoader(text).get_single_data()
 
 
 def _too_deep(text: str) -> bool:

@@ -16,10 +16,10 @@ with a kind and a name, and only then is the product imported. A product is dele
 
 Kinds of offers:
 
-- ``verb``: a verb of the command line: a function or a :class:`typer.Typer`; ``plan probe`` is one of
-  ``plan``.
+- ``verb``: a verb of the command line: a function or a :class:`typer.Typer`.
 - ``game``: a game of another kind than the duel, by its id: :class:`fpg_bench.game.spec.GameProduct`.
 - ``planner``: a class of planners of the opponent's path, made for a scenario if it takes an argument.
+- ``planner tier``: what a planner knows, as its class says; lists of names do not import it.
 - ``joint algorithm``, ``offline algorithm``: a class of SB3's ``BaseAlgorithm`` that trains both sides, or
   learns from a data set.
 - ``player``: the function that fetches an agent by a scheme (``hf://``), or makes one of a file by its suffix
@@ -48,6 +48,7 @@ KINDS = (
     "verb",
     "game",
     "planner",
+    "planner tier",
     "joint algorithm",
     "offline algorithm",
     "player",

@@ -65,7 +65,7 @@ class FPGEnv(gymnasium.Env):
 
     Args:
         env_id: one of the ids of :mod:`fpg_bench.common.ids`.
-        render_mode: None, ``rgb_array`` or ``human``.
+        render_mode: None or ``rgb_array``; ``gymnasium.make`` takes ``human``, too, and opens a window.
         threads: see :class:`fpg_bench.game.batch.GameBatch`.
         **options: attributes of :class:`fpg_bench.game.spec.GameSpec`.
     """

@@ -99,7 +99,7 @@ class FPGParallelEnv(SeededParallelEnv):
     action space takes it: int8, in mode ``multi-discrete`` a tuple of one array per list.
 
     Args:
-        render_mode: None, ``rgb_array`` or ``human``.
+        render_mode: None or ``rgb_array``.
         **options: those of :func:`fpg_bench.envs.two_player.make_duel`.
     """
 

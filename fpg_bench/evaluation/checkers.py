@@ -1,4 +1,4 @@
-"""Checkers for a player, planner, scenario or environment of your own, for a test or a notebook.
+"""Checkers for a player, planner or scenario of your own, for a test or a notebook.
 
 Each prints one line if all is well, and raises :class:`AssertionError` with one line that names the first
 problem and how to fix it::
@@ -13,12 +13,10 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Iterator, Sequence
+from typing import Any
 
-import gymnasium
 import numpy as np
-import pettingzoo
 
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError
@@ -36,7 +34,7 @@ from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import ModelPlayer, player_name, trained_game
 from fpg_bench.players.scripted import Scripted, player_seeds
 
-__all__ = ["check_env", "check_planner", "check_player", "check_scenario"]
+__all__ = ["check_planner", "check_player", "check_scenario"]
 
 _GAMES = 7
 _STEPS = 40
@@ -355,69 +353,3 @@ def _play_round(scenario: Scenario, ally: str, opponent: str, seeds: Sequence[in
 
     play_round(match, seeds=seeds, on_step=check_step)
     return steps
-
-
-_Env: TypeAlias = gymnasium.Env[Any, Any] | pettingzoo.ParallelEnv[str, Any, Any]
-
-
-def check_env(env: _Env) -> None:
-    """Check that an environment of the game keeps its library's contract and the game's own.
-
-    Runs Gymnasium's ``check_env`` or PettingZoo's ``parallel_api_test`` and plays a round. The round must
-    end by truncation with its last step and no other, and the ``measures`` in that step's info must agree
-    with the sum of the rewards.
-
-    Args:
-        env: one game by Gymnasium, or by PettingZoo (parallel), wrapped or derived from this package's.
-
-    Raises:
-        AssertionError: the first problem.
-        UserError: another kind of environment, or pytest is missing, which PettingZoo's tests need.
-    """
-    game = env.unwrapped
-    if isinstance(game, gymnasium.Env) and hasattr(game, "core"):
-        from gymnasium.utils.env_checker import check_env as check_gymnasium_env
-
-        check_gymnasium_env(game, skip_render_check=True)
-        length, sides = game.core.scenario.steps_per_round, [game.core.side]
-    elif isinstance(game, pettingzoo.ParallelEnv) and hasattr(game, "duel"):
-        try:
-            from pettingzoo.test import parallel_api_test
-        except ImportError as error:
-            raise UserError("check_env: PettingZoo's tests need pytest (pip install pytest)") from error
-        parallel_api_test(game)
-        length, sides = game.duel.scenario.steps_per_round, list(SIDES)
-    else:
-        raise UserError(
-            f"env: expected one game of this package (Gymnasium, or PettingZoo parallel), got {env!r}"
-        )
-    env.reset(seed=5)
-    returns = dict.fromkeys(sides, 0.0)
-    for step in range(1, length + 1):
-        rewards, terminated, truncated, infos = _step(env, sides)
-        for side in sides:
-            returns[side] += rewards[side]
-            _require(not terminated[side], f"env: terminated at step {step}; rounds end by truncation")
-            _require(
-                truncated[side] == (step == length),
-                f"env: truncated is {truncated[side]} at step {step} of {length}",
-            )
-            _require(
-                ("measures" in infos[side]) == (step == length),
-                f"env: measures belong into the info of a round's last step alone, not of step {step}",
-            )
-    for side in sides:
-        measured = infos[side]["measures"][f"{side}_return"]
-        _require(
-            np.isclose(measured, returns[side], rtol=1e-4, atol=1e-3),
-            f"env: the {side}'s rewards sum to {returns[side]}, but its measures say {measured}",
-        )
-    print(f"{type(game).__name__}: keeps to the contract of environments")
-
-
-def _step(env: _Env, sides: list[str]) -> tuple[Mapping[str, Any], ...]:
-    """Play one step with zero actions; rewards, terminated, truncated and infos by side."""
-    zeros = np.zeros(ACTION_SIZE, np.float32)
-    if len(sides) > 1:
-        return tuple(env.step({side: zeros.copy() for side in sides})[1:])
-    return tuple({sides[0]: value} for value in env.step(zeros)[1:])

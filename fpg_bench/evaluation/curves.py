@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpg_bench.common.canvas import SIDE_COLOURS, Style, blank_figure, literal
+from fpg_bench.common import canvas
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.entry import distinct_names
@@ -29,15 +29,9 @@ if TYPE_CHECKING:
 
 EVALUATIONS = "evaluations.jsonl"  # scores during training, in a run's folder
 CURVE = "curve.png"  # their picture
-GREY = "#7f7f7f"
 _POINTS = 200
-# Colours of Okabe and Ito, for all kinds of colour vision.
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
-_DASHES = ("-", "--", "-.", ":", (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))  # for print without colours
 _LOWEST = -100.0  # of the axis; early policies may score far below
 _MARGIN = 0.15  # of the axis beyond the means, on either side; a band over two seeds is cut there
-
-Styles = Mapping[str, Style]
 
 
 @dataclass(frozen=True)
@@ -48,15 +42,6 @@ class Curve:
     mean: np.ndarray
     low: np.ndarray
     high: np.ndarray
-
-
-def styles_of(names: Iterable[str]) -> Styles:
-    """Return the colour and dashes of each curve."""
-    count = len(_COLOURS)  # after so many curves, colours come back with other dashes
-    return {
-        name: {"color": _COLOURS[k % count], "ls": _DASHES[(k + k // count) % count]}
-        for k, name in enumerate(names)
-    }
 
 
 def curves(rows: Iterable[Row], over: str, band: str = "interval") -> dict[str, Curve]:
@@ -213,10 +198,8 @@ def score_levels(suites: Iterable[str], scenario: Scenario | None = None) -> dic
 def limit_scores(axes: Axes, means: Iterable[np.ndarray], levels: Mapping[str, float]) -> None:
     """Draw level lines, and let the axis of scores end near the means and levels, wherever bands reach."""
     for name, score in levels.items():
-        axes.axhline(score, color=GREY, lw=0.9, zorder=0)
-        axes.annotate(
-            name, (0.01, score), xycoords=("axes fraction", "data"), va="bottom", color=GREY, fontsize=8
-        )
+        axes.axhline(score, color=canvas.GREY, lw=0.8, zorder=0)
+        axes.annotate(name, (0.01, score), xycoords=("axes fraction", "data"), va="bottom", color=canvas.GREY)
     scores = np.concatenate([*means, [*levels.values()]])
     scores = scores[np.isfinite(scores)]
     low, high = np.maximum((scores.min(), scores.max()), _LOWEST) if scores.size else (0.0, 1.0)
@@ -224,44 +207,40 @@ def limit_scores(axes: Axes, means: Iterable[np.ndarray], levels: Mapping[str, f
     axes.set_ylim(max(low - margin, _LOWEST), high + margin)
 
 
-def draw_curves(
-    rows: Sequence[Row],
-    *,
-    levels: Mapping[str, float] | None = None,
-    styles: Styles | None = None,
-    band: str = "interval",
-) -> Figure:
+@canvas.styled
+def draw_curves(rows: Sequence[Row], *, levels: Mapping[str, float], band: str = "interval") -> Figure:
     """Draw scores against steps and against training time.
 
     Args:
         rows, band: see :func:`curves`.
         levels: scores that are drawn as level lines, by name.
-        styles: colour and dashes of each curve; None for those of :func:`styles_of`.
     """
     from matplotlib.ticker import EngFormatter, LogLocator
 
-    if styles is None:
-        styles = styles_of(dict.fromkeys(row["algorithm"] for row in rows))
-    figure = blank_figure(9.5, 3.6)
+    styles = canvas.styles_of(dict.fromkeys(row["algorithm"] for row in rows))
+    figure = canvas.blank_figure(canvas.PAGE, 2.6)
     both = figure.subplots(1, 2, sharey=True)
     kinds = (("steps", "steps", 1, EngFormatter(sep="")), ("seconds", "training time (minutes)", 60, "{x:g}"))
     for axes, (over, label, unit, form) in zip(both, kinds, strict=True):
         drawn = curves(rows, over, band)
         for name, curve in drawn.items():
-            style = styles.get(name, {"color": GREY})
-            axes.plot(curve.x / unit, curve.mean, lw=1.8, label=literal(name), **style)
+            style = styles[name]
+            axes.plot(curve.x / unit, curve.mean, label=canvas.literal(name), markevery=_POINTS // 5, **style)
             axes.fill_between(curve.x / unit, curve.low, curve.high, color=style["color"], alpha=0.2, lw=0)
-        limit_scores(axes, [curve.mean for curve in drawn.values()], levels or {})
+        limit_scores(axes, [curve.mean for curve in drawn.values()], levels)
         axes.set(xscale="log", xlabel=label)
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.xaxis.set_major_formatter(form)
         axes.xaxis.set_minor_formatter("")
-        axes.spines[["top", "right"]].set_visible(False)
+    if any((curve.low < curve.high).any() for curve in drawn.values()):
+        shown = "95 % interval of the mean" if band == "interval" else "lowest to highest seed"
+        both[0].fill_between([], [], color=canvas.GREY, alpha=0.2, lw=0, label=shown)
     both[0].set_ylabel("score")
-    both[1].legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1), handlelength=4)
+    figure.legend(*both[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
 
+@canvas.styled
 def draw_run(run: Path) -> Figure | None:
     """Draw the score of each side over the steps of one run; return None if it was never evaluated."""
     rows = RowFile(run / EVALUATIONS, {"side": str, "score": float | int, "steps": int}).read()
@@ -270,15 +249,14 @@ def draw_run(run: Path) -> Figure | None:
     from matplotlib.ticker import EngFormatter
 
     about = RunDescription.read(run)
-    figure = blank_figure(6, 3.6)
+    figure = canvas.blank_figure(canvas.COLUMN, 2.5)
     axes = figure.subplots()
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     for side in dict.fromkeys(row["side"] for row in rows):
         points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
-        axes.plot(*zip(*points, strict=True), "o-", ms=3, color=SIDE_COLOURS[side], label=side)
+        axes.plot(*zip(*points, strict=True), label=side, **canvas.SIDE_STYLES[side])
     title = about.algorithm if about.game is None else f"{about.algorithm}, {about.game.id}"
-    axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=literal(title))
+    axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=canvas.literal(title))
     limit_scores(axes, [np.array([row["score"] for row in rows])], levels_of([run]))
-    axes.legend(frameon=False)
-    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend()
     return figure

@@ -13,11 +13,10 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
 from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.record import Pooled
-from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, play_round
+from fpg_bench.evaluation.rounds import MatchBatch, play_round
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import PLANNER, Scale, Suite, load_suite
 from fpg_bench.game.metrics import pool
-from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import Abilities, Memory, Player, PlayerSpec
@@ -96,15 +95,6 @@ class PolicyEvaluator:
     def scores(self, player: PlayerSpec) -> np.ndarray:
         """Return the scores ``(rivals, matches)`` of a player."""
         return self.suite.scale.score(self._play(player)[0])
-
-    def record_round(self, player: PlayerSpec) -> Recording:
-        """Return the recording of a round against the first rival, the same round for all players."""
-        met = self.suite.as_player(player, self.suite.side, self.suite.scenario)
-        match = match_of(met, self.suite, self.suite.rivals[0], matches=1)
-        begin_round(match, seeds=np.array(tuning_seeds(1)))
-        recording = Recording(match.duel.batch)
-        finish_round(match, on_step=recording.add)
-        return recording
 
     def _play(self, spec: PlayerSpec) -> tuple[np.ndarray, dict[str, float | None]]:
         """Play new matches; return the rewards per step ``(rivals, matches)`` and the pooled measures."""

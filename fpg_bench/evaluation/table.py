@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpg_bench.common.canvas import Style, blank_figure, literal, write_figure
+from fpg_bench.common import canvas
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number, wrapped
@@ -43,10 +43,10 @@ _LATEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
     "\N{EN DASH}": "--",
 }
 _COSTS = "Steps and minutes: played in training, per seed. "
-_TRAINED, _SCRIPT = "#0072b2", "#7f7f7f"
-# Okabe and Ito's colours, distinguishable for the colour-blind; each cycle through them has its own marker.
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c8c8c")
-_MARKERS = "os^"
+_KINDS: canvas.Styles = {  # of players that are no planners
+    "trained": {"color": canvas.ALLY, "marker": "o"},
+    "not trained": {"color": canvas.GREY, "marker": "s"},
+}
 Line = dict[str, str | float | None]  # of a flat table; the names stand for columns
 
 
@@ -210,6 +210,7 @@ def _ends(name: str, interval: Interval) -> Line:
     return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
+@canvas.styled
 def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
     """Draw the best scores with their intervals, best on top, and a small mark for each rival.
 
@@ -217,47 +218,42 @@ def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
     """
     planned, count = suite.side == PLANNER, len(summaries)
     summaries = summaries[:MOST_DRAWN]
-    figure = blank_figure(11 if planned else 8, max(3.0, 1.2 + 0.45 * len(summaries)), dpi=120)
+    height = max(2.0, 1.1 + 0.19 * len(summaries))
+    figure = canvas.blank_figure(canvas.PAGE if planned else canvas.COLUMN, height)
+    styles = [_KINDS["trained" if s.trained else "not trained"] for s in summaries]
     if planned:
-        by_round, axes = figure.subplots(1, 2, width_ratios=(3, 2))
-        _draw_curves(by_round, summaries, suite)
+        styles = list(canvas.styles_of(s.entry for s in summaries).values())
+        by_round, axes = figure.subplots(1, 2, width_ratios=(4, 3))
+        _draw_curves(by_round, summaries, styles)
     else:
         axes = figure.subplots()
-    for index, s in enumerate(summaries):
-        _draw_score(axes, s, len(summaries) - 1 - index, _style(s, index))
-    axes.set_yticks(range(len(summaries)), [literal(s.entry) for s in reversed(summaries)])
-    axes.set_ylim(-0.6, len(summaries) - 0.4)
-    axes.set_xlabel(f"{'score' if planned else suite.scale.description}; with 95 % interval, | per rival")
+    for line, (s, style) in enumerate(zip(reversed(summaries), reversed(styles), strict=True)):
+        each = [suite.scale.score(reward.value) for reward in s.by_rival.values()]
+        axes.plot(each, [line] * len(each), "|", color=style["color"], alpha=0.5, ms=6)
+        axes.errorbar(s.score.value, line, xerr=s.score.half, **style)
+    axes.set_yticks(range(len(summaries)), [canvas.literal(s.entry) for s in reversed(summaries)])
+    label = "score" if planned else textwrap.fill(suite.scale.description, 48)
+    axes.set(ylim=(-0.6, len(summaries) - 0.4), xlabel=label)
     first = "" if count == len(summaries) else f", the first {len(summaries)} of {count:,}"
-    axes.set_title(literal(f"{suite.name}, {suite.matches} matches per rival{first}"), fontsize=11)
-    axes.spines[["top", "right"]].set_visible(False)
-    write_figure(figure, path)
+    title = f"{suite.name}, {suite.matches} matches per rival{first}; 95 % intervals"
+    figure.suptitle(canvas.literal(textwrap.fill(title, 54)))
+    marks = {"mean": {"color": canvas.GREY, "marker": "o"}} if planned else _KINDS
+    for label, style in marks.items():
+        axes.errorbar([], [], xerr=[], label=label, ls="", **style)
+    axes.plot([], [], "|", color=canvas.GREY, ms=6, label="one rival")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    canvas.write_figure(figure, path)
 
 
-def _style(s: Summary, index: int) -> Style:
-    if s.suite.side != PLANNER:
-        return {"color": _TRAINED if s.trained else _SCRIPT, "marker": "o", "ms": 4}
-    again, colour = divmod(index, len(_COLOURS))
-    return {"color": _COLOURS[colour], "marker": _MARKERS[again % len(_MARKERS)], "ms": 4}
-
-
-def _draw_score(axes: Axes, s: Summary, line: int, style: Style) -> None:
-    each = [s.suite.scale.score(reward.value) for reward in s.by_rival.values()]
-    axes.plot(each, [line] * len(each), "|", color=style["color"], alpha=0.4, ms=9)
-    axes.errorbar(s.score.value, line, xerr=s.score.half, lw=2, capsize=5, capthick=2, **style)
-
-
-def _draw_curves(axes: Axes, summaries: Sequence[Summary], suite: Suite) -> None:
-    rounds = range(1, suite.rounds_per_match + 1)
-    for index, s in enumerate(summaries):
-        curve, style = learning_curve(s), _style(s, index)
-        axes.plot(rounds, [score.value for score in curve], lw=1.6, **style)
+def _draw_curves(axes: Axes, summaries: Sequence[Summary], styles: Iterable[canvas.Style]) -> None:
+    rounds = range(1, summaries[0].suite.rounds_per_match + 1)
+    for s, style in zip(summaries, styles, strict=True):
+        curve = learning_curve(s)
+        axes.plot(rounds, [score.value for score in curve], **style)
         low, high = ([getattr(score, end) for score in curve] for end in ("low", "high"))
         axes.fill_between(rounds, low, high, color=style["color"], alpha=0.15, lw=0)
-    axes.set_xlabel("round of the match")
-    axes.set_ylabel(suite.scale.description)
-    axes.set_xticks(rounds)
-    axes.spines[["top", "right"]].set_visible(False)
+    scale = textwrap.fill(summaries[0].suite.scale.description, 40)
+    axes.set(xlabel="round of the match; marks as on the right", ylabel=scale, xticks=rounds)
 
 
 def write_table(summaries: Sequence[Summary], suite: Suite, folder: Path) -> None:

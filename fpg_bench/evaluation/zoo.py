@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,9 +26,9 @@ from fpg_bench.players.player import SIDES
 
 if TYPE_CHECKING:
     from fpg_bench.evaluation.entry import EvaluatedPlayer
-    from fpg_bench.evaluation.store import Store
 
 SCORES = "scores/summary.json"  # of a zoo's folder
+Players = Mapping[tuple[str, int | None], str]  # fingerprints by name and training seed
 
 
 class _GroupFile(Strict):
@@ -134,12 +135,6 @@ class Zoo:
             return self.folder / "scores" / "scripts" / f"{of.name}.jsonl"
         return self.scores(of) / "records.jsonl"
 
-    def store(self, of: ZooGroup | Suite) -> Store:
-        """Return the store of that file."""
-        from fpg_bench.evaluation.store import Store  # needs the extra `evaluate`
-
-        return Store(self.records_file(of))
-
     def members(self, only: str | None = None) -> list[ZooAgent]:
         """Return the agents, by group, algorithm and seed.
 
@@ -186,25 +181,40 @@ class Zoo:
 
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
         """Return the records of a group and of the scripts on a suite, those of the present players only."""
-        agents: dict[tuple[str, int | None], str] = {
-            (agent.algorithm, agent.seed): agent.card().policy_sha256[:16]
-            for agent in self.members(group.name)
-            if agent.shipped
-        }
-        return [*self.read_script_records(suite), *_read(self.records_file(group), suite, agents)]
+        agents = self._fingerprints(group)
+        own = _read(self.records_file(group), suite, agents)
+        return [*self.read_script_records(suite), *self.read_board(group, suite), *own]
+
+    def read_board(self, group: ZooGroup, suite: Suite) -> list[Record]:
+        """Return the records of a group's present agents that the board beside the zoo's folder has verified.
+
+        The zoo keeps no copy of them. The entry of an algorithm is called ``group-algorithm`` there.
+        """
+        agents = self._fingerprints(group)
+        results = self.folder.parent / "leaderboard" / "results" / group.side
+        return [
+            record
+            for algorithm in group.steps
+            for record in _read(results / f"{group.name}-{algorithm}.jsonl", suite, agents, entry=algorithm)
+        ]
+
+    def _fingerprints(self, group: ZooGroup) -> Players:
+        """Return the fingerprints of a group's present agents."""
+        agents = [agent for agent in self.members(group.name) if agent.shipped]
+        return {(agent.algorithm, agent.seed): agent.card().policy_sha256[:16] for agent in agents}
 
     def read_script_records(self, suite: Suite) -> list[Record]:
         """Return the records of the present scripts and oracles on a suite; empty where there are none."""
         names = (*SCRIPTED.get(suite.side, ()), *ORACLES)
-        scripts: dict[tuple[str, int | None], str] = {(name, None): name[:16] for name in names}
-        return _read(self.records_file(suite), suite, scripts)
+        return _read(self.records_file(suite), suite, {(name, None): name[:16] for name in names})
 
 
-def _read(file: Path, suite: Suite, players: Mapping[tuple[str, int | None], str]) -> list[Record]:
-    """Return the records of these players, given by name, training seed and fingerprint, on a suite."""
+def _read(file: Path, suite: Suite, players: Players, **names: str) -> list[Record]:
+    """Return the records of players on a suite in a file; those of the board get other names."""
+    rows = (row | names for row in RowFile(file).read() if row.get("kind") != "result")
     return [
-        record
-        for record in read_records(RowFile(file).read(), f"records {file}")
+        dataclasses.replace(record, suite=suite.name)  # of a season's suite the board has another name
+        for record in read_records(rows, f"records {file}")
         if record.suite_hash == suite.hash[:16]
         and record.fingerprint == players.get((record.entry, record.training_seed))
     ]

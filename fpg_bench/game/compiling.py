@@ -102,15 +102,16 @@ class _Cache(caching.FunctionCache):
 def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
     """Compile a function: no fast-math (identical bits), no GIL, cached on disk.
 
-    All of a step of the game is put into one piece of machine code, without Numba's reference counts
-    (``_nrt``): the game allocates nothing, and counting took more time than some of its equations.
+    All of a step of the game is put into one piece of machine code, without wrappers for C, which nobody
+    calls, and without Numba's reference counts (``_nrt``): the game allocates nothing, and counting took more
+    time than some of its equations.
 
     Args:
         function: the function.
         allocates: true if it makes arrays, or calls a function that does.
     """
     folder = cache_folder(Path(function.__code__.co_filename).parent)
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     options |= {"_nrt": allocates, "forceinline": not allocates}
     with _cached_in(folder):
         dispatcher = numba.njit(**options)(function)

@@ -430,7 +430,8 @@ class Scenario:
 
     def __post_init__(self) -> None:
         for spec in fields(self):
-            object.__setattr__(self, spec.name, checked(spec, getattr(self, spec.name)))
+            if (value := getattr(self, spec.name)) is not spec.default:
+                object.__setattr__(self, spec.name, checked(spec, value))
         check_mix(self)
         object.__setattr__(self, "_knowledge_base", load_knowledge(self.knowledge))
         grid = None if self.channel is None else load_channel(self.channel)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.errors import UserError, shown
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 
 if TYPE_CHECKING:
@@ -77,18 +77,13 @@ def unplayable(model: ModelProto) -> Iterator[str]:
     ]
     for tensor in (*model.graph.initializer, *held):
         if tensor.data_location == TensorProto.EXTERNAL or tensor.external_data:
-            yield f"tensor {quoted(tensor.name)}: its data lie in another file; keep them in policy.onnx"
+            yield f"tensor {shown(tensor.name)}: its data lie in another file; keep them in policy.onnx"
     weights = {tensor.name for tensor in model.graph.initializer}
     for value in (*model.graph.input, *model.graph.output):
         kind = value.type.tensor_type.elem_type
         if kind != TensorProto.FLOAT and value.name not in weights:
             known = TensorProto.DataType.Name(kind) if kind in TensorProto.DataType.values() else str(kind)
-            yield f"{quoted(value.name)}: expected float32, got {known.lower()}; cast it inside the policy"
-
-
-def quoted(text: str) -> str:
-    """Quote untrusted text, shortened, for a message."""
-    return repr(text if len(text) <= 40 else f"{text[:37]}...")
+            yield f"{shown(value.name)}: expected float32, got {known.lower()}; cast it inside the policy"
 
 
 def check_signature(

@@ -59,7 +59,11 @@ class PolicyRunner:
         self._starts = read_only(np.ones(batch.count, bool))
         self._has_starts = True
         self._calls: list[tuple[int, np.ndarray]] = []
-        self._stacks = stacks(self.players, side, batch.scenario) if stacked else []
+        self._stacks = stacks(self.players, side, batch) if stacked else []
+        self._inside = {index for _, indices in self._stacks for index in indices}
+        self._pursues = np.array([abilities.pursues for abilities in self._abilities])
+        outside = (each for index, each in enumerate(self._abilities) if index not in self._inside)
+        self._resets = [each.reset for each in outside if each.reset is not None]
         self._stack_calls: list[tuple[PolicyStack, np.ndarray, np.ndarray]] = []
 
     def begin(self, mask: np.ndarray) -> None:
@@ -73,15 +77,13 @@ class PolicyRunner:
             self.choice[mask] = self._drawn(keys)[mask]
             self._calls = self._rows_by_player()
             self._stack_calls = self._rows_by_stack()
-        for index, abilities in enumerate(self._abilities):
-            if abilities.pursues:
-                self._batch.pursue(mask & (self.choice == index))
+        if self._pursues.any():
+            self._batch.pursue(mask & self._pursues[self.choice])
         self._starts = read_only(self._starts | mask)
         self._has_starts = True
         seeds = player_seeds(keys, self.side)
-        for abilities in self._abilities:
-            if abilities.reset is not None:
-                abilities.reset(mask.copy(), seeds.copy())
+        for reset in self._resets:
+            reset(mask.copy(), seeds.copy())
 
     def _drawn(self, keys: np.ndarray) -> np.ndarray:
         """Return ``(N,)`` int64, the index of the player that each game draws for its round."""
@@ -110,7 +112,7 @@ class PolicyRunner:
                 answer = self._predict(index, rows)
                 actions[rows] = answer if len(answer) == len(rows) else answer[rows]
             for stack, rows, members in self._stack_calls:
-                actions[rows] = stack.actions(self.observations[rows], members)
+                actions[rows] = stack.actions(self.observations, self._starts, rows, members)
         if self._has_starts:
             self._starts = read_only(np.zeros(self._batch.count, bool))
             self._has_starts = False
@@ -124,14 +126,13 @@ class PolicyRunner:
 
     def _rows_by_player(self) -> list[tuple[int, np.ndarray]]:
         """Return the players to call outside stacks, each with the games that it plays."""
-        inside = {index for _, indices in self._stacks for index in indices}
         callers = self._callers[self.choice]
         order = np.argsort(callers, kind="stable")
         cuts = np.searchsorted(callers[order], np.arange(1, len(self.players)))
         return [
             (index, rows)
             for index, rows in enumerate(np.split(read_only(order), cuts))
-            if index not in inside and (len(rows) or self._abilities[index].predict_rows is None)
+            if index not in self._inside and (len(rows) or self._abilities[index].predict_rows is None)
         ]
 
     def _rows_by_stack(self) -> list[tuple[PolicyStack, np.ndarray, np.ndarray]]:

@@ -63,8 +63,7 @@ class Actor(nn.Module):
     Args:
         model: a trained model; its weights are copied.
         choices: the choices of a discrete model; None takes those of its games.
-        samples: whether it draws its actions, as a seat of a team and a learner in self-play do; None: as
-            the model's games say.
+        samples: whether it draws its actions, as a seat of a team does; None: as the model's games say.
         game: the game of a model without games, if it is not the duel.
 
     Attributes:
@@ -212,7 +211,7 @@ def _deviation(policy: BasePolicy) -> torch.Tensor:
     has_own = isinstance(policy, ActorCriticPolicy | MaskableActorCriticPolicy)
     if not has_own or getattr(policy, "use_sde", False):
         raise UserError(
-            "export: seats of a team and learners in self-play draw their actions from a distribution, which "
+            "export: seats of a team draw their actions from a distribution, which "
             f"{type(policy).__name__} lacks; train ppo, maskable-ppo or recurrent-ppo, without use_sde"
         )
     log_std = getattr(policy, "log_std", None)
@@ -308,19 +307,13 @@ class ActorPlayer(SeededPolicy):
     """Player that runs a model's policy in torch; plays as its exported agent does.
 
     Args:
-        model: a model of Stable-Baselines3; its weights are copied. None: :meth:`update` gives one before
-            it plays.
+        model: a model of Stable-Baselines3; its weights are copied.
 
     Raises:
         UserError: an unsupported policy.
     """
 
-    def __init__(self, model: BaseAlgorithm | None = None) -> None:
-        if model is not None:
-            self.update(model)
-
-    def update(self, model: BaseAlgorithm) -> None:
-        """Play the present policy of a model from here on; raises UserError for an unsupported one."""
+    def __init__(self, model: BaseAlgorithm) -> None:
         self._actor = Actor(model)
         if (core := core_of(model)) is not None and isinstance(core.game_spec, OtherGame):
             self.sees, self.skills = core.game_spec.sees, core.game_spec.skills

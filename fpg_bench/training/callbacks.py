@@ -3,37 +3,27 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import HParam, Image, TensorBoardOutputFormat
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
-from tensorboard.compat.proto.summary_pb2 import Summary
 
 from fpg_bench.common.output import is_terminal
 from fpg_bench.common.parallel import LINE_EVERY_S
-from fpg_bench.common.products import load
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
-from fpg_bench.evaluation.run_description import RunDescription
-from fpg_bench.game.recording import Recording
 from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.interrupts import StopRequest
-from fpg_bench.training.models import begin_learning, by_side
+from fpg_bench.training.models import by_side
 
 _OF_MONITOR = ("r", "l", "t")  # in an episode's information beside its measures
 SAVE_EVERY_S = 60.0
-FILM_EVERY = 10  # steps between two pictures of a film
 
 _logger = logging.getLogger(__name__)
 
@@ -56,34 +46,6 @@ class GameMeasuresCallback(BaseCallback):
         infos = self.model.ep_info_buffer or ()
         for name in {name: None for info in infos for name in info if name not in _OF_MONITOR}:
             self.logger.record(f"game/{name}", float(np.mean([info[name] for info in infos if name in info])))
-
-    def _on_step(self) -> bool:
-        return True
-
-
-class DescriptionCallback(BaseCallback):
-    """Log how a run is made: its description as text, and its hyper-parameters, as TensorBoard compares them.
-
-    Args:
-        about: description of the run.
-        sides: the sides that are evaluated.
-    """
-
-    def __init__(self, about: RunDescription, sides: Sequence[str]) -> None:
-        super().__init__()
-        self._about, self._sides = about, sides
-
-    def _on_training_start(self) -> None:
-        about = self._about.to_dict()
-        text = json.dumps(about, indent=2)
-        made = {"id": about["game"]["id"], **self._about.hyperparameters}
-        made |= {key: about[key] for key in ("algorithm", "training_seed", "training_steps") if key in about}
-        plain: dict[str, bool | str | float | None] = {}
-        plain |= {name: x if isinstance(x, bool | int | float | str) else str(x) for name, x in made.items()}
-        metrics = {score_tag(side, "score", self._sides): 0.0 for side in self._sides}
-        self.logger.record("run/description", f"```json\n{text}\n```")
-        self.logger.record("hparams", HParam(plain, metrics or {"rollout/ep_rew_mean": 0.0}))
-        self.logger.dump(self.num_timesteps)
 
     def _on_step(self) -> bool:
         return True
@@ -165,52 +127,6 @@ class ProgressCallback(BaseCallback):
         self._progress.stop()
 
 
-class RivalCallback(BaseCallback):
-    """Let a rival of the other side learn at the same time: once the model has learned, so does the rival.
-
-    Args:
-        rival: an on-policy model.
-        budget: its steps.
-        players: what plays the model in the games of its rival, and what plays the rival in those of the
-            model.
-    """
-
-    def __init__(
-        self, rival: OnPolicyAlgorithm, budget: int, players: tuple[ActorPlayer, ActorPlayer]
-    ) -> None:
-        super().__init__()
-        self._rival, self._budget, self._players = rival, budget, players
-
-    def _on_training_start(self) -> None:
-        rival = self._rival
-        left = max(self._budget - rival.num_timesteps, 0)
-        self._callback = begin_learning(rival, left, [GameMeasuresCallback()], goes_on=True)
-        self._callback.on_training_start({}, {})
-        self._take_turns()
-
-    def _on_rollout_start(self) -> None:
-        self._take_turns()
-
-    def _on_step(self) -> bool:
-        return True
-
-    def _on_training_end(self) -> None:
-        self._take_turns()
-        self._callback.on_training_end()
-
-    def _take_turns(self) -> None:
-        """Let the rival learn from as many steps as the model has; then each plays its new policy."""
-        rival = self._rival
-        self._players[0].update(self.model)
-        while rival.num_timesteps < min(self.model.num_timesteps, self._budget):
-            assert rival.env is not None
-            rival.collect_rollouts(rival.env, self._callback, rival.rollout_buffer, rival.n_steps)
-            rival._update_current_progress_remaining(rival.num_timesteps, self._budget)
-            rival.dump_logs()
-            rival.train()
-        self._players[1].update(rival)
-
-
 class Clock:
     """Stopwatch of the training time over all parts of a run, without evaluations.
 
@@ -248,8 +164,6 @@ class EvalCheckpointCallback(BaseCallback):
         budget: steps of the run.
         n_evals: number of evaluations, besides the one at the start.
         stop: request to save and stop the run.
-        log_rounds: log a picture and a film of a round at each evaluation.
-        beside: folders of further checkpoints, and the models that are saved there as often.
     """
 
     def __init__(
@@ -261,17 +175,14 @@ class EvalCheckpointCallback(BaseCallback):
         budget: int,
         n_evals: int,
         stop: StopRequest,
-        log_rounds: bool = False,
-        beside: Mapping[Path, BaseAlgorithm] | None = None,
     ) -> None:
         super().__init__()
-        self._beside = beside or {}
         self._folder, self._clock, self._evaluators, self._file = folder, clock, evaluators, file
         self._eval_freq = budget / max(n_evals, 1)
         rows = file.read()
         self._last_eval = rows[-1]["steps"] if rows else -1
         self._last_save = time.monotonic()
-        self._stop, self._log_rounds = stop, log_rounds
+        self._stop = stop
 
     def _on_rollout_start(self) -> None:
         is_due = bool(self._evaluators) and self.num_timesteps >= self._next_eval
@@ -309,30 +220,8 @@ class EvalCheckpointCallback(BaseCallback):
             for name, value in ({"score": result["score"]} | result["measures"]).items():
                 if value is not None:
                     self.logger.record(score_tag(side, name, list(results)), value)
-        if self._log_rounds:
-            with self._clock.paused():
-                for side, player in by_side(self.model, tuple(self._evaluators)).items():
-                    self._log_round(side, self._evaluators[side].record_round(ActorPlayer(player)))
         self.logger.dump(self.num_timesteps)  # no rollout may follow
 
-    def _log_round(self, side: str, recording: Recording) -> None:
-        """Log a picture of a round at its end, and a film of it: an animated GIF, which TensorBoard plays."""
-        title = f"{side} after {self.num_timesteps:,} steps"
-        picture = load("rendering", "picture")(recording, title).draw()
-        self.logger.record(f"round/{side}", Image(picture, "HWC"), exclude=("stdout", "log", "json", "csv"))
-        with tempfile.TemporaryDirectory() as folder:
-            film = Path(folder) / "film.gif"
-            load("rendering", ".gif")([recording], film, title, FILM_EVERY)
-            height, width, colours = picture.shape
-            image = Summary.Image(
-                height=height, width=width, colorspace=colours, encoded_image_string=film.read_bytes()
-            )
-        summary = Summary(value=[Summary.Value(tag=f"round/{side}_film", image=image)])
-        for form in self.logger.output_formats:
-            if isinstance(form, TensorBoardOutputFormat):
-                form.writer._get_file_writer().add_summary(summary, self.num_timesteps)  # type: ignore[no-untyped-call]
-
     def _save(self) -> None:
-        for folder, model in {self._folder: self.model, **self._beside}.items():
-            save_checkpoint(model, folder, seconds=self._clock.seconds)
+        save_checkpoint(self.model, self._folder, seconds=self._clock.seconds)
         self._last_save = time.monotonic()

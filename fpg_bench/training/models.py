@@ -14,9 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import NormalActionNoise
-from stable_baselines3.common.type_aliases import MaybeCallback
 from stable_baselines3.common.utils import LinearSchedule, set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 from torch import nn
@@ -184,23 +182,6 @@ def as_activation(value: object, where: str) -> type[nn.Module]:
     if value not in ACTIVATIONS:
         raise UserError(f"{where}: unknown activation {shown(value)}{nearest(value, ACTIVATIONS)}")
     return ACTIVATIONS[value]
-
-
-def begin_learning(
-    model: BaseAlgorithm, steps: int, callbacks: MaybeCallback = None, goes_on: bool = False
-) -> BaseCallback:
-    """Prepare a model to learn for a number of steps, as its ``learn`` does, for a loop of one's own.
-
-    Args:
-        model: the model.
-        steps: number of steps.
-        callbacks: its callbacks.
-        goes_on: count the steps from those so far.
-
-    Returns:
-        The callbacks as one, which the rollouts want.
-    """
-    return model._setup_learn(steps, callbacks, reset_num_timesteps=not goes_on)[1]
 
 
 def tells_divergence(error: Exception, sides: Sequence[str]) -> bool:

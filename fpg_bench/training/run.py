@@ -19,9 +19,9 @@ from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.evaluation.table import Results
 from fpg_bench.players.agent import load_agent, read_card, seed_folders
-from fpg_bench.training.config import RunConfig
+from fpg_bench.training.config import EVALUATIONS, RunConfig
 from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.train import EVALUATIONS, train
+from fpg_bench.training.train import train
 
 
 class Run:

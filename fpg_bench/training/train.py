@@ -13,7 +13,7 @@ import logging
 import platform
 import re
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -29,7 +29,6 @@ from torch.distributions import Distribution
 from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, one_line
-from fpg_bench.common.extras import require_extra
 from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
@@ -39,19 +38,14 @@ from fpg_bench.evaluation.curves import CURVE, draw_curves, draw_run, levels_of,
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
-from fpg_bench.game.spec import GameSpec, OtherGame
 from fpg_bench.players.card import OfflineData
 from fpg_bench.players.planner import CountsPlans, asks_language_model
-from fpg_bench.players.player import Player
-from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
-    DescriptionCallback,
     EvalCheckpointCallback,
     GameMeasuresCallback,
     ProgressCallback,
-    RivalCallback,
 )
 from fpg_bench.training.checkpoint import (
     load_checkpoint,
@@ -60,7 +54,7 @@ from fpg_bench.training.checkpoint import (
     save_model,
     steps_of,
 )
-from fpg_bench.training.config import RunConfig
+from fpg_bench.training.config import EVALUATIONS, RunConfig
 from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import as_option, load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
@@ -71,9 +65,7 @@ from fpg_bench.training.run_folder import RunFolder, command_line, revision
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EVALUATIONS = 20
 LOGS = 100  # at least, of a long run that learns from rollouts
-RIVAL = "rival"  # folder and option of the rival that learns at the same time
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
 _logger = logging.getLogger(__name__)
 _STOPPING = "stopping as soon as the run can be saved; Ctrl-C again stops at once\n"
@@ -98,7 +90,6 @@ def train(
     progress: bool | str = True,
     restart: bool = False,
     resume: bool = False,
-    log_rounds: bool = False,
     curve: bool = True,
 ) -> Path:
     """Train a run and export the agent.
@@ -128,8 +119,6 @@ def train(
             lines that begin with it, as one of several runs.
         restart: discard an unfinished run in the folder and start over.
         resume: continue an unfinished run in the folder, or start one if there is none.
-        log_rounds: log a picture and a film of a round at each evaluation, for TensorBoard; needs the extra
-            ``video``.
         curve: draw ``curve.png`` at the end, if the run was evaluated.
 
     Returns:
@@ -143,10 +132,6 @@ def train(
     torch.set_num_threads(1)
     if restart and resume:
         raise UserError("resume continues a run, restart starts it over; give only one of them")
-    if log_rounds:
-        require_extra("video", "PIL")
-        if isinstance(config.spec, OtherGame):
-            raise UserError(f"log_rounds: rounds of {config.spec.id} are not drawn; omit it")
     run = _Run(config, RunFolder(Path(out)), evaluations)
     run.setup()
     evaluators = {
@@ -163,7 +148,7 @@ def train(
                 run.resume(state)
             else:
                 run.folder.clear()
-            run.learn(evaluators, progress, log_rounds)
+            run.learn(evaluators, progress)
             run.finish()
         if curve and not run.folder.curve.exists():  # also where a finished run was killed before
             _draw(run.folder.curve, lambda: draw_run(run.folder.path))
@@ -177,74 +162,6 @@ def _draw(file: Path, draw: Callable[[], Figure | None]) -> None:
             write_figure(figure, file)
     except Exception as error:
         _logger.warning(f"no {file.name}: {one_line(error)}")
-
-
-def train_together(
-    learner: RunConfig, rival: RunConfig, out: str | Path, *, weight: int = 1, progress: bool = True
-) -> Path:
-    """Train two sides at once, each against the other's present policy (self-play), and export both agents.
-
-    The sides take turns, a rollout and an update each. Both sample their actions, and so do their exported
-    agents, as ``predict`` does with ``deterministic=False``: where two policies answer each other, the mode
-    of a distribution is easily foreseen. An entropy bonus keeps such a training from going round in circles
-    (Sokota et al., "A unified approach to reinforcement learning, quantal response equilibria, and two-player
-    zero-sum games", 2023; for PPO Rudolph et al., "Reevaluating policy gradient methods for
-    imperfect-information games", 2025).
-
-    A stopped training is resumed.
-
-    Args:
-        learner: the run of one side. Players that its game names are met as well.
-        rival: the run of the other side, whose game names nobody.
-        out: folder of the learner's run, as :func:`train` writes it; that of the rival is its ``rival``.
-        weight: how many players of the learner's game the rival counts as; one is drawn for each round.
-        progress: show the progress.
-
-    Returns:
-        The folder of the learner's agent.
-
-    Raises:
-        UserError: as :func:`train`; also for an algorithm that does not learn from rollouts, as PPO does.
-        KeyboardInterrupt: stopped by the user.
-    """
-    torch.set_num_threads(1)
-    players = ActorPlayer(), ActorPlayer()
-    run = _Run(learner, RunFolder(Path(out)), 0, [players[1]] * weight)
-    other = _Run(rival, RunFolder(Path(out) / RIVAL), 0, [players[0]])
-    for one, against, count in ((run, other, weight), (other, run, 1)):
-        one.make()
-        if not isinstance(one.model, OnPolicyAlgorithm):
-            raise UserError(f"{one.algorithm.name}: does not learn from rollouts, as both sides at once do")
-        about = {"algorithm": against.algorithm.name, "game": against.config.spec.to_dict(), "weight": count}
-        one.about = one.about.model_copy(
-            update={"command": None, "options": {**one.about.options, RIVAL: about}}
-        )
-    for one, player in ((run, players[0]), (other, players[1])):
-        player.update(one.model)
-    for one in (run, other):
-        one.check()
-    with run.folder.locked():
-        state = run.folder.state(run.about, allow_unfinished=True)
-        if state is None or not state.finished:
-            other.folder.path.mkdir(exist_ok=True)
-            with other.folder.locked():
-                met = other.folder.state(other.about, allow_unfinished=True)
-                is_exported = met is not None and met.finished  # before the learner is
-                begun = run.folder.has_checkpoint() and (is_exported or other.folder.has_checkpoint())
-                for one, before in ((run, state), (other, met)):
-                    if not begun or before is None:
-                        one.folder.clear()
-                    elif not before.finished:
-                        one.resume(before)
-                learns = not (begun and is_exported)
-                if learns:
-                    other.begin()
-                run.learn({}, progress, rival=(other, players))
-                if learns:
-                    other.seconds = run.seconds
-                    other.finish()
-                run.finish()
-    return run.folder.agent
 
 
 def check_run(config: RunConfig) -> None:
@@ -271,7 +188,6 @@ def train_seeds(
     evaluations: int = EVALUATIONS,
     restart: bool = False,
     workers: Workers | int = 2,
-    log_rounds: bool = False,
 ) -> None:
     """Train several seeds of a run in parallel; finished ones are not repeated.
 
@@ -285,7 +201,6 @@ def train_seeds(
         evaluations: number of evaluations during each training.
         restart: discard unfinished runs and start them over; otherwise they are resumed.
         workers: number of parallel trainings, one thread each, or :class:`fpg_bench.common.parallel.Workers`.
-        log_rounds: see :func:`train`.
 
     Raises:
         UserError: something unknown or out of range, folders that hold other runs, a language model as the
@@ -306,7 +221,6 @@ def train_seeds(
             resume=not restart,
             progress=folder.name,
             curve=False,
-            log_rounds=log_rounds,
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
@@ -347,7 +261,6 @@ class _Run:
 
     Attributes:
         config: what is trained.
-        rivals: players that learn at the same time; they join those that the game names.
         suites: the suite that scores each learning side.
         about: description of the run, with everything needed to repeat it.
 
@@ -355,14 +268,8 @@ class _Run:
         UserError: something unknown or out of range.
     """
 
-    def __init__(
-        self,
-        config: RunConfig,
-        folder: RunFolder,
-        evaluations: int = EVALUATIONS,
-        rivals: Sequence[Player] = (),
-    ) -> None:
-        self.config, self.folder, self.evaluations, self.rivals = config, folder, evaluations, rivals
+    def __init__(self, config: RunConfig, folder: RunFolder, evaluations: int = EVALUATIONS) -> None:
+        self.config, self.folder, self.evaluations = config, folder, evaluations
         self.algorithm, self.sides = find_algorithm(config.algorithm), config.spec.sides
         self.algorithm.check_sides(config.spec.id, self.sides)
         if self.algorithm.offline != (config.dataset is not None):
@@ -431,12 +338,7 @@ class _Run:
         )
 
     def setup(self) -> None:
-        """Make the model, and check that it can be exported before anything is written."""
-        self.make()
-        self.check()
-
-    def make(self) -> None:
-        """Make the games and the model."""
+        """Make the games and the model, and check before anything is written that it can be exported."""
         Distribution.set_default_validate_args(True)  # an export in this process turned torch's checks off
         config = self.config
         planner = config.planner
@@ -444,12 +346,8 @@ class _Run:
             make_planner = load("language model", "of a training")
             planner = make_planner(planner, self.folder.path, config.planner_options)
         game = dataclasses.replace(config.spec, planner=planner)
-        if self.rivals:
-            other = config.spec.config.other_side
-            game = GameSpec.of(game, **{other: [*(getattr(game, other) or ()), *self.rivals]})
         first_seed = training_seed(config.seed)
         self.games = make_sb3(game, self.parameters.n_envs, first_seed, stagger=True, stacked=True)
-        self.games.core.samples |= bool(self.rivals)
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about.training_seed)
         if config.start is not None:
             start = Path(config.start)
@@ -458,9 +356,6 @@ class _Run:
             self._starts_fresh = False
         if config.dataset is not None:
             cast(Any, self.model).learn_from(config.dataset, self.parameters.frame_stack or 1)
-
-    def check(self) -> None:
-        """Check that the model can be exported, and that it can imitate the teacher that it is to."""
         if (imitation := self.parameters.imitate) is not None:
             teacher_of(imitation, self.model, self.sides[0], self.games.core.scenario)
         try:
@@ -512,30 +407,24 @@ class _Run:
         self,
         evaluators: Mapping[str, PolicyEvaluator],
         progress: bool | str,
-        log_rounds: bool = False,
-        rival: tuple[_Run, tuple[ActorPlayer, ActorPlayer]] | None = None,
     ) -> None:
         """Train to the budget.
 
         Args:
             evaluators: evaluator of each learning side; empty for no evaluations.
             progress: show the progress.
-            log_rounds: see :func:`train`.
-            rival: the run of a rival that learns at the same time, and what plays the model and the rival.
 
         Raises:
             KeyboardInterrupt: stopped by the user.
         """
-        started = self.begin()
+        self.about.model_copy(update={"finished": False, "part": self._part}).write(self.folder.path)
+        self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
+        if kept := self.model.num_timesteps:  # TensorBoard drops what a killed process logged behind it
+            (output,) = self.model.logger.output_formats
+            assert isinstance(output, TensorBoardOutputFormat)
+            restart = Event(step=kept + 1, session_log=SessionLog(status=SessionLog.START))
+            output.writer._get_file_writer().add_event(restart)  # type: ignore[no-untyped-call]
         budget, model = self.about.training_steps, self.model
-        beside, turns, sides = {}, [], list(self.sides)
-        if rival is not None:
-            other, players = rival
-            beside[other.folder.checkpoints] = other.model
-            turns.append(
-                RivalCallback(cast(OnPolicyAlgorithm, other.model), other.about.training_steps, players)
-            )
-            sides += other.sides
         name = (progress,) if isinstance(progress, str) else ()
         bars = [ProgressCallback(budget, *name)] if progress else []
         clock = Clock(self._seconds_before)
@@ -549,19 +438,16 @@ class _Run:
                 budget,
                 self.evaluations,
                 stop,
-                log_rounds,
-                beside,
             )
             try:
                 if model.num_timesteps < budget:
                     steps = budget - model.num_timesteps
                     interval = _log_interval(model, budget)
                     _warn_of_overshoot(model, steps)
-                    about = DescriptionCallback(started, tuple(evaluators))
-                    callbacks = [about, GameMeasuresCallback(interval), *turns, checkpoints, *bars]
+                    callbacks = [GameMeasuresCallback(interval), checkpoints, *bars]
                     model.learn(steps, callbacks, log_interval=interval, reset_num_timesteps=False)
             except (RuntimeError, ValueError) as error:
-                if tells_divergence(error, sides) or not is_finite(model):
+                if tells_divergence(error, self.sides) or not is_finite(model):
                     raise self._divergence() from error
                 raise
             finally:
@@ -570,18 +456,6 @@ class _Run:
         if not is_finite(model):  # after the last update
             raise self._divergence()
         self.seconds = clock.seconds
-
-    def begin(self) -> RunDescription:
-        """Write the description of the unfinished run, and log into its folder; returns the description."""
-        started = self.about.model_copy(update={"finished": False, "part": self._part})
-        started.write(self.folder.path)
-        self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
-        if kept := self.model.num_timesteps:  # TensorBoard drops what a killed process logged behind it
-            (output,) = self.model.logger.output_formats
-            assert isinstance(output, TensorBoardOutputFormat)
-            restart = Event(step=kept + 1, session_log=SessionLog(status=SessionLog.START))
-            output.writer._get_file_writer().add_event(restart)  # type: ignore[no-untyped-call]
-        return started
 
     def _divergence(self) -> UserError:
         return UserError(

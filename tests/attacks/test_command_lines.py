@@ -84,7 +84,7 @@ WORKING = (
     "evaluate idle --suite ally-v1 --out out --matches 1",
     "best-response expert --steps 1 --n-seeds 1 --out out",
     "double-oracle --iterations 1 --steps 1 --out out",
-    "self-play --iterations 1 --steps 1 --out out",
+    "tabular-self-play --iterations 1 --games 1 --out out",
     "fictitious-self-play --generations 1 --steps 1 --n-evals 0 --out out",
     "export nowhere.zip --out out --algo ppo --id FPG/AllyVsScripted-v0 --scenario standard --seed 0",
     "reproduce yang-2026 fig3 --out out",
@@ -92,7 +92,6 @@ WORKING = (
     "suites ally-v1",
     "scenario show standard",
     "tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --rounds 1 --steps 1 --out out",
-    "tune report nowhere",
     "tune export nowhere best.yml",
     "plan run --planner hill-climb",
     "plan compare circle --suite planner-v1",
@@ -107,7 +106,6 @@ WORKING = (
     "leaderboard break ally/idle agent --name Me --author Me --folder nowhere",
     "leaderboard close-season 9 --work work --folder nowhere",
     "leaderboard season season-9 --folder nowhere",
-    "leaderboard audit-season 9 --work work --folder nowhere",
 )
 WRONG = "discretely"
 # Options of any text, and those of others: names that are given, addresses, and what a server is asked

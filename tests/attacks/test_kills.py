@@ -125,7 +125,7 @@ def test_a_full_disk_names_the_file_of_rows():
 
 
 @pytest.mark.parametrize(
-    "words", ["train ppo FPG/AllyVsScripted-v0", "self-play", "reproduce yang-2026 fig7"]
+    "words", ["train ppo FPG/AllyVsScripted-v0", "double-oracle", "reproduce yang-2026 fig7"]
 )
 def test_a_read_only_folder_is_one_line_before_anything_begins(words, tmp_path, monkeypatch, capsys):
     real = os.access

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_json, write_json
+from fpg_bench.common.files import read_json
 from fpg_bench.common.imports import check_allowed, imported
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.evaluate import evaluate, read_results
@@ -19,7 +19,7 @@ from fpg_bench.evaluation.suite import load_suite, read_suite
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
-from fpg_bench.products.league.best_responses import _teacher, best_responses
+from fpg_bench.products.league.best_responses import best_responses
 from fpg_bench.products.league.champions import load_champions
 from fpg_bench.products.league.config import BestResponseConfig, FictitiousSelfPlayConfig
 from fpg_bench.products.league.fictitious_self_play import fictitious_self_play
@@ -29,7 +29,6 @@ from fpg_bench.products.tuning.study import open_storage, open_study
 from fpg_bench.products.tuning.tune import tune
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
 from tests.products.tuning.fake import fake_task
 from tests.training.tiny import ALLY, settings
@@ -137,19 +136,7 @@ def test_a_search_space_and_a_study_run_no_code_that_is_not_allowed(tmp_path, ra
     assert not ran.exists()
 
 
-def test_a_run_and_a_file_of_champions_run_no_code(tmp_path, ran):
-    folder = RunFolder(tmp_path / "run")
-    write_json(
-        folder.description,
-        {
-            "algorithm": "ppo",
-            "side": "ally",
-            "training_seed": 0,
-            "hyperparameters": {"imitate": {"teacher": CODE}},
-        },
-    )
-    with pytest.raises(UserError, match=REFUSED):
-        _teacher(folder)
+def test_a_file_of_champions_runs_no_code(tmp_path, ran):
     (tmp_path / "champions.yml").write_text(yaml.safe_dump({"mine": {"options": {"planner": CODE}}}))
     with pytest.raises(UserError, match=REFUSED):
         load_champions(tmp_path / "champions.yml")

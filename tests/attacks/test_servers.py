@@ -14,11 +14,9 @@ import pytest
 
 from fpg_bench.common.errors import printable
 from fpg_bench.products.language_models.client import ERRORS, MOST_TOKENS, read_completion, read_reply
-from fpg_bench.products.language_models.probe import probe
-from fpg_bench.products.language_models.servers import Endpoint, load_server
 from tests.attacks import SCALE, SEED
 from tests.attacks.json_texts import hostile_text
-from tests.products.language_models.fault_server import FaultServer, completion, json_body
+from tests.products.language_models.fault_server import FaultServer, completion
 from tests.products.language_models.playing import KEY, ask, client
 
 PAINT = "\x1b[2J\x1b]0;owned\x07\x9b31m\u202e\u2028\r"
@@ -155,15 +153,6 @@ def test_a_hostile_server_is_read_to_a_bound():
             assert peak < MOST_BYTES
             assert KEY not in kept(reply)
     assert {request.headers["accept-encoding"] for request in server.requests} == {"identity"}
-
-
-@pytest.mark.parametrize(("content", "model"), [("Hello \ud800", "m\ud800"), (PAINT, PAINT), ("Hello", 7)])
-def test_probe_ends_with_findings_that_a_terminal_may_show(content, model):
-    with FaultServer([json_body(completion(content, model=model))]) as server:
-        findings = list(probe(Endpoint(server.url, "some-model", KEY, load_server("generic"))))
-    assert len(findings) == 6
-    for finding in findings:
-        assert printable(finding.detail) == finding.detail
 
 
 def test_counts_of_tokens_never_end_a_run():

@@ -57,12 +57,19 @@ def test_an_agent_s_policy_may_be_no_pipe(tmp_path):
 
 
 def test_a_yaml_file_is_measured_before_it_is_parsed(tmp_path, monkeypatch):
-    monkeypatch.setattr("fpg_bench.common.files._parsed", lambda text: pytest.fail("was parsed"))
+    monkeypatch.setattr("fpg_bench.common.files._CarefulLoader", lambda text: pytest.fail("was parsed"))
     file = tmp_path / "large.yml"
     for text in ("".join(f"k{k}: {k}\n" for k in range(60_000)), f"a: {'x' * 20_000_000}\n"):
         file.write_text(text)
         with pytest.raises(UserError, match=r"large\.yml: is longer than 200,000 bytes$"):
             read_yaml(file, "suite")
+
+
+@pytest.mark.parametrize("opened", ["- ", "? "])
+def test_a_yaml_file_nested_without_brackets_is_refused(opened, tmp_path):
+    (tmp_path / "deep.yml").write_text(opened * 90_000)
+    with pytest.raises(UserError, match=r"deep\.yml: not valid YAML: maximum recursion depth exceeded"):
+        read_yaml(tmp_path / "deep.yml", "suite")
 
 
 @pytest.mark.parametrize("changes", [{"matches": 10**12}, {"matches": 10**4, "rounds_per_match": 10**4}])

@@ -37,8 +37,15 @@ from tests.attacks.mutations import misspelt, mutations
 
 BASELINES = baselines_folder()
 BOARD = BASELINES.parent / "leaderboard"
-# What is refused in other words than by its key: a number anywhere that is not finite, another format
-ELSEWHERE = ("not finite", "lacks game", "lacks id", "made for the id None", "last_rounds: at most")
+# What is refused in other words than by its key: no finite number, half a letter, another format
+ELSEWHERE = (
+    "not finite",
+    "invalid Unicode character escape code",
+    "lacks game",
+    "lacks id",
+    "made for the id None",
+    "last_rounds: at most",
+)
 
 
 def _written(content: Any, name: str = "file.yml") -> str:

@@ -205,7 +205,7 @@ MISTAKES = [
     (make_duel, {"path": "circle", "planner": "circle"}, "nothing to plan where the path is 'circle'"),
     (make_duel, {"games": 0}, "above 0, got 0"),
     (make_duel, {"games": 1, "actions": {"opponet": "discrete"}}, "did you mean 'opponent'"),
-    (parallel_env, {"render_mode": "ansi"}, "'rgb_array' or 'human', got 'ansi'"),
+    (parallel_env, {"render_mode": "ansi"}, "expected None or 'rgb_array', got 'ansi'"),
     (supersuit_vec_env, {"n_envs": 1.5}, "n_envs: expected a whole number above 0"),
     (supersuit_vec_env, {"n_envs": 2, "seed": -1}, "seed: expected"),
     (make_sb3, {"game": "FPG/duel_v0", "n_envs": 1, "paht": "circle"}, "'paht'; did you mean 'path'"),

@@ -2,13 +2,17 @@
 
 import json
 
+import matplotlib
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from fpg_bench.cli.evaluation import curves as verb
+from fpg_bench.common import canvas
+from fpg_bench.common.canvas import styles_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
-from fpg_bench.evaluation.curves import curves, draw_curves, levels_of, read_runs, styles_of
+from fpg_bench.evaluation.curves import curves, draw_curves, levels_of, read_runs
 from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.game.scenario import Scenario
 
@@ -73,9 +77,12 @@ def test_the_verb_writes_a_figure_by_its_suffix(runs, tmp_path):
     assert (tmp_path / "curves.svg").read_bytes().startswith(b"<?xml")
 
 
-def test_many_curves_differ_in_colour_or_dashes():
-    styles = styles_of(map(str, range(36)))
-    assert len({str(style) for style in styles.values()}) == 36
+def test_many_players_differ_in_colour_or_marker_and_a_known_one_has_its_own():
+    styles = styles_of([*map(str, range(36)), "sac", "ppo-stack8"])
+    assert len({(style["color"], style["marker"]) for style in styles.values()}) == 38
+    for names in (["sac"], ["DQN", "SAC"], ["ppo", "other", "sac"]):
+        alone = styles_of(names)
+        assert alone[names[-1]] == styles["sac"]
 
 
 def write_described(folder, seed, slope, **changes):
@@ -118,3 +125,19 @@ def test_the_axis_ends_near_means_and_levels_whatever_bands_reach(tmp_path):
     assert figure.axes[0].get_ylim() == pytest.approx((7.5 - 7.875, 60 + 7.875))
     figure = draw_curves(read_runs([tmp_path / "run_0"]), levels={"random": 0.0})
     assert figure.axes[0].get_ylim() == pytest.approx((-100, 15))
+
+
+def test_a_figure_fits_a_page_of_a_journal_and_pages_that_are_dark(runs):
+    before = dict(matplotlib.rcParams)
+    with matplotlib.rc_context({"font.size": 20, "axes.facecolor": "red"}):  # a reader's own settings
+        figure = draw_curves(read_runs(runs), levels={"best": 60.0})
+        image = canvas.image_of(figure, "svg", "curves").decode()
+    assert dict(matplotlib.rcParams) == before
+    assert figure.get_figwidth() == canvas.PAGE
+    assert {text.get_fontsize() for text in figure.findobj(Text) if text.get_text()} == {8}
+    legend = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert legend == {"ppo", "sac", "95 % interval of the mean"}
+    assert "svg{color-scheme:light dark} @media (prefers-color-scheme:dark)" in image
+    assert ">score</text>" in image  # text that can be searched
+    assert "fill: #ffffff" not in image
+    assert "fill: #ff0000" not in image

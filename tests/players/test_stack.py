@@ -8,6 +8,7 @@ from onnx import numpy_helper
 
 import fpg_bench
 from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import OnnxPlayer, agent_folder
 from fpg_bench.players.policy_runner import PolicyRunner
@@ -16,7 +17,8 @@ from fpg_bench.players.stack import TOLERANCE, network_of, stacks
 
 GAMES = 24
 ALIKE = [f"duel-ally/maddpg/seed_{seed}" for seed in range(3)]
-OTHERS = ["ally-scripted/ppo-stack8/seed_0", "ally-scripted/recurrent-ppo/seed_0", "expert"]
+FRAMES = [f"ally-scripted/ppo-stack8/seed_{seed}" for seed in range(2)]
+OTHERS = [FRAMES[0], "ally-scripted/recurrent-ppo/seed_0", "expert"]
 
 
 def named(names):
@@ -31,13 +33,17 @@ def changed(name, value):
     return OnnxPlayer(model.SerializeToString())
 
 
-def answers(players, stacked, games=GAMES, steps=60):
+def answers(players, stacked, games=GAMES, steps=60, rounds=1):
     """Actions of a population in games that another one plays; the drawn players beside them."""
     duel = TwoPlayerBatch(STANDARD, games)
     runner = PolicyRunner("ally", players, duel.batch, stacked=stacked)
     runner.begin(duel.reset(seeds=3))
     chance, found = np.random.default_rng(0), []
-    for _ in range(steps):
+    for step in range(steps * rounds):
+        if step and step % steps == 0:
+            some = np.arange(games) % 2 == 0
+            duel.batch.reset(some)
+            runner.begin(some)
         found.append(runner.act())
         duel.batch.step(*np.tile(chance.uniform(-1, 1, (2, 1, 9)).astype(np.float32), (1, games, 1)))
     return np.array(found), runner
@@ -61,9 +67,30 @@ def test_no_game_depends_on_the_number_of_games():
     assert np.array_equal(answers(players, True)[0][:, :5], answers(players, True, games=5)[0])
 
 
+def test_stacked_frames_are_kept_per_game_and_forgotten_where_a_round_starts():
+    players = named([FRAMES[0], "expert", FRAMES[1], *ALIKE])
+    exact, runner = answers(players, stacked=False, steps=15, rounds=3)
+    close, stacked = answers(players, stacked=True, steps=15, rounds=3)
+    assert [members for _, members in stacked._stacks] == [[0, 2], [3, 4, 5]]
+    assert np.array_equal(runner.choice, stacked.choice)
+    assert 0 < np.abs(close - exact).max() <= 2 * TOLERANCE
+    assert np.array_equal(close[:15, :5], answers(players, True, games=5, steps=15)[0])
+
+
+def test_an_agent_whose_memory_is_no_frames_forms_no_stack(caplog):
+    players = named(FRAMES)
+    model = onnx.load(agent_folder(FRAMES[0]) / "policy.onnx")
+    joined = next(each for each in model.graph.node if "observation" in each.input)
+    joined.input[:] = reversed(joined.input)  # the newest first
+    mixed = [OnnxPlayer(model.SerializeToString()), *players]
+    ((_, members),) = stacks(mixed, "ally", GameBatch(STANDARD, GAMES))
+    assert members == [1, 2]
+    assert "onnxruntime" in caplog.text
+
+
 def test_agents_of_memory_noise_and_other_layers_form_no_stack():
-    assert [network_of(player) for player in named(OTHERS)] == [None] * 3
-    assert stacks(named([ALIKE[0], *OTHERS]), "ally", STANDARD) == []
+    assert [network_of(player) for player in named(OTHERS[1:])] == [None] * 2
+    assert stacks(named([ALIKE[0], *OTHERS]), "ally", GameBatch(STANDARD, GAMES)) == []
 
 
 def test_an_agent_without_finite_actions_is_named_once_and_costs_the_others_nothing(caplog):
@@ -81,7 +108,7 @@ def test_an_agent_that_onnxruntime_plays_otherwise_is_played_by_it(caplog, monke
     players = named(ALIKE)
     run = players[1].run
     monkeypatch.setattr(players[1], "run", lambda feeds: [run(feeds)[0] + np.float32(1e-5)])
-    (_, members), *_ = stacks(players, "ally", STANDARD)
+    (_, members), *_ = stacks(players, "ally", GameBatch(STANDARD, GAMES))
     assert members == [0, 2]
     assert "1e-05" in caplog.text
 

@@ -152,23 +152,6 @@ def test_tensorboard_shows_the_game(run):
     logged = {tag.removeprefix("game/") for tag in tags if tag.startswith("game/")}
     assert set(measured) - may_lack <= logged <= set(measured)
     assert all(0 <= event.value <= 1 for event in events.Scalars("game/jamming_success_rate"))
-    (text,) = events.Tensors("run/description/text_summary")
-    assert b"FPG/AllyVsScripted-v0" in text.tensor_proto.string_val[0]
-    started = events.SummaryMetadata("_hparams_/session_start_info").plugin_data.content
-    assert b"n_epochs" in started
-
-
-@pytest.mark.full
-@pytest.mark.slow
-def test_a_round_is_logged_at_each_evaluation(tmp_path):
-    train_tiny("ppo", tmp_path / "run", steps=64, evaluations=1, log_rounds=True)
-    events = EventAccumulator(str(tmp_path / "run"), size_guidance={"images": 0})
-    events.Reload()
-    assert {"round/ally", "round/ally_film"} <= set(events.Tags()["images"])
-    pictures, films = events.Images("round/ally"), events.Images("round/ally_film")
-    assert len(pictures) == len(films) == 2  # at the start and at the end
-    assert all(each.encoded_image_string.startswith(b"\x89PNG") for each in pictures)
-    assert all(each.encoded_image_string.startswith(b"GIF8") for each in films)
 
 
 @pytest.mark.slow

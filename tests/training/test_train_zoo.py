@@ -117,19 +117,36 @@ def test_each_record_is_kept_once_and_the_newest_of_a_matchup(tmp_path):
     group = zoo.groups[0]
     suite = load_suite(group.suites[0])
     records = add_missing_records(zoo, group)
-    of_scripts, of_agents = (RowFile(zoo.records_file(of)) for of in (suite, group))
-    older = [{**row, "rounds_sha256": "older"} for row in of_agents.read()]
-    newer, scripts = of_agents.read(), of_scripts.read()
-    of_agents.path.unlink()
-    of_agents.append([*older, *scripts, *newer])  # as groups held them before, each its own scripts
-    former = {**newer[0], "suite": "ally-v0"}
-    of_agents.append([former])
+    file = RowFile(zoo.records_file(group))
+    newer = file.read()
+    older = [{**row, "rounds_sha256": "older"} for row in newer]
+    former = {**newer[0], "suite_hash": "of a suite that is gone"}
+    file.replace([*older, *newer, former])
     with pytest.raises(UserError, match="of the same matchup"):
         zoo.read_records(group, suite)
-    assert script.compact(zoo) == len(older) + len(scripts) + len([former])
-    assert former not in of_agents.read()
+    assert script.compact(zoo) == len(older) + len([former])
+    assert file.read() == newer
     assert zoo.read_records(group, suite) == records
     assert script.compact(zoo) == 0
+
+
+def test_what_the_board_verified_is_read_there_and_neither_kept_nor_played_again(tmp_path):
+    zoo = make_zoo(tmp_path / "zoo")
+    make_agent(zoo.members("small/ppo")[0])
+    group = zoo.groups[0]
+    suite = load_suite(group.suites[0])
+    records = add_missing_records(zoo, group)
+    own = RowFile(zoo.records_file(group))
+    rows = [row | {"entry": "small-ppo", "suite": "other-name"} for row in own.read()]
+    board = RowFile(tmp_path / "leaderboard/results/ally/small-ppo.jsonl")
+    board.append([{"kind": "result"}, *rows, rows[0] | {"fingerprint": "another policy"}])
+    assert script.compact(zoo) == len(rows) == 2
+    assert own.read() == []
+    assert zoo.read_records(group, suite) == add_missing_records(zoo, group) == records
+    assert own.read() == []
+    board.path.unlink()
+    assert add_missing_records(zoo, group) == records
+    assert len(own.read()) == len(rows)
 
 
 def test_a_replaced_agent_is_evaluated_again(tmp_path):

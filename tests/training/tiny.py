@@ -41,7 +41,7 @@ def run_config(algorithm, env_id=ALLY, **options) -> RunConfig:
 
 def train(algorithm, env_id, out, *, progress=False, evaluations=0, **options):
     """Train a run; scored nowhere unless asked for."""
-    how = {name: options.pop(name) for name in ("restart", "resume", "log_rounds") if name in options}
+    how = {name: options.pop(name) for name in ("restart", "resume") if name in options}
     config = run_config(algorithm, env_id, **options)
     return training.train(config, out, progress=progress, evaluations=evaluations, **how)
 

@@ -31,6 +31,7 @@ ERRORS = ("timeout", "http", "refused", "invalid")
 LONGEST_BODY = 1_000_000  # bytes of a body that are read
 MOST_TOKENS = 10**9  # of one answer; a server that reports more is wrong
 SHORTEST_SECRET = 8  # shorter keys are words such as "none" and "x", which stand in any text
+DEADLINE_S = 30.0  # of a question with all its retries
 RETRIES = 2  # after a lost connection, or a status such as 503
 BACKOFF_S = (1.0, 2.0, 4.0, 8.0, 16.0, 30.0)  # waits after each 429 that names no time to wait
 _WAIT_HEADERS = {"retry-after", "retry-after-ms"}
@@ -105,7 +106,7 @@ class Client:
 
     Args:
         endpoint: the server and the model.
-        deadline_s: time for a question with all its retries; None: the endpoint's.
+        deadline_s: time for a question with all its retries; None: 30 s.
 
     Attributes:
         dropped: the fields that this server refused; they are not sent again.
@@ -119,7 +120,7 @@ class Client:
     def __init__(self, endpoint: Endpoint, deadline_s: float | None = None) -> None:
         require_extra("llm", "openai")
         _tls_context()  # imports the package, which takes a second that no deadline should have to cover
-        self.endpoint, self.deadline_s = endpoint, deadline_s or endpoint.deadline_s
+        self.endpoint, self.deadline_s = endpoint, deadline_s or DEADLINE_S
         self.dropped: set[str] = set()
 
     def request_body(

@@ -76,7 +76,7 @@ class LLMPlanner(BatchPlanner):
             there is a transcript.
         calls, tokens, seconds: caps on the complete run; see
             :class:`fpg_bench.products.language_models.budget.CallBudget`.
-        deadline_s: time for each call; None: the endpoint's.
+        deadline_s: time for each call; None: 30 s.
         concurrency: number of games asked for at once. Calls under way may exceed the caps.
         chain: the start of the transcript's chain of hashes; None: no chain.
         temperature: sampling temperature; None: that of the server's profile.
@@ -196,7 +196,7 @@ class LLMPlanner(BatchPlanner):
         self._client.complete_all([body for _, body in talks], self.concurrency, keep)
         for index, reply in failed.items():
             if not self._is_answered:  # nothing is kept, so that the same run can go on once it is mended
-                mend = "mend the server or the FPG_LLM_ variables, and try fpg-bench plan probe"
+                mend = "mend the server or the FPG_LLM_ variables"
                 raise UserError(f"planner {self.name}: {reply.detail}; {mend}")
             keep(index, reply)
         for index, (talk, _) in enumerate(talks):

@@ -28,7 +28,7 @@ class LLMOptions:
         calls: maximum number of calls in the run; None: 20,000.
         tokens: maximum number of prompt and completion tokens; None: 200 million.
         seconds: maximum number of seconds spent in calls; None: a week.
-        deadline: time limit of a call in seconds; None: 30; for the embedded model, from its measured speed.
+        deadline: time limit of a call in seconds; None: 30.
         concurrency: maximum number of concurrent calls; None: 1.
     """
 

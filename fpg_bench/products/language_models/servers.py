@@ -13,16 +13,13 @@ from urllib.parse import urlsplit
 from pydantic import Field, field_validator, model_validator
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.extras import has, install_command
+from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.schema import Expected, Items, PositiveInt, Strict, parse
-from fpg_bench.products.language_models.local_server import has_model, model_file, shared_server
 
 SERVER_FOLDER = Path(__file__).with_name("servers")
 SERVERS = tuple(sorted(path.stem for path in SERVER_FOLDER.glob("*.yml")))
-EMBEDDED = "embedded"  # the profile of a model on this machine
 BASE_URL, MODEL, KEY, SERVER = "FPG_LLM_BASE_URL", "FPG_LLM_MODEL", "FPG_LLM_API_KEY", "FPG_LLM_SERVER"
-_INSTALL = f"{install_command('local-llm')} and fpg-bench llm fetch"
 
 ResponseFormat = Literal["json_object", "json_object_with_schema", "json_schema"]
 TokenField = Literal["max_tokens", "max_completion_tokens"]
@@ -110,14 +107,12 @@ class Endpoint:
     """A language model's base URL, name, key and server profile.
 
     The key is in no ``repr``; a pickle leaves it out, and what is unpickled takes it from the environment.
-    ``deadline_s`` is the default time limit of a plan.
     """
 
     base_url: str
     model: str
     key: str | None = field(default=None, repr=False)
     server: Server = field(default_factory=lambda: load_server("generic"))
-    deadline_s: float = 30.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "base_url", checked_url(self.base_url, "base_url: "))
@@ -151,23 +146,15 @@ class Endpoint:
 def endpoint_from_environment(server: str | None = None) -> Endpoint:
     """Return the endpoint of ``FPG_LLM_BASE_URL``, ``FPG_LLM_MODEL`` and ``FPG_LLM_API_KEY``.
 
-    Where none of them is set, the small model on this machine answers, if it was fetched: its server is
-    started.
-
     Args:
         server: the server's profile; None: ``FPG_LLM_SERVER``, or ``generic``. Its base URL and model
-            stand in for those that are not set. A server on this machine needs no key. ``embedded``: the
-            model on this machine, whatever else is configured.
+            stand in for those that are not set. A server on this machine needs no key.
 
     Raises:
         UserError: something is missing or invalid; the message names the variables to set.
     """
+    require_extra("llm", "openai")
     profile = load_server(server or _variable(SERVER) or "generic")
-    is_configured = bool(_variable(BASE_URL) or _variable(MODEL) or _variable(KEY) or profile.base_url)
-    if profile.name == EMBEDDED or (not is_configured and has("xllamacpp") and has_model()):
-        file = model_file()
-        local = shared_server(file)
-        return Endpoint(local.url, file.stem, server=load_server(EMBEDDED), deadline_s=local.speed.deadline_s)
     base_url, model = _variable(BASE_URL) or profile.base_url, _variable(MODEL) or profile.model
     missing = []
     if base_url is None:
@@ -180,8 +167,7 @@ def endpoint_from_environment(server: str | None = None) -> Endpoint:
     if not _variable(KEY) and not (endpoint and endpoint.on_this_machine):
         missing.append(KEY if endpoint else f"{KEY} (none is needed on this machine)")
     if endpoint is None or missing:
-        small = "" if is_configured else f"; or take a small one on this machine: {_INSTALL}"
-        raise UserError(f"no language model is configured: set {', '.join(missing)}{small}")
+        raise UserError(f"no language model is configured: set {', '.join(missing)}")
     return dataclasses.replace(endpoint, key=_variable(KEY))
 
 

@@ -13,11 +13,11 @@ from annotated_types import Ge, Le, Len
 from pydantic import AfterValidator, PlainValidator
 
 from fpg_bench.common.checks import title
-from fpg_bench.common.errors import UserError, meant, nearest
+from fpg_bench.common.errors import UserError, meant, nearest, shown
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.players.card import MOST_SECONDS, MOST_STEPS
 from fpg_bench.players.player import SIDES
-from fpg_bench.products.leaderboard.folders import TRACK_FOLDERS, quoted
+from fpg_bench.products.leaderboard.folders import TRACK_FOLDERS
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
 
 PATHS = ("pursuit", "learned")
@@ -60,7 +60,7 @@ def board_name(about: SubmissionFile, slug: str) -> str:
 def _text(value: object, most: int, lines: bool = False, least: int = 1) -> str:
     """Return stripped text of ``least`` to ``most`` characters, all of which are visible."""
     if not isinstance(value, str):
-        raise UserError(f"expected text, got {quoted(value)}; put it in quotes")
+        raise UserError(f"expected text, got {shown(value)}; put it in quotes")
     value = value.strip()
     if not least <= len(value) <= most:
         raise UserError(f"expected {least} to {most} characters, got {len(value)}")
@@ -80,27 +80,27 @@ def _named(value: object, most: int) -> str:
     """Return text with a letter or a digit in it."""
     text = _text(value, most)
     if not any(unicodedata.category(letter)[0] in "LN" for letter in text):
-        raise UserError(f"must contain at least one letter or digit, got {quoted(text)}")
+        raise UserError(f"must contain at least one letter or digit, got {shown(text)}")
     return text
 
 
 def _entry_name(value: object) -> str:
     text = _named(value, 60)
     if odd := [letter for letter in text if not letter.isascii()]:
-        raise UserError(f"{quoted(text)} holds {odd[0]!r}; a name is written in ASCII")
+        raise UserError(f"{shown(text)} holds {odd[0]!r}; a name is written in ASCII")
     return title(text)
 
 
 def _choice(value: object, choices: tuple[str, ...]) -> str:
     if not isinstance(value, str) or value not in choices:
         hint = meant(value, choices) if isinstance(value, str) else ""
-        raise UserError(f"expected {', '.join(choices)}, got {quoted(value)}{hint}")
+        raise UserError(f"expected {', '.join(choices)}, got {shown(value)}{hint}")
     return value
 
 
 def _authors(value: object) -> tuple[str, ...]:
     if not isinstance(value, list) or not 1 <= len(value) <= 20:
-        raise UserError(f"expected a list of 1 to 20 names, got {quoted(value)}")
+        raise UserError(f"expected a list of 1 to 20 names, got {shown(value)}")
     return tuple(_named(name, 80) for name in value)
 
 
@@ -112,13 +112,13 @@ def _link(value: object) -> str:
     except ValueError:
         is_complete = False
     if not is_complete or any(letter in text for letter in " \"'<>\\`"):
-        raise UserError(f"expected null or a link that begins with https://, got {quoted(text)}")
+        raise UserError(f"expected null or a link that begins with https://, got {shown(text)}")
     return text
 
 
 def _distinct(seeds: tuple[int, ...]) -> tuple[int, ...]:
     if len(set(seeds)) < len(seeds):
-        raise UserError(f"duplicate seed in {quoted(list(seeds))}")
+        raise UserError(f"duplicate seed in {shown(list(seeds))}")
     return seeds
 
 
@@ -211,7 +211,7 @@ def read_about(content: Mapping[str, object]) -> tuple[SubmissionFile, list[str]
     for key in content:
         if key not in SubmissionFile.model_fields:
             hint = nearest(key, SubmissionFile.model_fields) if isinstance(key, str) else ""
-            lines.append(f"unknown key {quoted(key)}{hint}")
+            lines.append(f"unknown key {shown(key)}{hint}")
     lines += [f"lacks {key!r}" for key in REQUIRED if key not in content]
     known = {key: content[key] for key in SubmissionFile.model_fields if key in content}
     about, wrong = problems_of(SubmissionFile, known)

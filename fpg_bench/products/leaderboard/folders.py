@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from itertools import islice
 from pathlib import Path
 
-from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest, shown
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.folders import user_cache
 from fpg_bench.common.locks import locked
@@ -182,7 +182,7 @@ def stray_files(folder: Path, expected: Iterable[str]) -> list[str]:
     """Return one line per name in a folder that is not expected there."""
     expected = list(expected)
     return [
-        f"{quoted(name)}: is not part of a submission{nearest(name, expected)}"
+        f"{shown(name)}: is not part of a submission{nearest(name, expected)}"
         for name in list_names(folder)
         if name not in expected
     ]
@@ -192,15 +192,6 @@ def short_path(path: Path) -> str:
     """Return a path as text, relative to the working directory if it is inside it."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
-
-
-def quoted(value: object, most: int = 60) -> str:
-    """Return the representation of an untrusted value, shortened to ``most`` characters."""
-    try:
-        text = repr(value)
-    except ValueError:  # a whole number of thousands of digits
-        text = f"a {type(value).__name__}"
-    return text if len(text) <= most else f"{text[: most - 4]}...{text[-1]}"
 
 
 def _mode(path: Path) -> int | None:

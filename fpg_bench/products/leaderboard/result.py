@@ -75,7 +75,7 @@ class Fingerprint(Strict):
 
 
 class _Head(Strict):
-    """First row of a result's file; those of 0.2.0 have a summary of the records, which is not read."""
+    """First row of a result's file."""
 
     kind: Literal["result"]
     slug: str
@@ -83,7 +83,6 @@ class _Head(Strict):
     status: Literal["verified", "not verified"]
     reason: str | None
     fingerprint: Fingerprint
-    summary: object = None
     records_sha256: str
 
 

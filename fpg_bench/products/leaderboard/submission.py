@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fpg_bench.common.errors import UserError, meant, nearest
+from fpg_bench.common.errors import UserError, meant, nearest, shown
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import NAMED
@@ -32,7 +32,6 @@ from fpg_bench.products.leaderboard.folders import (
     file_problem,
     folder_problem,
     list_names,
-    quoted,
     short_path,
     stray_files,
 )
@@ -251,10 +250,10 @@ def read_submission(
 def slug_problems(folder: Path) -> Iterator[str]:
     """Yield a problem if the name of a folder cannot be an address on the board, or a file anywhere."""
     if _RESERVED.fullmatch(folder.name):
-        yield f"the folder's name {quoted(folder.name)}: is taken by Windows or by a page of the board"
+        yield f"the folder's name {shown(folder.name)}: is taken by Windows or by a page of the board"
     if not _SLUG.fullmatch(folder.name):
         yield (
-            f"the folder's name {quoted(folder.name)}: expected at most 40 of a-z, 0-9 and -, "
+            f"the folder's name {shown(folder.name)}: expected at most 40 of a-z, 0-9 and -, "
             "a letter or digit first"
         )
 
@@ -268,7 +267,7 @@ def _location_problems(folder: Path, about: SubmissionFile) -> Iterator[str]:
     if parent in TRACK_FOLDERS:
         yield f"{stated} {parent}; move it to submissions/{track}, or write track: {parent}"
     elif folder.parent.parent.name == "submissions":
-        yield f"{stated} {quoted(parent)}, which is not a track; move it to submissions/{track}"
+        yield f"{stated} {shown(parent)}, which is not a track; move it to submissions/{track}"
 
 
 def _name_problems(folder: Path, about: SubmissionFile) -> Iterator[str]:
@@ -277,13 +276,13 @@ def _name_problems(folder: Path, about: SubmissionFile) -> Iterator[str]:
         return
     scripts = _scripts(about.track)
     if about.script is not None and about.script not in scripts:
-        yield f"script: unknown {quoted(about.script)}{nearest(about.script, scripts)}"
+        yield f"script: unknown {shown(about.script)}{nearest(about.script, scripts)}"
     for key, name in (("name", about.name), ("the folder's name", folder.name)):
         if name_skeleton(name) in map(name_skeleton, scripts) and name.strip().casefold() != about.script:
-            yield f"{key}: {quoted(name)} is the name of a script of the package; choose another"
+            yield f"{key}: {shown(name)} is the name of a script of the package; choose another"
     if about.zoo is not None and about.zoo not in _zoo():
         hint = meant(about.zoo, _zoo())
-        yield f"zoo: the package ships no agents {quoted(about.zoo)}{hint} (fpg-bench zoo lists them)"
+        yield f"zoo: the package ships no agents {shown(about.zoo)}{hint} (fpg-bench zoo lists them)"
 
 
 def _scripts(track: str) -> tuple[str, ...]:
@@ -362,9 +361,9 @@ def name_conflicts(submission: Submission, reader: Reader, earlier: bool = False
     own = (submission.path, submission.scenario, name_skeleton(submission.name))
     same_slug, same_name = reader.alike(submission.folder.parent, (submission.slug.casefold(),), own)
     for name in _others(same_slug, submission.slug, earlier):
-        yield f"the folder's name: differs from {quoted(name)} only in case"
+        yield f"the folder's name: differs from {shown(name)} only in case"
     for name in _others(same_name, submission.slug, earlier):
-        yield f"{ABOUT}: name: {quoted(submission.name)} is the name of {quoted(name)}, too; choose another"
+        yield f"{ABOUT}: name: {shown(submission.name)} is the name of {shown(name)}, too; choose another"
 
 
 def _others(names: Sequence[str], own: str, earlier: bool) -> Sequence[str]:
@@ -446,5 +445,5 @@ def _read_card(path: Path, seed: int | None, side: str | None) -> tuple[AgentCar
         return None, [str(error).replace(f"agent {path}: ", "").removeprefix("agent: ")]
     if seed is not None and card.training_seed != seed:
         expected = f"expected {seed}, as in the folder's name"
-        return card, [f"training_seed: {expected}, got {quoted(card.training_seed)}"]
+        return card, [f"training_seed: {expected}, got {shown(card.training_seed)}"]
     return card, []

@@ -74,8 +74,7 @@ def check_transcripts(folder: Path, suite: Suite) -> list[str]:
 
 def local(error: Exception, folder: Path) -> str:
     """Return an error's text in one line, with file names relative to the submission's folder."""
-    text = " ".join(str(error).replace(f"{folder}/", "").split())
-    return text if len(text) <= 300 else f"{text[:299]}…"
+    return " ".join(str(error).replace(f"{folder}/", "").split())
 
 
 def read_recording(folder: Path, suite: Suite) -> tuple[RunHeader, Prompt]:

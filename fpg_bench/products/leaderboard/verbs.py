@@ -9,9 +9,10 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.fields import with_fields
-from fpg_bench.cli.options import LocalWorkersOption, WorkersOption, share
+from fpg_bench.cli.options import WorkersOption, share
 from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
+from fpg_bench.common.files import write_whole
 from fpg_bench.common.locks import locked
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
@@ -232,52 +233,35 @@ def build(
         typer.Option(help="URL of the documentation, relative to OUT. Default: the site includes the rules."),
     ] = "",
 ) -> None:
-    """Build the static site; it can be viewed offline.
+    """Build the static site, unless nothing has changed since the last time; it can be viewed offline.
 
     Example: fpg-bench leaderboard build
     """
     require_extra("leaderboard", "jinja2")
-    from fpg_bench.products.leaderboard.board import make_board
-    from fpg_bench.products.leaderboard.entries import load_entries
-    from fpg_bench.products.leaderboard.past_seasons import read_seasons
-    from fpg_bench.products.leaderboard.site.build import build_site, check_folder
-    from fpg_bench.products.leaderboard.site.page_data import submitted_policies
-    from fpg_bench.products.leaderboard.site.replays import make_replays
+    from fpg_bench.products.leaderboard.site.mark import MARK, check_folder, made_of
 
     check_folder(out)
     with locked(out):
+        mark = out / MARK
+        if mark.exists() and mark.read_text(encoding="utf-8") == made_of(folder, out, replays, docs):
+            print_line(f"nothing has changed since it was built: open {out / 'index.html'}")
+            return
+        from fpg_bench.products.leaderboard.board import make_board
+        from fpg_bench.products.leaderboard.entries import load_entries
+        from fpg_bench.products.leaderboard.past_seasons import read_seasons
+        from fpg_bench.products.leaderboard.site.build import build_site
+        from fpg_bench.products.leaderboard.site.page_data import submitted_policies
+        from fpg_bench.products.leaderboard.site.replays import make_replays
+
         entries = load_entries(folder)
         rounds = make_replays(entries, out, simulate=replays)
         board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
         files = build_site(board, out, rounds, docs, submitted_policies(entries), read_seasons(folder))
+        write_whole(mark, made_of(folder, out, replays, docs))
     n_entries, n_rounds = len(entries.verified) + len(entries.rejected), sum(map(len, rounds.values()))
     print_line(
         f"{n_entries} entries, {n_rounds} rounds to watch, {len(files)} files: open {out / 'index.html'}"
     )
-
-
-@leaderboard.command()
-def serve(
-    site: Annotated[Path, typer.Argument(help="Folder of the site.")] = SITE,
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port on this machine; 0 for any free one.")
-    ] = 8000,
-) -> None:
-    """Serve a built site on this machine, until Ctrl-C.
-
-    Example: fpg-bench leaderboard serve --port 8000
-    """
-    import signal
-
-    from fpg_bench.products.leaderboard.site.serve import HOST, make_server
-
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # background shells ignore it
-    with make_server(site, port) as server:
-        try:
-            print_line(f"http://{HOST}:{server.server_port}/ (stop with Ctrl-C)")
-            server.serve_forever()
-        except KeyboardInterrupt:
-            print_line("stopped")
 
 
 @leaderboard.command()
@@ -334,7 +318,7 @@ def season(
     name: Annotated[str, typer.Argument(help="A season, such as season-3, or its folder.")],
     folder: FolderOption = Path("leaderboard"),
 ) -> None:
-    """Describe the members of a season's suites, and name the entries that came after it was closed.
+    """Describe the members of a season's suites, check its seed, and name the entries that came later.
 
     Example: fpg-bench leaderboard season season-3
     """
@@ -343,33 +327,3 @@ def season(
 
     for line in describe_season(name, folder):
         print_line(line)
-
-
-@leaderboard.command()
-@with_fields
-def audit_season(
-    name: Annotated[str, typer.Argument(help="A shipped season (season-3), or its folder.")],
-    work: Annotated[Path, typer.Option(help="Folder to train in.")],
-    folder: FolderOption = Path("leaderboard"),
-    member: Annotated[list[str] | None, typer.Option(help="Member to train again; can be repeated.")] = None,
-    n_members: Annotated[
-        int, typer.Option(min=1, help="Number of members of each side if none is named.")
-    ] = 2,
-    workers: LocalWorkersOption = Workers(2),
-) -> None:
-    """Train members of a season again, and compare the entries' returns against old and new members.
-
-    Example: fpg-bench leaderboard audit-season season-3 --work runs/audit
-    """
-    require_extra("train", "torch")
-    from fpg_bench.products.leaderboard.season import audit
-    from fpg_bench.products.leaderboard.season.entries import read_entries
-    from fpg_bench.products.leaderboard.season.season import load_season
-
-    season = load_season(name)
-    with locked(work / "audit", work):
-        entries = read_entries(folder, scenario=season.scenario)
-        verdicts = audit.audit_season(season, entries, work, member, n_members, workers=workers)
-    for verdict in verdicts:
-        print_line(f"{verdict.name}: {verdict.line}")
-    raise typer.Exit(0 if all(verdict.is_good for verdict in verdicts) else 1)

@@ -18,8 +18,8 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from fpg_bench.common.differences import first_difference, short
-from fpg_bench.common.errors import UserError, printable
+from fpg_bench.common.differences import first_difference
+from fpg_bench.common.errors import UserError, printable, shown
 from fpg_bench.common.ids import NAMED
 from fpg_bench.common.parallel import Workers
 from fpg_bench.evaluation.hops import HOP_BITS
@@ -141,9 +141,9 @@ class Replayed(Generic[T]):
 
     def line(self, name: str, now: object, then: object) -> str:
         """Return the line on a value that differs."""
-        texts = [f"{value:.6g}" if isinstance(value, float) else short(value) for value in (now, then)]
+        texts = [f"{value:.6g}" if isinstance(value, float) else shown(value) for value in (now, then)]
         if texts[0] == texts[1]:
-            texts = [short(now), short(then)]
+            texts = [shown(now), shown(then)]
         return f"{self.where}{name} {texts[0]}, the result says {texts[1]}"
 
 

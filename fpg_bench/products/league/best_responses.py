@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, cast
@@ -11,7 +12,7 @@ from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTED, SCRIPTS, other_side, policy_env
-from fpg_bench.common.imports import check_allowed, code_fingerprint
+from fpg_bench.common.imports import code_fingerprint
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.seeds import PROTOCOL
@@ -21,7 +22,6 @@ from fpg_bench.players.agent import read_card
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.registry import as_player, card_of, policy_hash
-from fpg_bench.players.tactics import draw_variants
 from fpg_bench.products.league.config import BestResponseConfig
 from fpg_bench.products.league.evaluation import MATCHES, evaluate_against, result_row
 from fpg_bench.products.league.folder import as_json, check_same
@@ -29,6 +29,8 @@ from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import check_run, train
+
+_logger = logging.getLogger(__name__)
 
 RESULT = "best_responses.json"
 # Reward of best responses by the side of the player: an ally's lowest return is what anybody can do to it, an
@@ -64,11 +66,11 @@ def best_responses(config: BestResponseConfig, out: str | Path, *, progress: boo
 
     The opponent's path is that of the player's training: ``learned`` where it was among its paths, else
     ``pursuit``. A stopped call is resumed: finished responses are not trained again, and calls with other
-    configurations add responses to them. A response that imitates keeps the teacher that it began with.
+    configurations add responses to them.
 
     Args:
         config: the player, and the kind of responses.
-        out: a folder for ``best_responses.json`` and the runs, ``<start>-<algorithm>-<steps>/seed_<k>``, with
+        out: a folder for ``best_responses.json`` and the runs, ``<algorithm>-<steps>/seed_<k>``, with
             the action mode behind the algorithm where it is not continuous.
         progress: show the progress of each training.
 
@@ -96,21 +98,21 @@ def best_responses(config: BestResponseConfig, out: str | Path, *, progress: boo
         "protocol": PROTOCOL,
     }
     other = other_side(target.side)
-    check_run(_response_run(config, target, 0, lambda: SCRIPTED[other][0]))
-    names = [*SCRIPTED[other], *draw_variants(other, config.n_scripts, target.scenario)]
+    check_run(_response_run(config, target, 0))
     with own_folder(out, RESULT, "best responses"):
         begun: Row = {"agent": config.agent, **about, "scripts": {}, "responses": []}
         result = cast("BestResponses", check_same(file, "best responses", about) if file.exists() else begun)
-        if missing := [name for name in names if name not in result["scripts"]]:
-            result["scripts"] |= {name: target.evaluate(name) for name in missing}
+        if not result["scripts"]:
+            result["scripts"] = {name: target.evaluate(name) for name in SCRIPTED[other]}
             # The folder is taken before any training
             result["lowest"] = _lowest_return(result)
             write_json(file, result)
         for seed in range(config.n_seeds):
-            if (response := _respond(config, target, seed, out, result, progress)) is not None:
+            if (response := _respond(config, target, seed, out, result["responses"], progress)) is not None:
                 result["responses"].append(response)
                 result["lowest"] = _lowest_return(result)
                 write_json(file, result)
+                _logger.info(f"trained with seed {seed}: {response['return']:.2f} per step")
     return result
 
 
@@ -119,22 +121,21 @@ def _respond(
     target: ResponseTarget,
     seed: int,
     out: Path,
-    result: BestResponses,
+    known: Sequence[Row],
     progress: bool,
 ) -> Row | None:
-    """Train one response, and evaluate the player against it; None if the result has it already."""
+    """Train one response, and evaluate the player against it; None if it is known already."""
     made: Row = {
         "algorithm": config.algorithm,
         "steps": config.steps,
-        "start": config.start,
         "training_seed": seed,
         "reward": _reward(config, target),
         **({} if config.actions in (None, "continuous") else {"actions": config.actions}),
     }
     folder = RunFolder(out / response_folder(made))
-    run = _response_run(config, target, seed, lambda: _teacher(folder) or _strongest_player(result, out))
+    run = _response_run(config, target, seed)
     made["hyperparameters"] = as_json(cast("Mapping[str, object]", run.hyperparams))
-    same = [row for row in result["responses"] if row.get("actions") == made.get("actions")]
+    same = [row for row in known if row.get("actions") == made.get("actions")]
     if any(made.items() <= row.items() for row in same):
         return None
     agent = train(run, folder.path, evaluations=0, progress=progress, resume=True)
@@ -147,49 +148,25 @@ def _reward(config: BestResponseConfig, target: ResponseTarget) -> str:
     return RESPONSE_REWARDS[target.side] if config.reward is None else config.reward
 
 
-def _response_run(
-    config: BestResponseConfig, target: ResponseTarget, seed: int, teacher: Callable[[], str]
-) -> RunConfig:
-    """Return the run of a response; the teacher is asked for where it is to imitate one."""
+def _response_run(config: BestResponseConfig, target: ResponseTarget, seed: int) -> RunConfig:
+    """Return the run of a response."""
     game = GameSpec.of(target.game, reward=_reward(config, target), actions=config.actions)
     values = load_hyperparameters(config.algorithm, game, config.hyperparams, allow=config.allow).entry()
-    if config.start == "strongest":
-        values |= {"imitate": {"teacher": teacher()}}
     return RunConfig(config.algorithm, game, seed, config.steps, values)
 
 
 def response_folder(response: Row) -> str:
     """Return the folder of a response's run, relative to the folder of all responses."""
-    parts = [response["start"], response["algorithm"], response["steps"]]
-    parts[2:2] = [response["actions"]] if "actions" in response else []
+    parts = [response["algorithm"], response["steps"]]
+    parts[1:1] = [response["actions"]] if "actions" in response else []
     return f"{'-'.join(map(str, parts))}/seed_{response['training_seed']}"
 
 
 def response_label(response: Row) -> str:
     """Return a description of how a response was made."""
-    start = "" if response["start"] == "nothing" else ", from the strongest"
     actions = f" {response['actions']}" if "actions" in response else ""
     steps = f"{response['steps']:,} steps"
-    return f"{response['algorithm']}{actions}, {steps}{start}, seed {response['training_seed']}"
-
-
-def _teacher(run: RunFolder) -> str | None:
-    """Return the teacher that a response's run has begun with; None if the run has not begun."""
-    if not run.description.exists():
-        return None
-    imitation = run.read().hyperparameters.get("imitate") or {}
-    teacher: str | None = imitation.get("teacher")
-    check_allowed(teacher, (), f"run {run.description}")
-    return teacher
-
-
-def _strongest_player(result: BestResponses, out: Path) -> str:
-    """Return the script, or the agent of a response from nothing, with the player's lowest return."""
-    returns = {name: row["return"] for name, row in result["scripts"].items()}
-    for response in result["responses"]:
-        if response["start"] == "nothing":
-            returns[str(out / response_folder(response) / "agent")] = response["return"]
-    return str(min(returns, key=lambda name: returns[name]))
+    return f"{response['algorithm']}{actions}, {steps}, seed {response['training_seed']}"
 
 
 def _lowest_return(result: BestResponses) -> Lowest:

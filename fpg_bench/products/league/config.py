@@ -14,8 +14,8 @@ from fpg_bench.training.config import Hyperparams
 GAME = ("scenario", "path", "knowledge", "jamming_types")  # options of a game that both sides share
 META_SOLVERS = ("weights", "nash")
 # Known words, and least values, of fields
-WORDS = {"side": SIDES, "start": ("nothing", "strongest"), "meta_solver": META_SOLVERS}
-LEAST = dict.fromkeys(("seed", "n_evals", "n_scripts"), 0) | dict.fromkeys(
+WORDS = {"side": SIDES, "meta_solver": META_SOLVERS}
+LEAST = dict.fromkeys(("seed", "n_evals"), 0) | dict.fromkeys(
     ("steps", "response_steps", "n_seeds", "generations", "pool", "iterations", "weight", "patience"), 1
 )
 
@@ -64,13 +64,10 @@ class BestResponseConfig(LeagueConfig):
         side: side of the player; None: that of the agent or the script.
         steps: training budget of each response.
         n_seeds: number of responses, with training seeds from 0 on.
-        start: start of each training: ``nothing``, or ``strongest``, to imitate first whichever script or
-            response from ``nothing`` has the lowest return of the player so far.
         reward: reward of the responses: ``zero_sum``, to lower the player's return, or ``own``, to raise the
             response's; None: ``zero_sum`` against an ally, ``own`` against an opponent. In Python also any
             other of :data:`fpg_bench.game.spec.REWARDS`.
         actions: action mode of the responses; None: ``continuous``.
-        n_scripts: number of scripts with random constants to evaluate in addition to the scripts.
         game: options of the game in place of those of the player's training.
     """
 
@@ -78,10 +75,8 @@ class BestResponseConfig(LeagueConfig):
     agent: str
     side: str | None = None
     n_seeds: int = 3
-    start: str = "nothing"
     reward: str | None = None
     actions: str | None = None
-    n_scripts: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,14 +100,17 @@ class FictitiousSelfPlayConfig(LeagueConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchConfig(LeagueConfig):
-    """A search for a player that is hard to beat, whose iterations fresh responses measure.
+class DoubleOracleConfig(LeagueConfig):
+    """Double oracle (PSRO): a side answers responses, and responses the side.
 
     Attributes:
         side: the side that learns: ``ally`` or ``opponent``.
         iterations: the most iterations.
         algorithm: algorithm of the side, as for ``train``.
         actions: action mode of the side; None: ``continuous``.
+        meta_solver: who is answered: ``weights``, the side answers all rivals by their weights, a response
+            the side's newest policy; or ``nash``, each side answers the other's equilibrium.
+        weight: how often a response is listed among the rivals, by ``weights``.
         steps: training budget of an iteration.
         against: rivals of the side's first training; None: all scripts of the other side. ``tone*8`` counts
             eight times, ``suite:NAME`` stands for all members of a suite.
@@ -123,6 +121,8 @@ class SearchConfig(LeagueConfig):
         patience: stop after as many iterations without a higher low.
         seed: seed of the trainings.
     """
+
+    verb = "double-oracle"
 
     algorithm: str = "ppo-stack8"
     steps: int = 1_000_000
@@ -137,32 +137,6 @@ class SearchConfig(LeagueConfig):
     response_hyperparams: Hyperparams = None
     patience: int = 2
     seed: int = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class SelfPlayConfig(SearchConfig):
-    """Self-play of two learners, each against the other's present policy.
-
-    Attributes:
-        algorithm: algorithm of both learners: PPO, or another that learns from rollouts.
-        weight: how many players of ``against`` the rival that learns counts as.
-    """
-
-    verb = "self-play"
-
-
-@dataclass(frozen=True, kw_only=True)
-class DoubleOracleConfig(SearchConfig):
-    """Double oracle (PSRO): the side answers responses, and responses the side.
-
-    Attributes:
-        meta_solver: who is answered: ``weights``, the side answers all rivals by their weights, a response
-            the side's newest policy; or ``nash``, each side answers the other's equilibrium.
-        weight: how often a response is listed among the rivals, by ``weights``.
-    """
-
-    verb = "double-oracle"
-
     meta_solver: str = "weights"
 
 

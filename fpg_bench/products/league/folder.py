@@ -9,10 +9,11 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from fpg_bench.common.differences import first_difference
 from fpg_bench.common.errors import UserError, other_content, shown
 from fpg_bench.common.files import read_json
 from fpg_bench.common.locks import own_folder
-from fpg_bench.common.strict_json import Json, JsonObject
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.card import AgentCard
@@ -55,24 +56,13 @@ def as_json(content: Mapping[str, object]) -> JsonObject:
     return read
 
 
-def check_same(file: Path, kind: str, about: Json) -> JsonObject:
+def check_same(file: Path, kind: str, about: Mapping[str, object]) -> JsonObject:
     """Return the content of a file; raise UserError if it was made with settings other than ``about``."""
     content = read_json(file, kind)
-    if different := _difference(content, about):
-        raise other_content(file, f"{kind} with another {different}")
+    if found := first_difference(about, {key: content.get(key) for key in about}):
+        key, now, before = found
+        raise other_content(file, f"{kind} with another {key} ({shown(before)}, now {shown(now)})")
     return content
-
-
-def _difference(before: Mapping[str, object], now: Mapping[str, object]) -> str:
-    """Return the first key in which two mappings differ, with both values; empty if there is none."""
-    for key, value in now.items():
-        known = before.get(key)
-        if isinstance(known, dict) and isinstance(value, dict):
-            if inner := _difference(known, dict.fromkeys(known) | value):
-                return f"{key}, {inner}"
-        elif known != value:
-            return f"{key} ({shown(known)}, now {shown(value)})"
-    return ""
 
 
 def export_agent(runs: Sequence[RunFolder], folder: Path, name: str, update: JsonObject) -> Path:

@@ -18,7 +18,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from fpg_bench.common.checks import integer, one_of
+from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import ALL_TACTICS, SCRIPTS, other_side
@@ -44,7 +44,7 @@ from fpg_bench.products.league.tabular import (
     tabular_response,
     training_seeds,
 )
-from fpg_bench.training.config import Hyperparams, RunConfig
+from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
@@ -52,6 +52,8 @@ from fpg_bench.training.train import train
 ROWS, RESULT = "portfolio.jsonl", "portfolio.json"
 METHODS = ("tabular", "pupil", "ppo")  # in turn, after the scripts
 MOST_DRAWN_CELLS = 120
+TABLE_BUDGET, N_SCRIPTS = 200.0, 40  # CPU seconds of a table, and scripts with random constants
+ALGORITHM, STEPS, IMITATION_STEPS = "ppo-stack8", 1_500_000, 400_000  # of PPO; pupils imitate in addition
 # Edges from which the features of all tables but the first are drawn.
 EDGES: Mapping[str, Mapping[str, Sequence[float]]] = {
     "ally": {
@@ -106,18 +108,11 @@ def portfolio(
     out: str | Path,
     *,
     budget: float = 3600.0,
-    table_budget: float = 200.0,
-    steps: int = 1_500_000,
-    imitation_steps: int = 400_000,
-    n_scripts: int = 40,
-    algorithm: str = "ppo-stack8",
-    hyperparams: Hyperparams = None,
     seed: int = 0,
     reward: str | None = None,
     side: str | None = None,
     scenario: str | Path | None = None,
     path: str | Sequence[str] | None = None,
-    progress: bool = False,
     allow: Collection[str] = (),
 ) -> PortfolioResult:
     """Search the strongest response to a fixed player by several methods, within a budget of CPU seconds.
@@ -134,15 +129,9 @@ def portfolio(
         out: a folder for ``portfolio.jsonl``, a row per response; the folders of responses, ``tabular_0`` and
             so on; and ``portfolio.json``, the settings and the result.
         budget: CPU seconds of all responses.
-        table_budget: CPU seconds of each table.
-        steps: training budget of a pupil, and of PPO from nothing.
-        imitation_steps: steps in which a pupil imitates, in addition.
-        n_scripts: number of scripts with random constants.
-        algorithm, hyperparams, allow: of pupils and of PPO from nothing, with discrete actions; as for
-            :func:`fpg_bench.products.league.best_responses.best_responses`.
         seed: training seed of the first table and the first trainings; the next ones have the next seeds.
         reward, side, scenario, path: as for ``tabular_response``.
-        progress: show the progress of each training.
+        allow: the ``package.module:object`` and agents of the Hub that files may name.
 
     Returns:
         The content of ``portfolio.json``: the settings; ``seconds`` of CPU; ``returns``, what each training
@@ -155,10 +144,6 @@ def portfolio(
         KeyboardInterrupt: stopped by the user.
     """
     check_budget(budget)
-    check_budget(table_budget)
-    integer(steps, "steps")
-    integer(imitation_steps, "imitation_steps")
-    integer(n_scripts, "n_scripts", least=0)
     seeds = training_seeds(agent, side)
     target = find_target(agent if agent in seeds else seeds[0], side, {"scenario": scenario, "path": path})
     reward = RESPONSE_REWARDS[target.side] if reward is None else one_of(reward, "reward", REWARDS)
@@ -173,19 +158,21 @@ def portfolio(
             write_json(folder / RESULT, about)
         search = _Portfolio(target, seeds, folder, reward, seed, (scenario, path), rows, file)
         other = other_side(target.side)
-        variants = draw_variants(other, n_scripts, target.scenario, seed, ALL_TACTICS[other])
+        variants = draw_variants(other, N_SCRIPTS, target.scenario, seed, ALL_TACTICS[other])
         for name in (*SCRIPTS[other], *variants):
             if search.spent < budget:
                 search.add(name, "script")
-        training = _Training(algorithm, hyperparams, steps, imitation_steps, progress, allow)
+        best = min(search.rows, key=lambda row: min(row.returns.values()), default=None)
+        if best is not None:
+            search.log(f"strongest of {len(search.rows)}, {best.response}", best)
         for number, method in ((k, method) for k in count() for method in METHODS):
             left = budget - search.spent
             if left <= 0:
                 break
             if method == "tabular":
-                search.add_table(number, min(table_budget, left))
-            elif search.estimate(method, training) <= left:
-                search.add_training(number, method, training)
+                search.add_table(number, min(TABLE_BUDGET, left))
+            elif search.estimate(method) <= left:
+                search.add_training(number, method, allow)
         returns = {name: search.strongest(name) for name in seeds}
         result: PortfolioResult = {
             **settings,
@@ -238,20 +225,9 @@ class _Response(Strict):
         return response
 
 
-@dataclass(frozen=True)
-class _Training:
-    """Training of pupils and of PPO from nothing; the fields are arguments of :func:`portfolio`."""
-
-    algorithm: str
-    hyperparams: Hyperparams
-    steps: int
-    imitation_steps: int
-    progress: bool
-    allow: Collection[str]
-
-    def played(self, method: str) -> int:
-        """Return how many steps a training plays."""
-        return self.steps + (self.imitation_steps if method == "pupil" else 0)
+def _steps_of(method: str) -> int:
+    """Return how many steps a training plays."""
+    return STEPS + IMITATION_STEPS if method == "pupil" else STEPS
 
 
 @dataclass
@@ -282,9 +258,9 @@ class _Portfolio:
         """CPU seconds so far."""
         return float(sum(row.seconds for row in self.rows))
 
-    def estimate(self, method: str, training: _Training) -> float:
+    def estimate(self, method: str) -> float:
         """Return how many CPU seconds a training will take: as many as the last one of its kind."""
-        steps = training.played(method)
+        steps = _steps_of(method)
         known = [row.seconds for row in self.rows if row.method == method and row.steps == steps]
         return known[-1] if known else steps / _STEPS_PER_S
 
@@ -320,7 +296,12 @@ class _Portfolio:
         )
         self.file.append([row.model_dump(exclude_none=True)])
         self.rows.append(row)
-        _logger.info(f"{response}: lowest {min(returns.values()):.2f} per step; spent {self.spent:.0f} CPU s")
+        if method != "script":
+            self.log(response, row)
+
+    def log(self, what: str, row: _Response) -> None:
+        """Log what a row found, and the CPU seconds so far."""
+        _logger.info(f"{what}: lowest {min(row.returns.values()):.2f} per step; spent {self.spent:.0f} CPU s")
 
     def add_table(self, number: int, budget: float) -> None:
         """Add a table."""
@@ -339,33 +320,32 @@ class _Portfolio:
                 side=self.target.side,
                 scenario=self.asked[0],
                 path=self.asked[1],
+                progress=False,
             )
             return max(made["seconds"] - (time.process_time() - began), 0.0)
 
         self.add(f"{name}/agent", "tabular", make, answers=answered)
 
-    def add_training(self, number: int, method: str, training: _Training) -> None:
+    def add_training(self, number: int, method: str, allow: Collection[str]) -> None:
         """Add PPO from nothing, or a pupil of the strongest response that is none."""
         answered, run = self._answered(number), RunFolder(self.folder / f"{method}_{number}")
         game = GameSpec.of(
             self.target.game, reward=self.reward, actions="discrete", **{self.target.side: answered}
         )
-        values = load_hyperparameters(
-            training.algorithm, game, training.hyperparams, allow=training.allow
-        ).entry()
+        values = load_hyperparameters(ALGORITHM, game, allow=allow).entry()
         if method == "pupil":
             others = [row for row in self.rows if row.method != method]
             teacher = min(others, key=lambda row: row.returns[answered])
             place = self._place(teacher.response, teacher.method)
-            values |= {"imitate": {"teacher": place, "steps": training.imitation_steps}}
-        config = RunConfig(training.algorithm, game, self.seed + number, training.steps, values)
+            values |= {"imitate": {"teacher": place, "steps": IMITATION_STEPS}}
+        config = RunConfig(ALGORITHM, game, self.seed + number, STEPS, values)
 
         def make() -> float:
-            train(config, run.path, evaluations=0, progress=training.progress, resume=True)
+            train(config, run.path, evaluations=0, progress=False, resume=True)
             ran = run.read()
             return float(ran.seconds) if ran.part else 0.0  # wall-clock time, where parts were other calls
 
-        self.add(f"{run.path.name}/agent", method, make, answers=answered, steps=training.played(method))
+        self.add(f"{run.path.name}/agent", method, make, answers=answered, steps=_steps_of(method))
 
     def strongest(self, name: str) -> Found:
         """Return what a training seed keeps on fresh seeds against what is strongest on tuning seeds."""

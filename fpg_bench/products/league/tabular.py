@@ -448,6 +448,7 @@ def tabular_response(
     side: str | None = None,
     scenario: str | Path | None = None,
     path: str | Sequence[str] | None = None,
+    progress: bool = True,
 ) -> TabularResponse:
     """Search a table that responds to a fixed player, and play it against all training seeds of that player.
 
@@ -465,6 +466,7 @@ def tabular_response(
         reward: ``zero_sum``, to lower the player's return, or ``own``, to raise the table's; None for
             ``zero_sum`` against an ally and ``own`` against an opponent.
         side, scenario, path: see :func:`fpg_bench.products.league.best_responses.best_responses`.
+        progress: log a line for each quarter of the budget.
 
     Returns:
         The content of ``tabular.json``: the settings; ``generations`` and ``seconds`` of CPU; ``cells``, and
@@ -503,10 +505,11 @@ def tabular_response(
             search.take(row)
         seconds = sum(row.seconds for row in rows)
         while seconds < budget:
-            row = search.run()
+            row, quarters = search.run(), 4 * seconds // budget
             seconds += row.seconds
             file.append([row.model_dump()])
-            _logger.info(f"generation {row.generation}: {row.earned:.2f} per step; {seconds:.0f} CPU s")
+            if progress and 4 * seconds // budget > quarters:
+                _logger.info(f"generation {row.generation}: {row.earned:.2f} per step; {seconds:.0f} CPU s")
         cells = search.best.tolist()
         about_agent = {
             "algorithm": "tabular",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -21,12 +22,9 @@ from fpg_bench.products.league.config import (
     BestResponseConfig,
     DoubleOracleConfig,
     FictitiousSelfPlayConfig,
-    SelfPlayConfig,
+    TabularSelfPlayConfig,
 )
 from fpg_bench.training import require_libraries
-
-if TYPE_CHECKING:
-    from fpg_bench.products.league.search import SearchResult
 
 OutOption = Annotated[Path, typer.Option(help="Folder of all runs, results and exported agents.")]
 GameOptions = Annotated[Given, game_options(*league.GAME)]
@@ -78,7 +76,8 @@ def best_response(
         asked = {name: options.get(name) for name in ("side", "reward", "actions", "allow")}
         _search_response(search, agent, out, budget, **asked, **game)
         return
-    row = best_responses(BestResponseConfig(agent=agent, game=game, **options), out)
+    config = BestResponseConfig(agent=agent, game=game, **options)
+    row = best_responses(config, out, progress=sys.stdout.isatty())
     for response in row["responses"]:
         print_line(
             f"{response_label(response)}: {response['return']:.2f} per step, {_jamming(response)}; "
@@ -139,18 +138,18 @@ def fictitious_self_play(
     print_line(f"agents: {agents['ally']}, {agents['opponent']}")
 
 
-def self_play(
-    out: OutOption, options: Annotated[Given, league_options(SelfPlayConfig)], game: GameOptions
+def tabular_self_play(
+    out: OutOption, config: Annotated[TabularSelfPlayConfig, Fields(TabularSelfPlayConfig, panel=TRAINING)]
 ) -> None:
-    """Train two learners at once, each against the other's present policy; run it again to resume.
+    """Train an ally and opponents against each other at once, all of them stochastic tables.
 
-    Example: fpg-bench self-play --actions uniform-hop --hyperparams ppo-selfplay --out runs/self_play
+    Example: fpg-bench tabular-self-play --out runs/tables
     """
     check_writable(out)
     require_libraries()
-    from fpg_bench.products.league.self_play import self_play as play
+    from fpg_bench.products.league.tabular_self_play import tabular_self_play as play
 
-    _print_kept(out, play(SelfPlayConfig(game=game, **options), out))
+    print_line(f"agent: {play(config, out)}")
 
 
 def double_oracle(
@@ -164,10 +163,7 @@ def double_oracle(
     require_libraries()
     from fpg_bench.products.league.double_oracle import double_oracle as search
 
-    _print_kept(out, search(DoubleOracleConfig(game=game, **options), out))
-
-
-def _print_kept(out: Path, result: SearchResult) -> None:
+    result = search(DoubleOracleConfig(game=game, **options), out)
     iteration = result["iteration"]
     print_line(
         f"{out / 'agent'}: iteration {iteration}, {result['confirmed'][str(iteration)]:.2f} per step against "

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from fpg_bench.cli.options import print_json
-from fpg_bench.common.canvas import blank_figure, write_figure
+from fpg_bench.common.canvas import GREY, PAGE, blank_figure, styled, styles_of, write_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.game import link
@@ -153,6 +153,7 @@ def formulas(scenario: Scenario) -> str:
     )
 
 
+@styled
 def draw_link_budget(scenario: Scenario, path: Path, link_m: float = 500.0) -> None:
     """Draw the SINR over the jammer's distance, and the spectra of jamming with the receive filters.
 
@@ -163,32 +164,32 @@ def draw_link_budget(scenario: Scenario, path: Path, link_m: float = 500.0) -> N
     distances = np.geomspace(max(scenario.minimum_distance_m, 10.0), 2000.0, 60).tolist()
     rows = link_budget(scenario, link_m, distances)
     rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]  # type: ignore[index]
-    figure = blank_figure(11, 4, dpi=120)
+    figure, styles = blank_figure(PAGE, 3.4), styles_of(scenario.jamming_types)
     over, spectra = figure.subplots(1, 2)
-    for k, kind in enumerate(scenario.jamming_types):
-        for waveform, style in (("unspread", "-"), ("spread", "--")):
+    for kind, style in styles.items():
+        for waveform, ls in (("unspread", "-"), ("spread", "--")):
             own = [row.snr_db for row in rows if (row.jamming, row.waveform) == (kind, waveform)]
-            over.plot(distances, own, style, color=f"C{k}", lw=1.3, label=f"{kind}, {waveform}")
-    over.axhline(scenario.snr_threshold_db, color="grey", lw=0.8)
+            over.plot(distances, own, label=f"{kind}, {waveform}", markevery=15, **style | {"ls": ls})
+    over.axhline(scenario.snr_threshold_db, color=GREY, lw=0.8, label="outage below")
     over.set(xscale="log", xlabel="distance of the jammer (m)", ylabel="SINR (dB)")
-    over.set_title(f"base station at {link_m:g} m; grey: outage below", fontsize=10)
-    over.legend(fontsize=7, ncols=2)
+    over.set_title(f"base station at {link_m:g} m")
     middle = float(rules["band_middle"])
     f = np.linspace(scenario.band_low_mhz, scenario.band_high_mhz, 2001)
-    for k, kind in enumerate(scenario.jamming_types):
+    for kind, style in styles.items():
         index = JAMMING_TYPES.index(kind)
         first, end = link.teeth(index, middle, rules)
         centres = middle + np.arange(first, end) * rules["tooth_spacing"][index]
         half = scenario.footprint_half_widths_mhz[index]
         inside = (np.abs(f[:, None] - centres) <= max(half, f[1] - f[0])).any(axis=1)
         density = _db(radio["jamming_mw"][index] / (2 * half * (end - first)))
-        spectra.plot(f, np.where(inside, density, np.nan), color=f"C{k}", lw=2, label=kind)
-    for i, (name, style) in enumerate((("filter, unspread", "-"), ("filter, spread", "--"))):
+        spectra.plot(f, np.where(inside, density, np.nan), label=kind, markevery=0.1, **style | {"ls": "-"})
+    for i, (name, dash) in enumerate((("filter, unspread", "-"), ("filter, spread", "--"))):
         passed = [link.passed_mhz(x - middle, radio["channel_width"][i], radio["rolloff"]) for x in f]
         gain = np.maximum(np.gradient(passed, f), radio["stopband"])
-        spectra.plot(f, 10 * np.log10(gain), style, color="black", lw=1, label=f"{name} (dB)")
-    spectra.set(xlabel="frequency (MHz)", ylabel="density of the jamming (dBm EIRP per MHz)")
-    spectra.legend(fontsize=7, loc="center left")
+        spectra.plot(f, 10 * np.log10(gain), dash, color="black", lw=1, label=f"{name} (dB)")
+    spectra.set(xlabel="frequency (MHz)", ylabel="jamming (dBm EIRP per MHz)", title="spectra")
+    for axes in (over, spectra):
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
     write_figure(figure, path)
 
 

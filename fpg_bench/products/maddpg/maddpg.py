@@ -23,7 +23,6 @@ from stable_baselines3.td3.policies import Actor
 from torch.nn import functional
 
 from fpg_bench.products.maddpg.policies import JointPolicy, act_separately
-from fpg_bench.training.models import begin_learning
 
 _ARRAYS = ("observations", "actions", "next_observations", "rewards", "dones", "timeouts")  # of a buffer
 
@@ -198,7 +197,7 @@ class MADDPG(OffPolicyAlgorithm):
 
     def setup_learn(self, total_timesteps: int) -> None:
         """Prepare for a number of steps, as ``learn`` does."""
-        begin_learning(self, total_timesteps)
+        self._setup_learn(total_timesteps, None)
 
     def collect(self) -> JointTransitions:
         """Play the steps between updates, and sample their batches ``(gradient_steps, n, size)``.

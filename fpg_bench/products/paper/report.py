@@ -134,7 +134,7 @@ def _shown(scenario: Scenario, field: str) -> str:
 
 _TEMPLATE = Path(__file__).with_name("report.md.j2")
 _CURVES = (
-    "Both sides' rewards: mean over seeds (thin), moving average (dashed), 2 sigma over rounds and seeds "
+    "Both sides' rewards: mean over seeds (thin), moving average (thick), 2 sigma over rounds and seeds "
     "(shaded)."
 )
 CAPTIONS = {  # title of each figure, and what it shows
@@ -147,7 +147,7 @@ CAPTIONS = {  # title of each figure, and what it shows
         "Fig. 4: centre frequencies",
         "First, middle and last fifth of training, all runs (the paper: 0 to 50K, 47.5K to 52.5K, 95K to "
         "100K). Peaks at the band's ends are clipped frequencies. Dotted: quartiles; dot and bar: mean and "
-        "standard deviation; framed: the most used point.",
+        "standard deviation.",
     ),
     "fig5": (
         "Fig. 5: overlap ratio and jamming success rate",

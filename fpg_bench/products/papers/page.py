@@ -7,14 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fpg_bench.common.canvas import ALLY, OPPONENT, blank_figure, write_figure
+from fpg_bench.common.canvas import PAGE, blank_figure, styled, styles_of, write_figure
 from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.statistics import mean_interval
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.products.papers.reproduction import NOT_RUN, SEEDS, Paper, PaperResults, verdict, verdict_of
-
-# Okabe and Ito's palette, and grey
-_COLOURS = (ALLY, OPPONENT, "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#999999")
 
 
 def write_page(paper: Paper, results: PaperResults, command: str, path: Path) -> list[Path]:
@@ -39,7 +36,7 @@ def write_page(paper: Paper, results: PaperResults, command: str, path: Path) ->
         f"{paper.facts.citation}\n\n{paper.facts.about}",
         f"## Side by side\n\n{what[first]}: mean over seeds with its 95 % interval, and "
         f"the paper's value ({paper.facts.published_in}).\n\n{_side_by_side(paper, results)}\n\n"
-        f"![{what[first]}; diamonds: the paper]({figure.name})",
+        f"![{what[first]}, ours and the paper's]({figure.name})",
         f"## Claims\n\n{_claims(paper, results)}\n\nA part is a mean of differences over seeds with its 95 % "
         "interval by Student's t: it holds above zero, does not below, and is open where the interval has "
         "zero in it. A claim holds if all its parts do.",
@@ -95,27 +92,26 @@ def _numbers(paper: Paper) -> str:
     return markdown_table([["number or choice", "value", "source", "place, or reason"], *lines])
 
 
+@styled
 def _draw(paper: Paper, results: PaperResults, path: Path) -> None:
-    """Draw the first measure as bars with intervals, and the paper's values as diamonds."""
+    """Draw the first measure with intervals, and the paper's values as empty marks beside them."""
     first = next(iter(paper.measures))
-    figure = blank_figure(9, 3.6)
+    figure = blank_figure(PAGE, 2.6)
     axes = figure.subplots()
     width = 0.8 / len(paper.players)
-    for index, player in enumerate(paper.players):
-        for place, condition in enumerate(paper.conditions):
-            x = place + (index - (len(paper.players) - 1) / 2) * width
-            interval = results.interval(player, condition, first)
-            if interval is not None:
-                label = player if place == 0 else None
-                half = 0 if np.isnan(interval.half) else interval.half
-                colour = _COLOURS[index % len(_COLOURS)]
-                axes.bar(x, interval.value, width, yerr=half, color=colour, label=label, error_kw={"lw": 0.8})
-            published = paper.facts.published.get(player, {}).get(condition)
-            if isinstance(published, float):
-                axes.plot(x, published, "D", color="black", markersize=4)
+    for index, (player, style) in enumerate(styles_of(paper.players).items()):
+        at = np.arange(len(paper.conditions)) + (index - (len(paper.players) - 1) / 2) * width
+        own = [results.interval(player, condition, first) for condition in paper.conditions]
+        values = [(np.nan, 0.0) if each is None else (each.value, np.nan_to_num(each.half)) for each in own]
+        mean, half = np.transpose(values)
+        axes.errorbar(at, mean, half, label=player, **style | {"ls": ""})
+        known = paper.facts.published.get(player, {})
+        published = [known.get(condition) for condition in paper.conditions]
+        shown = [each if isinstance(each, float) else np.nan for each in published]
+        axes.plot(at + width / 3, shown, **style | {"ls": "", "mfc": "none"})
+    if any(isinstance(each, float) for known in paper.facts.published.values() for each in known.values()):
+        axes.plot([], [], "o", color="black", mfc="none", label="the paper's value")
     axes.set_xticks(range(len(paper.conditions)), paper.conditions)
     axes.set_ylabel(first)
-    axes.set_ylim(0, 1.05)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4, handlelength=1)
     write_figure(figure, path)

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.differences import first_difference, short
-from fpg_bench.common.errors import UserError
+from fpg_bench.common.differences import first_difference
+from fpg_bench.common.errors import UserError, shown
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row, RowFile
@@ -343,7 +343,7 @@ def _as_written(row: Row) -> Row:
 def _difference(known: object, now: object, where: str = "", but: str = "") -> str:
     """Describe the first value of the file that differs from the present one; empty if none does."""
     found = first_difference(now, known, where, (but,))
-    return "" if found is None else f"{found[0]} is {short(found[2])} in the file, {short(found[1])} now"
+    return "" if found is None else f"{found[0]} is {shown(found[2])} in the file, {shown(found[1])} now"
 
 
 def _planner(

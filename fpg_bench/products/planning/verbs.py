@@ -25,7 +25,6 @@ from fpg_bench.common.errors import UserError, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
 from fpg_bench.common.output import wrapped
-from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
@@ -136,11 +135,6 @@ def replay(
     match, played = replay_match(file, allow=allow or ())
     _print_table(played, f"{match.planner} against {match.ally}, seed {match.seed}")
     typer.echo(f"identical: {len(played)} rounds of {file}")
-
-
-for name in offered("verb"):
-    if name.startswith("plan "):
-        app.command(name.removeprefix("plan "))(load("verb", name))
 
 
 @app.command()

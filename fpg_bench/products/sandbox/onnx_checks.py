@@ -28,9 +28,9 @@ from onnx import (
 )
 from onnx.helper import get_attribute_value, make_tensor_type_proto
 
-from fpg_bench.common.errors import UserError, first_line, one_line
+from fpg_bench.common.errors import UserError, first_line, one_line, shown
 from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.players.onnx_file import check_signature, plain_model, quoted, unplayable
+from fpg_bench.players.onnx_file import check_signature, plain_model, unplayable
 from fpg_bench.products.sandbox.child import SandboxChild, rehearse
 from fpg_bench.products.sandbox.client import SIZE
 from fpg_bench.products.sandbox.process import MessageReader
@@ -108,13 +108,13 @@ def _structure(model: ModelProto) -> Iterator[str]:
         yield f"imports {own} sets of ONNX's own operators, expected one"
     for opset in model.opset_import:
         if opset.domain not in DOMAINS:
-            yield f"imports operators of the domain {quoted(opset.domain)}; only ONNX's own are allowed"
+            yield f"imports operators of the domain {shown(opset.domain)}; only ONNX's own are allowed"
         elif opset.version not in OPSETS:
             yield f"is of opset {opset.version}, expected {OPSETS[0]} to {OPSETS[-1]}"
     if model.ir_version not in FORMATS:
         yield f"is of version {model.ir_version} of the ONNX format, expected {FORMATS[0]} to {FORMATS[-1]}"
     if model.functions:
-        yield f"holds functions of its own ({quoted(model.functions[0].name)}); export without them"
+        yield f"holds functions of its own ({shown(model.functions[0].name)}); export without them"
     if model.training_info:
         yield "holds training information; export for inference"
     graph = model.graph
@@ -130,7 +130,7 @@ def _structure(model: ModelProto) -> Iterator[str]:
     for tensor in graph.initializer:
         yield from _tensor(tensor)
     if twice := _twice(tensor.name for tensor in graph.initializer):
-        yield f"holds two tensors {quoted(twice)}; readers differ in which of them counts"
+        yield f"holds two tensors {shown(twice)}; readers differ in which of them counts"
     yield from _signature(graph)
     yield from unplayable(model)
 
@@ -142,23 +142,23 @@ def _twice(names: Iterable[str]) -> str | None:
 
 def _node(node: NodeProto) -> Iterator[str]:
     if node.domain not in DOMAINS:
-        name, domain = quoted(node.op_type), quoted(node.domain)
+        name, domain = shown(node.op_type), shown(node.domain)
         yield f"operator {name} of the domain {domain}; only ONNX's own are allowed"
         return
     if node.op_type not in OPERATORS:
-        yield f"operator {quoted(node.op_type)}: {_why_not(node.op_type)}"
+        yield f"operator {shown(node.op_type)}: {_why_not(node.op_type)}"
         return
     if node.overload:
-        yield f"operator {quoted(node.op_type)}: names an overload; ONNX's own operators have none"
+        yield f"operator {shown(node.op_type)}: names an overload; ONNX's own operators have none"
     if twice := _twice(attribute.name for attribute in node.attribute):
-        yield f"operator {quoted(node.op_type)}: its attribute {quoted(twice)} stands there twice"
+        yield f"operator {shown(node.op_type)}: its attribute {shown(twice)} stands there twice"
     for attribute in node.attribute:
         if attribute.HasField("t"):
             yield from _tensor(attribute.t)
         if attribute.HasField("g") or attribute.graphs:
-            yield f"operator {quoted(node.op_type)}: holds a graph of its own, which is not allowed"
+            yield f"operator {shown(node.op_type)}: holds a graph of its own, which is not allowed"
         elif attribute.type not in _VALUES or attribute.ref_attr_name or attribute.tensors:
-            yield f"operator {quoted(node.op_type)}: attribute {quoted(attribute.name)} is not a plain value"
+            yield f"operator {shown(node.op_type)}: attribute {shown(attribute.name)} is not a plain value"
 
 
 def _why_not(operator: str) -> str:
@@ -170,7 +170,7 @@ def _why_not(operator: str) -> str:
 
 
 def _tensor(tensor: TensorProto) -> Iterator[str]:
-    name, is_external = quoted(tensor.name), tensor.data_location == TensorProto.EXTERNAL
+    name, is_external = shown(tensor.name), tensor.data_location == TensorProto.EXTERNAL
     if tensor.data_type not in _KINDS:
         kinds = ", ".join(TensorProto.DataType.Name(kind) for kind in _KINDS)
         yield f"tensor {name}: of a kind that is not allowed; allowed: {kinds}"

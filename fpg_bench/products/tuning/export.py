@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import logging
-import re
 import textwrap
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ import yaml
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import check_target, read_yaml, write_whole
+from fpg_bench.common.files import check_target, write_whole
 from fpg_bench.common.imports import check_allowed, reason
 from fpg_bench.common.parallel import Job, Workers, run_jobs
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
@@ -91,7 +89,7 @@ def export_values(
 
     Args:
         out: the study's folder.
-        file: a hyper-parameter file; see :func:`write_values`.
+        file: the hyper-parameter file to write; one of an earlier export is replaced.
         n_best: number of trials to retrain.
         n_seeds: number of fresh training seeds.
         steps: training budget of a seed; None for that of the study.
@@ -218,38 +216,19 @@ def _has_score(storage: Storage, study: optuna.Study, name: str) -> bool:
 
 
 def _check_file(file: Path) -> None:
-    """Raise UserError if a hyper-parameter file cannot be written, before anything is trained for it."""
-    if file.exists() and file.read_text(encoding="utf-8").strip():
-        read_yaml(file, "hyper-parameters")
+    """Raise UserError if the values cannot be written into a file, before anything is trained for it."""
+    if file.exists() and _COMMENT not in file.read_text(encoding="utf-8"):
+        raise UserError(f"hyper-parameters {file}: was not written by tune export; choose another file")
     check_target(file, "hyper-parameters")
 
 
 def write_values(file: Path, best: Confirmed) -> None:
-    """Write a trial's values into a file's entry of its id, with a comment on where they come from.
-
-    Comments, keys that were not tuned and other ids stay. Ids that are YAML aliases of this one follow it.
-    An entry that is an alias itself, or missing, becomes a separate one.
-
-    Raises:
-        UserError: the file cannot be read, or its entry has a form that cannot be edited.
-    """
-    env_id = best.task.game.id
-    text = file.read_text(encoding="utf-8") if file.exists() else ""
-    content = read_yaml(file, "hyper-parameters") if text.strip() else {}
-    entry = merge_values(content.get(env_id) or best.task.hyperparameters, best.values)
-    changed = {name.partition(".")[0] for name in best.values}
-    written = "\n".join(_edit(text.splitlines(), env_id, entry, changed, provenance(best))) + "\n"
-    try:
-        edited = yaml.safe_load(written)
-    except yaml.YAMLError:
-        edited = None
-    is_kept = isinstance(edited, dict) and edited.get(env_id) == entry and content.keys() <= edited.keys()
-    if not is_kept or written.count(f"{env_id}:") + written.count(f'{env_id}":') > 1:
-        raise UserError(
-            f"hyper-parameters {file}: the entry of {env_id} cannot be edited; write it as one key a line, "
-            f"or set yourself: {json.dumps(best.values)}"
-        )
-    write_whole(file, written)
+    """Write a file of hyper-parameters: a trial's values, and a comment on where they come from."""
+    lines = [f"{best.task.game.id}:", *provenance(best)]
+    for key, value in merge_values(best.task.hyperparameters, best.values).items():
+        text = yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False)
+        lines.append(f"  {key}: " + text.removesuffix("\n").removesuffix("\n..."))
+    write_whole(file, "\n".join(lines) + "\n")
 
 
 def provenance(best: Confirmed) -> list[str]:
@@ -269,37 +248,3 @@ def format_score(score: Interval) -> str:
     """Return a score with its interval, if it has one."""
     interval = f" [{score.low:.1f}, {score.high:.1f}]" if score.low < score.high else ""
     return f"{score.value:.1f}{interval}"
-
-
-def _edit(lines: list[str], env_id: str, entry: Entry, changed: set[str], comment: list[str]) -> list[str]:
-    """Return the file's lines with the entry's changed keys and the comment."""
-    start = next((i for i, line in enumerate(lines) if line.startswith(f"{env_id}:")), None)
-    if start is None:
-        return [*lines, f"{env_id}:", *comment, *_format(entry, set(entry))]
-    head = lines[start]
-    end = next((i for i in range(start + 1, len(lines)) if not lines[i].startswith(" ")), len(lines))
-    if not re.fullmatch(rf"{re.escape(env_id)}:\s*(&\S+)?\s*(#.*)?", head):  # an alias, or in one line
-        anchor = re.match(rf"{re.escape(env_id)}:\s*(&\S+)", head)
-        head = f"{env_id}: {anchor[1]}" if anchor else f"{env_id}:"
-        return [*lines[:start], head, *comment, *_format(entry, set(entry)), *lines[end:]]
-    kept, unwritten = [], set(changed)
-    is_replaced = False
-    for line in lines[start + 1 : end]:
-        if line.startswith((_COMMENT, _CONTINUED)):
-            continue
-        if key := re.match(r"  (\w+):", line):
-            is_replaced = key[1] in changed
-            unwritten.discard(key[1])
-            kept += _format(entry, {key[1]}) if is_replaced else []
-        if not is_replaced:
-            kept.append(line)
-    return [*lines[: start + 1], *comment, *kept, *_format(entry, unwritten), *lines[end:]]
-
-
-def _format(entry: Entry, keys: set[str]) -> list[str]:
-    """Return keys of an entry, one a line, with mappings and lists in brackets."""
-    lines = []
-    for key in (key for key in entry if key in keys):
-        text = yaml.safe_dump(entry[key], default_flow_style=True, width=10**6, sort_keys=False)
-        lines.append(f"  {key}: " + text.removesuffix("\n").removesuffix("\n..."))
-    return lines

@@ -1,4 +1,4 @@
-"""The verbs of tuning: search, report, and export of the best values."""
+"""The verbs of tuning: search, and export of the best values."""
 
 from __future__ import annotations
 
@@ -73,8 +73,6 @@ def run(
     """
     require_extra("tune", "optuna")
     from fpg_bench.game.spec import GameSpec
-
-    require_extra("tune", "optuna")
     from fpg_bench.products.tuning.tune import tune
 
     tune(
@@ -94,19 +92,6 @@ def run(
         rounds=rounds,
         allow=allow or (),
     )
-
-
-@app.command()
-def report(out: Folder, storage: StorageOption = None, study_name: StudyNameOption = None) -> None:
-    """Write a page with the history, importances and slices of a study.
-
-    Example: fpg-bench tune report runs/tune/ppo
-    """
-    require_extra("tune", "optuna")
-    require_extra("tune", "optuna")
-    from fpg_bench.products.tuning.report import write_report
-
-    typer.echo(f"written: {write_report(out, storage=storage, study_name=study_name)}")
 
 
 @app.command()
@@ -131,7 +116,6 @@ def export(
 
     Example: fpg-bench tune export runs/tune/ppo my_ppo.yml
     """
-    require_extra("tune", "optuna")
     require_extra("tune", "optuna")
     from fpg_bench.products.tuning.export import export_values
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from .playing import KEY
-from .real_server import LlamaServer, write_model
+from .real_server import LlamaServer
 
 
 @pytest.fixture(scope="session")
@@ -17,14 +16,6 @@ def llama_server() -> Iterator[LlamaServer]:
     """A llama.cpp server on loopback: ``url`` and ``model``."""
     with LlamaServer() as server:
         yield server
-
-
-@pytest.fixture(scope="session")
-def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The GGUF file of a tiny model."""
-    file = tmp_path_factory.mktemp("models") / "tiny.gguf"
-    write_model(file)
-    return file
 
 
 @pytest.fixture(autouse=True)

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import itertools
 import string
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
-
-from fpg_bench.products.language_models.local_server import LocalServer
 
 WIDTH, LAYERS, HEAD, FORWARD = 64, 2, 16, 128
 CONTEXT = 32768
@@ -22,6 +22,20 @@ SHAPE = {
     **{"feed_forward_length": FORWARD, "head_count": 1, "head_count_kv": 1, "key_length": HEAD},
     **{"value_length": HEAD, "rope_dimension_count": HEAD, "layer_norm_rms_eps": 1e-5},
 }
+SERVE = f"""
+import os, sys, xllamacpp
+params = xllamacpp.CommonParams()
+params.model.path, params.model_alias = sys.argv[1], {{"tiny"}}
+params.n_ctx, params.n_parallel, params.hostnames, params.port = {CONTEXT}, 1, ["127.0.0.1"], 0
+params.flash_attn_type = xllamacpp.llama_flash_attn_type.LLAMA_FLASH_ATTN_TYPE_DISABLED
+params.cpuparams.n_threads = params.cpuparams_batch.n_threads = 1
+params.warmup = params.fit_params = params.ui = False
+params.verbosity = -1
+server = xllamacpp.Server(params)
+print(server.listening_address, flush=True)
+sys.stdin.read()  # it ends with whoever started it
+os._exit(0)
+"""
 
 
 class LlamaServer:
@@ -30,15 +44,19 @@ class LlamaServer:
     model = "tiny"
 
     def __enter__(self) -> LlamaServer:
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / f"{self.model}.gguf"
-            write_model(file)
-            self._server = LocalServer(file, 1, CONTEXT)
-        self.url = self._server.url
+        self._folder = tempfile.TemporaryDirectory()
+        file = Path(self._folder.name) / f"{self.model}.gguf"
+        write_model(file)
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", SERVE, file], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self.url = f"{self._process.stdout.readline().strip()}/v1"
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._server.stop()
+        self._process.kill()
+        self._process.communicate()
+        self._folder.cleanup()
 
 
 def write_model(path: Path) -> None:

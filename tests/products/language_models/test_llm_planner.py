@@ -180,7 +180,7 @@ def test_what_asking_again_cannot_mend_ends_the_run_and_is_not_kept(tmp_path, na
         if behaviour is None:
             server.__exit__()
         asking = planner(server, transcript=file, concurrency=concurrency)
-        with pytest.raises(UserError, match="fpg-bench plan probe") as caught:
+        with pytest.raises(UserError, match="mend the server or the FPG_LLM_ variables") as caught:
             asking.plan_batch(requests)
         assert len(server.requests) <= concurrency
         asking.transcript.close()

@@ -41,9 +41,10 @@ def test_a_replay_is_identical_without_a_server_a_key_or_the_openai_package(reco
 
 
 def test_the_server_s_prompt_is_asked_with_and_a_replay_takes_the_transcript_s(tmp_path):
-    file = tmp_path / "transcript.jsonl"
+    file, profile = tmp_path / "transcript.jsonl", tmp_path / "mine.yml"
+    profile.write_text("prompt: brief\nresponse_format: json_schema\n")
     with FaultServer([GOOD]) as server:
-        asking = LLMPlanner(SHORT, endpoint(server, "embedded"), transcript=file)
+        asking = LLMPlanner(SHORT, endpoint(server, str(profile)), transcript=file)
         played = play(asking)
     assert asking.prompt == load_prompt("brief")
     assert_same(played, play(planner(transcript=file, mode="replay")))

@@ -1,4 +1,4 @@
-"""``fpg-bench plan run``, ``replay`` and ``probe``, each as a user starts it."""
+"""``fpg-bench plan run``, and ``replay``, each as a user starts it."""
 
 import json
 import os
@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from tests.products.language_models.fault_server import FaultServer, late, ok, reject_field, status
+from tests.products.language_models.fault_server import FaultServer, late, ok, status
 from tests.programs import fpg, python
 from tests.working import wait_for
 
@@ -98,7 +98,7 @@ def test_a_wrong_key_ends_it_and_the_right_one_goes_on(folder):
         ran = plan("run", *LLM, folder=folder, server=server)
         assert ran.returncode == 2
         assert "HTTP 401, the key is refused (FPG_LLM_API_KEY)" in error_line(ran)
-        assert "fpg-bench plan probe" in error_line(ran)
+        assert "mend the server or the FPG_LLM_ variables" in error_line(ran)
         server.behaviours = [ok(path_text())]
         ran = plan("run", *LLM, "--calls", 2, folder=folder, server=server)
         assert ran.returncode == 0, ran.stderr
@@ -153,38 +153,6 @@ def test_a_match_is_written_among_no_other_files_and_its_figure_by_its_suffix(fo
         assert ran.returncode == 0, ran.stderr
         assert (folder / out).read_bytes().startswith(start)
         assert (folder / "two.jsonl").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("run", "--planner", "circel"), "did you mean 'circle'"),
-        (("run", "--planner", "circle", "--prompt", "paper"), "prompt: is for the planner 'llm'"),
-        (("run", "--planner", "circle", "--rounds", "0"), "--rounds"),
-        (("replay", "."), "is a folder; name its match.jsonl"),
-        (("run", "--planner", "llm"), "FPG_LLM_BASE_URL"),
-        (("replay", "nowhere.jsonl"), "no such file"),
-        (("probe",), "FPG_LLM_BASE_URL"),
-        (("compare", "llm"), "FPG_LLM_MODEL"),
-        ((), "Missing command"),
-    ],
-    ids=lambda value: "-".join(value)[:40] if isinstance(value, tuple) else "",
-)
-def test_bad_words_get_one_line_and_a_status(arguments, message, folder):
-    ran = plan(*arguments, folder=folder)
-    assert ran.returncode == 2
-    assert error_line(ran).startswith("fpg-bench: ")
-    assert message in error_line(ran)
-    assert [path.name for path in folder.iterdir()] == ["short.yml"]
-
-
-def test_probe_tells_what_a_server_honours(folder):
-    with FaultServer([reject_field("response_format", "hello")]) as server:
-        ran = plan("probe", "--deadline", "5", folder=folder, server=server)
-    assert ran.returncode == 0, ran.stderr
-    seen = {line.split()[0]: line.split()[1] for line in ran.stdout.splitlines()[1:]}
-    assert seen["answer"] == "yes"
-    assert seen["json_schema"] == "no"
 
 
 def test_ctrl_c_keeps_what_was_finished_and_the_next_run_goes_on(folder):

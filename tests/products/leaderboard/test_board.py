@@ -378,7 +378,8 @@ def test_a_build_reads_each_submission_once_and_keeps_all_rounds(entered, tmp_pa
     monkeypatch.setattr(submission, "read_yaml", lambda *how: read.append(how[0]) or read_yaml(*how))
     monkeypatch.setattr(result, "summary_of", lambda *how: summed.append(how) or summary_of(*how))
     monkeypatch.setattr(replays, "check_policy", lambda policy: checked.append(policy) or [])
-    for _ in range(2):
+    for text in ("once", "again"):  # where nothing has changed, nothing is read
+        (entered / "changed.txt").write_text(text)
         build(tmp_path / "site", entered)
         assert sorted(read) == sorted(entered.resolve().glob("submissions/*/*/submission.yaml"))
         assert len(summed) == len(read)  # each has played the public suite

@@ -181,19 +181,6 @@ def test_the_verbs_play_compare_and_say_so(tmp_path):
     assert fpg("leaderboard", "crossplay", "--folder", tmp_path) == (0, "crossplay: 0 of 0 pairs to play\n")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("--sample much", "expected a percentage such as 5%, got 'much'"),
-        ("--folder nowhere", "leaderboard nowhere: has no folder submissions; fpg-bench leaderboard init "),
-    ],
-)
-def test_bad_words_are_one_line(words, message):
-    done = CliRunner().invoke(app, ["leaderboard", "verify", *words.split()])
-    assert isinstance(done.exception, UserError)
-    assert str(done.exception).startswith(message)
-
-
 def test_pages_of_the_board_load_little(board, tmp_path):
     build_site(board, tmp_path)
 
@@ -228,3 +215,25 @@ def test_a_leaderboard_starts_empty_and_is_built_with_the_game(tmp_path):
     assert "has not been played" in (tmp_path / "site" / "crossplay.html").read_text()
     with pytest.raises(UserError, match="holds files already"):
         start_board(tmp_path / "own")
+
+
+def test_a_site_is_built_again_only_if_it_or_what_it_is_made_of_changed(tmp_path, capsys):
+    start_board(tmp_path / "own")
+    site, page = tmp_path / "site", tmp_path / "site" / "index.html"
+    build(site, tmp_path / "own", replays=False)
+    capsys.readouterr()
+    changes = (
+        lambda: None,
+        page.unlink,
+        lambda: page.write_text("cut"),
+        lambda: (tmp_path / "own" / "more.txt").write_text("more"),
+    )
+    built = []
+    for change in changes:
+        change()
+        build(site, tmp_path / "own", replays=False)
+        built.append("nothing has changed" not in capsys.readouterr().out)
+        assert "No entries yet" in page.read_text()
+    build(site, tmp_path / "own", replays=False, docs="..")
+    assert built == [False, True, True, True]
+    assert "nothing has changed" not in capsys.readouterr().out

@@ -129,11 +129,6 @@ def test_a_head_that_was_edited_or_is_older_is_refused(forge, refused, head, mes
     assert message in refused()
 
 
-def test_a_result_of_an_earlier_version_has_a_summary_that_is_not_read(good, suites, path, forge):
-    forge(summary={"training_seeds": 0, "rounds": 8})
-    assert read_result(path, suites) == good
-
-
 @pytest.mark.parametrize(
     ("content", "message"),
     [

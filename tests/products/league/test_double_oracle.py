@@ -1,4 +1,4 @@
-"""Double oracle and self-play: who is met, when a search stops, what is exported, and resumption."""
+"""Double oracle: who is met, when a search stops, what is exported, and resumption."""
 
 import inspect
 import json
@@ -12,10 +12,8 @@ from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.players.agent import load_agent
 from fpg_bench.products.league import double_oracle as oracle
-from fpg_bench.products.league import search
-from fpg_bench.products.league.config import DoubleOracleConfig, SelfPlayConfig
+from fpg_bench.products.league.config import DoubleOracleConfig
 from fpg_bench.products.league.folder import check_same
-from fpg_bench.products.league.self_play import self_play
 from fpg_bench.products.league.verbs import double_oracle
 from fpg_bench.training.run_folder import RunFolder
 from tests.training.tiny import settings
@@ -41,24 +39,23 @@ def find(out, **changes):
 @pytest.fixture(autouse=True)
 def few_matches(monkeypatch):
     """Few matches in each evaluation."""
-    monkeypatch.setattr(search, "MATCHES", 3)
+    monkeypatch.setattr(oracle, "MATCHES", 3)
 
 
 @pytest.mark.full
 def test_iterations_meet_the_responses_by_their_weights_and_the_best_is_exported(tmp_path, monkeypatch):
     first = find(tmp_path, iterations=1)
     assert list(first["confirmed"]) == ["0"]
-    trained, real = [], search.train
+    trained, real = [], oracle.train
 
     def record(config, out, **options):
         trained.append(out.name)
         return real(config, out, **options)
 
-    for module in (oracle, search):
-        monkeypatch.setattr(module, "train", record)
+    monkeypatch.setattr(oracle, "train", record)
     result = find(tmp_path, iterations=2)
     assert {"iteration_1", "response_1_0", "response_1_1"} <= set(trained)
-    rows = RowFile(tmp_path / search.ROWS).read()
+    rows = RowFile(tmp_path / oracle.ROWS).read()
     assert result["rows"] == rows
     assert rows[0] == first["rows"][0]
     assert [row["iteration"] for row in rows] == [0, 1]
@@ -92,7 +89,7 @@ def test_iterations_meet_the_responses_by_their_weights_and_the_best_is_exported
         f"--{name.replace('_', '-')}" for name in inspect.signature(with_fields(double_oracle)).parameters
     }
     assert set(options[::2]) <= known
-    assert json.loads((tmp_path / search.ABOUT).read_text())["iteration"] == result["iteration"]
+    assert json.loads((tmp_path / oracle.ABOUT).read_text())["iteration"] == result["iteration"]
     seeds = {RunFolder(run).read().training_seed for run in (tmp_path / "runs").glob("*")}
     assert len(seeds) == 6
     with pytest.raises(UserError, match=r"another weight \(3, now 4\)"):
@@ -124,54 +121,11 @@ def test_by_nash_each_side_answers_the_equilibrium_of_the_other(tmp_path):
     assert "--meta-solver nash" in load_agent(tmp_path / "agent").card.command
     with pytest.raises(UserError, match="a search with another meta_solver"):
         find(tmp_path, iterations=2)
-    with pytest.raises(UserError, match="a search with another verb"):
-        self_play(SelfPlayConfig(**SEARCH), tmp_path)
 
 
-@pytest.mark.full
-def test_in_self_play_a_rival_learns_beside_the_side_and_responses_measure_both(tmp_path):
-    result = self_play(SelfPlayConfig(iterations=2, **SEARCH), tmp_path, progress=False)
-    runs = tmp_path / "runs"
-    iterations = [runs / f"iteration_{number}" for number in (0, 1)]
-    for iteration in iterations:
-        run, rival = RunFolder(iteration).read(), RunFolder(iteration / "rival").read()
-        assert run.game.opponent == ("tone", "tone", "hunter")
-        assert (run.options["rival"]["weight"], rival.options["rival"]["weight"]) == (3, 1)
-        assert (rival.game.reward, rival.game.actions) == ("zero_sum", "discrete")
-    for inner in (".", "rival"):
-        assert RunFolder(iterations[1] / inner).read().options["start"] == str(iterations[0] / inner)
-    values = payoffs_of(tmp_path)
-    for number, row in enumerate(result["rows"]):
-        policy, response = iterations[number] / "agent", runs / f"response_{number}_0" / "agent"
-        answer, rival = runs / f"answer_{number}" / "agent", iterations[number] / "rival" / "agent"
-        assert row["low"] == pytest.approx(values[str(policy), str(response)], abs=1e-4)
-        earned = max(values[str(learned), str(rival)] for learned in (answer, policy))
-        assert row["high"] == pytest.approx(earned, abs=1e-4)
-        assert row["rivals"] == 3 + 3
-    for name in ("agent", "rival"):
-        card = load_agent(tmp_path / name).card
-        assert card.sample
-        assert card.command.startswith("fpg-bench self-play ")
-        assert card.training_steps == 400 * (result["iteration"] + 1)
-    found = [runs / "response_0_0", runs / "response_1_0", runs / "answer_0", runs / "answer_1"]
-    learners = [*iterations, *(iteration / "rival" for iteration in iterations)]
-    seeds = [RunFolder(run).read().training_seed for run in (*learners, *found)]
-    assert len(set(seeds)) == len(seeds)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            {"algorithm": "dqn", "actions": "discrete", "hyperparams": None},
-            "dqn: does not learn from rollouts",
-        ),
-        ({"against": "nobody"}, "unknown opponent 'nobody'"),
-    ],
-)
-def test_a_search_that_cannot_begin_leaves_nothing_behind(change, message, tmp_path):
-    with pytest.raises(UserError, match=message):
-        self_play(SelfPlayConfig(**SEARCH | change), tmp_path / "search")
+def test_a_search_that_cannot_begin_leaves_nothing_behind(tmp_path):
+    with pytest.raises(UserError, match="unknown opponent 'nobody'"):
+        find(tmp_path / "search", against="nobody")
     assert not (tmp_path / "search").exists()
 
 
@@ -190,8 +144,8 @@ def test_shares_become_whole_parts():
 
 def test_a_search_stops_once_no_iteration_keeps_more():
     lows = [{"low": low} for low in (-3.0, -1.0, -2.0, -1.5)]
-    assert [search._is_flat(lows[:count], 2) for count in range(5)] == [False, False, False, False, True]
-    assert search._is_flat(lows[:3], 1)
+    assert [oracle._is_flat(lows[:count], 2) for count in range(5)] == [False, False, False, False, True]
+    assert oracle._is_flat(lows[:3], 1)
 
 
 def test_an_opponent_searches_against_allies_that_play_for_themselves(tmp_path):
@@ -224,9 +178,9 @@ def test_another_search_says_what_differs(tmp_path):
     about = {"game": {"id": "a", "opponent": ["tone"]}, "steps": [1, 2], "seed": 0}
     (tmp_path / "about.json").write_text(json.dumps(about))
     for changes, message in (
-        ({"game": {"id": "a", "opponent": ["comb"]}}, r"game, opponent \(\['tone'\], now \['comb'\]\)"),
-        ({"game": {"id": "a"}}, r"game, opponent \(\['tone'\], now None\)"),
-        ({"steps": [1, 3]}, r"steps \(\[1, 2\], now \[1, 3\]\)"),
+        ({"game": {"id": "a", "opponent": ["comb"]}}, r"game\.opponent\[0\] \('tone', now 'comb'\)"),
+        ({"game": {"id": "a"}}, r"game\.opponent \(\['tone'\], now None\)"),
+        ({"steps": [1, 3]}, r"steps\[1\] \(2, now 3\)"),
     ):
         with pytest.raises(UserError, match=f"holds a double oracle with another {message}"):
             check_same(tmp_path / "about.json", "a double oracle", about | changes)

@@ -2,9 +2,11 @@
 
 import dataclasses
 import json
+import logging
 import shlex
 
 import pytest
+import train_champions
 import yaml
 
 from fpg_bench.common.errors import UserError
@@ -16,33 +18,20 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import Rival, Scale, load_suite
 from fpg_bench.game.scenario import PAPER, STANDARD, as_scenario
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.tactics import draw_variants
 from fpg_bench.products.league import best_responses as responding
 from fpg_bench.products.league import champions as championing
+from fpg_bench.products.league import double_oracle as searching
 from fpg_bench.products.league import evaluation
 from fpg_bench.products.league import fictitious_self_play as playing
-from fpg_bench.products.league import search as searching
 from fpg_bench.products.league.config import BestResponseConfig, FictitiousSelfPlayConfig
 from fpg_bench.products.league.double_oracle import double_oracle
 from fpg_bench.products.league.verbs import best_response
 from fpg_bench.training.callbacks import GameMeasuresCallback
-from tests.logged import logged
 from tests.training.tiny import settings, train, train_tiny
 
 OPPONENT = "FPG/OpponentVsScripted-v0"
 LIMITS = {"jamming_types": ["tone", "comb"], "knowledge": "none"}
 TINY = settings("ppo", normalize={"norm_obs": False})
-CHAMPION = {
-    "id": "FPG/AllyVsPolicy-v0",
-    "algorithm": "ppo",
-    "hyperparams": settings("ppo"),
-    "against": ["suite:training-1/o01", "tone", "opponent-pursuit/td3/seed_0"],
-    "stages": [{"steps": 400}, {"steps": 400, "hyperparams": {"learning_rate": 0.0001}}],
-    "responders": [
-        {"algorithm": "ppo", "steps": 400, "hyperparams": settings("ppo"), "options": {"reward": "zero_sum"}}
-    ],
-    "priority": 3,
-}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -63,7 +52,7 @@ def trained(monkeypatch):
         runs.append(config)
         return real(config, out, **options)
 
-    for module in (responding, playing, championing):
+    for module in (responding, playing):
         monkeypatch.setattr(module, "train", record)
     return runs
 
@@ -123,7 +112,7 @@ def respond(agent, out, **options):
 
 
 def run_folder(out, seed, steps=400, algorithm="ppo"):
-    return out / f"nothing-{algorithm}-{steps}" / f"seed_{seed}"
+    return out / f"{algorithm}-{steps}" / f"seed_{seed}"
 
 
 def lowest(result):
@@ -136,36 +125,30 @@ def lowest(result):
 
 
 @pytest.mark.slow
-def test_scripts_with_other_constants_are_tried_beside_the_scripts(ally, tmp_path):
-    out = tmp_path / "responses"
-    few = respond(ally, out, n_scripts=2)
-    more = respond(ally, out, n_scripts=5)
-    variants = list(more["scripts"])[len(SCRIPTED["opponent"]) :]
-    assert variants == draw_variants("opponent", 5, STANDARD)
-    assert few["scripts"].items() <= more["scripts"].items()
-    assert more["lowest"] == lowest(more)
-
-
-@pytest.mark.slow
 def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result, tmp_path):
     out = tmp_path / "responses"
     respond(ally, out)
     found = respond(ally, out, actions="discrete")
     assert [row.get("actions") for row in found["responses"]] == [None, "discrete"]
-    agent = load_agent(out / "nothing-ppo-discrete-400" / "seed_0" / "agent", "opponent")
+    agent = load_agent(out / "ppo-discrete-400" / "seed_0" / "agent", "opponent")
     assert agent.card.game.actions == "discrete"
     assert respond(ally, out, actions="discrete") == found
     assert responding.response_label(found["responses"][1]) == "ppo discrete, 400 steps, seed 0"
 
 
 @pytest.mark.slow
-def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys):
+def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys, caplog):
+    caplog.set_level(logging.INFO)
     options = {"steps": 400, "n_seeds": 1, "hyperparams": settings("ppo")}
     best_response("tone", tmp_path / "out", options=options, game={})
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
     assert [row["reward"] for row in result["responses"]] == ["own"]
     assert result["lowest"]["against"] in result["scripts"]
     assert "not best responses" not in capsys.readouterr().out  # it was not paid for the opponent's loss
+    earned = result["responses"][0]["return"]
+    assert [line for line in caplog.messages if "per step" in line or "training" in line] == [
+        f"trained with seed 0: {earned:.2f} per step"
+    ]
 
 
 @pytest.mark.slow
@@ -213,35 +196,6 @@ def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, 
     ):
         with pytest.raises(UserError, match=f"holds best responses with another {what}"):
             respond(other, out, **options)
-
-
-@pytest.mark.slow
-def test_a_response_keeps_its_teacher_when_a_stronger_one_is_found(ally, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("fpg_bench.training.train.imitate", lambda *arguments: 0.0)
-    file = tmp_path / "out" / "best_responses.json"
-
-    def set_return(response, value):
-        content = json.loads(file.read_text())
-        content["responses"][response]["return"] = value
-        file.write_text(json.dumps(content))
-
-    respond(ally, "out", n_seeds=2)
-    set_return(0, -1000.0)
-    responses = respond(ally, "out", start="strongest")["responses"]
-    teacher = responses[2]["hyperparameters"]["imitate"]["teacher"]
-    assert teacher == "out/nothing-ppo-400/seed_0/agent"
-    set_return(1, -2000.0)
-    responses[1]["return"] = -2000.0
-    for out in ("out", tmp_path / "out"):
-        assert respond(ally, out, start="strongest")["responses"] == responses
-    with monkeypatch.context() as patched:
-        patched.setattr("fpg_bench.training.train.imitate", interrupt)
-        with pytest.raises(KeyboardInterrupt):
-            respond(ally, "out", start="strongest", n_seeds=2)
-    set_return(0, -3000.0)
-    resumed = respond(ally, tmp_path / "out", start="strongest", n_seeds=2)["responses"][3]
-    assert resumed["hyperparameters"]["imitate"]["teacher"] == "out/nothing-ppo-400/seed_1/agent"
 
 
 @pytest.mark.slow
@@ -327,7 +281,6 @@ def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
     for options, message in (
         ({}, "plays both sides; set side to ally or opponent"),
         ({"side": "alli"}, "expected one of ally, opponent, got 'alli'; did you mean 'ally'"),
-        ({"side": "ally", "start": "weakest"}, "start: expected one of nothing, strongest, got 'weakest'"),
     ):
         with pytest.raises(UserError, match=message):
             respond("random", tmp_path / "out", **options)
@@ -462,51 +415,6 @@ def test_another_self_play_needs_another_folder(played):
 # Champions
 
 
-def load_champion(folder, **changes):
-    file = folder / "champions.yml"
-    file.write_text(json.dumps({"brave": {**CHAMPION, **changes}}))  # JSON is YAML
-    return championing.load_champions(file)["brave"]
-
-
-@pytest.mark.slow
-def test_a_champion_goes_on_after_an_interrupt_stage_by_stage_and_is_shipped(tmp_path, monkeypatch):
-    config, runs = load_champion(tmp_path), tmp_path / "runs"
-    real, calls = championing.train, []
-
-    def stopped(*arguments, **options):
-        calls.append(arguments)
-        return interrupt() if len(calls) == 3 else real(*arguments, **options)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(championing, "train", stopped)
-        with pytest.raises(KeyboardInterrupt):
-            championing.train_champion(config, 3, runs)
-    made = {path: path.stat().st_mtime_ns for path in runs.rglob("policy.onnx")}
-    assert len(made) == 2
-    with logged() as messages:
-        agent = championing.train_champion(config, 3, runs)
-    assert all(path.stat().st_mtime_ns == time for path, time in made.items())
-    assert sum(" trained, against " in line for line in messages) == 2
-    first, last = (runs / "brave" / "seed_3" / f"stage_{i}" for i in (0, 1))
-    assert json.loads((first / "run/run.json").read_text())["game"]["opponent"] == CHAMPION["against"]
-    about = json.loads((last / "run/run.json").read_text())
-    options, kept = about["game"] | about["options"], json.loads((last / "population.json").read_text())
-    assert set(options["opponent"]) == {*CHAMPION["against"], str(first / "responder_0/agent")}
-    assert options["start"] == str(first / "run")
-    assert about["hyperparameters"]["learning_rate"] == 0.0001
-    hardest = min(kept["returns_per_step"], key=kept["returns_per_step"].get)
-    assert kept["copies"][hardest] == 3
-    assert len(options["opponent"]) == sum(kept["copies"].values())
-    assert agent == last / "run" / "agent"
-    with pytest.raises(UserError, match="a population drawn with another priority; choose another folder"):
-        championing.train_champion(load_champion(tmp_path, priority=4), 3, runs)
-    championing.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
-    about = load_agent(tmp_path / "out", "ally").card.to_dict()
-    assert about["recipe"] == {"name": "brave", **CHAMPION, "options": {}}
-    described = (about["command"], about["training_steps"], about["training_seed"])
-    assert described == ("make brave", 800, 3)
-
-
 ORACLE = {
     "verb": "double-oracle",
     "side": "ally",
@@ -523,23 +431,27 @@ ORACLE = {
 }
 
 
+def load_champion(folder, **changes):
+    file = folder / "champions.yml"
+    file.write_text(json.dumps({"brave": {**ORACLE, **changes}}))  # JSON is YAML
+    return championing.load_champions(file)["brave"]
+
+
 @pytest.mark.full
 @pytest.mark.slow
 def test_a_champion_of_a_double_oracle_is_shipped_from_a_finished_search_wherever_it_was_made(
     tmp_path, monkeypatch
 ):
     monkeypatch.setattr(searching, "MATCHES", 3)
-    (tmp_path / "champions.yml").write_text(json.dumps({"brave": ORACLE}))
-    config = championing.load_champions(tmp_path / "champions.yml")["brave"]
+    champion = load_champion(tmp_path)
     rivals = ["tone", "training-1/opponent/o01"]
     search = tmp_path / "elsewhere"
-    made = double_oracle(dataclasses.replace(config.config, seed=3, against=rivals), search, progress=False)
+    made = double_oracle(dataclasses.replace(champion.config, seed=3, against=rivals), search, progress=False)
     (tmp_path / "runs" / "brave").mkdir(parents=True)
     search.rename(tmp_path / "runs" / "brave" / "seed_3")
-    for module in ("double_oracle", "search"):
-        monkeypatch.setattr(f"fpg_bench.products.league.{module}.train", interrupt)
-    agent = championing.train_champion(config, 3, tmp_path / "runs")
-    championing.ship_champion(agent, tmp_path / "out", config, 3, "make brave")
+    monkeypatch.setattr(searching, "train", interrupt)
+    agent = champion.train(3, tmp_path / "runs" / "brave" / "seed_3")
+    champion.ship(agent, tmp_path / "out", 3, "make brave")
     card = load_agent(tmp_path / "out", "ally").card.to_dict()
     assert (card["command"], card["training_seed"]) == ("make brave", 3)
     assert card["training_steps"] == 400 * (made["iteration"] + 1)
@@ -568,25 +480,23 @@ def test_a_search_that_is_not_finished_is_not_kept(tmp_path):
         searching.keep_search(tmp_path, tmp_path / "scores.jsonl")
 
 
-def test_the_hardest_player_is_drawn_most_often():
-    assert championing.copies_by_hardness([5.0, 0.0, 10.0], 5) == [2, 5, 1]
-    assert championing.copies_by_hardness([1.0, 1.0], 5) == [1, 1]
-
-
 def test_an_invalid_champion_is_refused_in_one_line(tmp_path):
     for changes, message in (
-        ({"stage": []}, "unknown key 'stage'; did you mean 'stages'"),
-        ({"stages": []}, "stages: expected a list"),
-        ({"stages": [{"step": 3}]}, "unknown key 'step'; did you mean 'steps'"),
-        ({"responders": [{"steps": 3}]}, "lacks algorithm"),
-        ({"options": {"pth": "circle"}}, "options: unknown key 'pth'; did you mean 'path'"),
-        ({"id": "FPG/AllyVsScripted-v0"}, "id: expected FPG/AllyVsPolicy-v0"),
-        ({"verb": "double-oracle"}, "unknown key 'id'"),
-        (
-            {"verb": "oracle"},
-            "verb: expected one of double-oracle, self-play, tabular-self-play, got 'oracle'",
-        ),
+        ({"step": 3}, "unknown key 'step'; did you mean 'steps'"),
+        ({"game": {"pth": "circle"}}, "game: unknown key 'pth'; did you mean 'path'"),
+        ({"verb": "oracle"}, "verb: expected one of double-oracle, tabular-self-play, got 'oracle'"),
+        ({"verb": "tabular-self-play"}, "unknown key 'side'"),
     ):
         with pytest.raises(UserError, match=message) as caught:
             load_champion(tmp_path, **changes)
         assert "\n" not in str(caught.value)
+
+
+def test_a_champion_of_an_earlier_revision_is_trained_there(tmp_path, monkeypatch):
+    file = tmp_path / "champions.yml"
+    file.write_text("old: abc1234\n")
+    words = ["train_champions.py", "--only", "old", "--file", str(file), "--runs", str(tmp_path / "runs")]
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(UserError, match="old is trained at revision abc1234; check it out and run this"):
+        train_champions.main()
+    assert not (tmp_path / "runs").exists()

@@ -1,6 +1,8 @@
 """Tables and portfolios: what they find, resumption, and the exported agent."""
 
 import json
+import logging
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -91,9 +93,11 @@ def test_an_exported_table_plays_as_the_table_to_the_bit(side, name):
 
 
 @pytest.mark.slow
-def test_an_obvious_hole_is_found_in_a_second_and_exported_as_an_agent(tmp_path):
+def test_an_obvious_hole_is_found_in_a_second_and_exported_as_an_agent(tmp_path, caplog):
+    caplog.set_level(logging.INFO)
     result = tabular_response("idle", tmp_path / "out", side="ally", features=FEW, budget=1)
     assert result["returns"]["idle"]["high"] < -12  # random play leaves it 15
+    assert 1 <= sum(line.startswith("generation") for line in caplog.messages) <= 4 < result["generations"]
     assert result == json.loads((tmp_path / "out" / "tabular.json").read_text())
     card = load_agent(tmp_path / "out" / "agent", "opponent").card
     assert (card.algorithm, card.recipe["cells"]) == ("tabular", result["cells"])
@@ -186,17 +190,22 @@ def test_another_search_needs_another_folder(tmp_path, local):
 
 @pytest.mark.full
 @pytest.mark.slow
-def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, local, monkeypatch):
-    monkeypatch.setattr(mixing, "MATCHES", 5)
-    options = {"side": "ally", "steps": 400, "imitation_steps": 400, "n_scripts": 2, "table_budget": 0.3}
-    options |= {"algorithm": "ppo", "hyperparams": settings("ppo")}
-    first = portfolio("idle", tmp_path, budget=0.5, **options)
+def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, local, monkeypatch, caplog):
+    caplog.set_level(logging.INFO)
+    small = {"MATCHES": 5, "STEPS": 400, "IMITATION_STEPS": 400, "N_SCRIPTS": 2, "TABLE_BUDGET": 0.3}
+    for name, value in (small | {"ALGORITHM": "ppo"}).items():
+        monkeypatch.setattr(mixing, name, value)
+    load = partial(mixing.load_hyperparameters, file=settings("ppo"))
+    monkeypatch.setattr(mixing, "load_hyperparameters", load)
+    first = portfolio("idle", tmp_path, side="ally", budget=0.5)
     begun = RowFile(tmp_path / mixing.ROWS).read()
-    result = portfolio("idle", tmp_path, budget=first["seconds"] + 8, **options)
+    result = portfolio("idle", tmp_path, side="ally", budget=first["seconds"] + 8)
     rows = RowFile(tmp_path / mixing.ROWS).read()
     assert rows[: len(begun)] == begun
     assert {row["method"] for row in rows} == {"script", "tabular", "pupil", "ppo"}
     assert len({row["response"] for row in rows}) == len(rows)
+    told = [line for line in caplog.messages if "spent" in line]  # a line for all scripts of a call
+    assert len(told) == 2 + sum(row["method"] != "script" for row in rows)
     best = min(rows, key=lambda row: row["returns"]["idle"])
     found = result["returns"][result["lowest"]]
     assert (found["response"], found["method"]) == (best["response"], best["method"])
@@ -212,7 +221,8 @@ def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, loc
 
 def test_no_code_is_run_on_the_word_of_a_portfolio_s_rows(tmp_path, monkeypatch, local):
     monkeypatch.setattr(mixing, "MATCHES", 2)
-    portfolio("idle", tmp_path, side="ally", budget=1e-3, n_scripts=0)
+    monkeypatch.setattr(mixing, "N_SCRIPTS", 0)
+    portfolio("idle", tmp_path, side="ally", budget=1e-3)
     file = tmp_path / mixing.ROWS
     (row,) = RowFile(file).read()
     file.write_text(json.dumps(row | {"response": "package.module:object"}) + "\n")

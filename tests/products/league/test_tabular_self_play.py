@@ -10,7 +10,7 @@ from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
-from fpg_bench.products.league.champions import load_champions, ship_champion, train_champion
+from fpg_bench.products.league.champions import load_champions
 from fpg_bench.products.league.tabular_self_play import (
     ALLY_EDGES,
     OPPONENT_CHOICES,
@@ -95,11 +95,11 @@ def test_opponents_that_leave_least_are_met_most_and_each_is_met():
 def test_a_champion_of_tables_is_trained_and_shipped_and_the_same_seed_makes_the_same(tmp_path):
     file = tmp_path / "champions.yml"
     file.write_text("few: {verb: tabular-self-play, iterations: 3, games: 32, seeds: 1}")
-    config = load_champions(file)["few"]
-    agents = [train_champion(config, 5, tmp_path / runs) for runs in ("runs", "again")]
+    champion = load_champions(file)["few"]
+    agents = [champion.train(5, tmp_path / runs) for runs in ("runs", "again")]
     first, again = [(agent / "policy.onnx").read_bytes() for agent in agents]
     assert first == again
-    ship_champion(agents[0], tmp_path / "shipped", config, 5, "make few")
+    champion.ship(agents[0], tmp_path / "shipped", 5, "make few")
     card = load_agent(tmp_path / "shipped", "ally").card
     assert card.sample
     assert (card.algorithm, card.training_seed, card.command) == ("tabular", 5, "make few")

@@ -36,7 +36,7 @@ def made(tmp_path_factory):
 def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made
     drawn = ("fig4", "fig5", "fig7", "paths")
-    figures = [f"{name}-paper.{form}" for name in drawn for form in ("png", "svg")]
+    figures = [f"{name}-paper.{form}" for name in drawn for form in ("svg", "pdf")]
     assert [path.name for path in written] == [
         *figures,
         "report-paper.md",

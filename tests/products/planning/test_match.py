@@ -196,4 +196,4 @@ def test_the_picture_has_a_panel_per_round_and_a_bound(tmp_path):
     pictures = pytest.importorskip("fpg_bench.products.planning.match_picture")
     pictures.draw_match(play(None, rounds=6), tmp_path / "paths.png", "a match")
     height = imread(tmp_path / "paths.png").shape[0]
-    assert height == pytest.approx((3.7 * 2 + 0.7) * 110, abs=2)  # two rows
+    assert height == pytest.approx((2.25 * 2 + 0.7) * 200, abs=2)  # two rows

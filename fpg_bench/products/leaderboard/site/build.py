@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 
 from fpg_bench.common.documentation import published
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import check_own_folder, write_whole
+from fpg_bench.common.files import write_whole
 from fpg_bench.products.leaderboard.board import Board
 from fpg_bench.products.leaderboard.past_seasons import SeasonRow
 from fpg_bench.products.leaderboard.site import reading_pages, views
 from fpg_bench.products.leaderboard.site.entry_page import badge_file, badge_view, entry_view
 from fpg_bench.products.leaderboard.site.findings import finding_cards
+from fpg_bench.products.leaderboard.site.mark import MARK, check_folder
 from fpg_bench.products.leaderboard.site.page_data import Policies, data_files
 from fpg_bench.products.leaderboard.site.replays import Replay, Replays, label_of
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 PAPER = "https://doi.org/10.3390/drones10020147"  # the article whose game it is, as in CITATION.cff
-MARK = ".fpg-site"  # marks a folder that holds a site, which may be cleared
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 
 
@@ -70,11 +70,6 @@ def build_site(
     kept = {folder / name for name in files}
     _remove_others(folder, kept)
     return sorted(kept)
-
-
-def check_folder(folder: Path) -> None:
-    """Raise UserError where a folder holds something other than a site."""
-    check_own_folder(folder, MARK, "leaderboard's site")
 
 
 def _check_names(board: Board) -> None:

@@ -70,10 +70,9 @@ def data_files(board: Board, submitted: Policies, seasons: Sequence[SeasonRow] =
         )
         for scenario in SCENARIOS
     }
-    board_json = board.to_json()
     return {
-        "board.json": board_json,
-        **dataset_files(board, board_json),
+        "board.json": board.to_json(),
+        **dataset_files(board),
         **_compare_files(board),
         "data/statistics.js": _script(statistics_data(board)),
         **crossplay,

@@ -97,7 +97,7 @@ class Role:
 # In the order in which pages list them.
 ROLES = {
     PUBLIC: Role("Public", "the public suite, which everybody can train on"),
-    UNSEEN: Role("Unseen", "rivals that were trained after entries were closed"),
+    UNSEEN: Role("Held-out", "rivals that were trained after entries were closed"),
     SHIFTED: Role("Shifted", "trained rivals under changed rules"),
     RESPONSES: Role("Best responses", "rivals that were trained to beat one entry"),
     PUBLIC_SEEDS: Role("Public seeds", "the public suite on seeds that were known before"),

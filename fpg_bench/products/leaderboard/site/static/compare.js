@@ -159,7 +159,7 @@
 
   const signed = (value) => (value >= 0 ? "+" : "−") + Math.abs(value).toFixed(1);
 
-  const gaps = (a, b) => (a.gap === null && b.gap === null ? [] : [["Gap, public - unseen", number(a.gap), number(b.gap)]]);
+  const gaps = (a, b) => (a.gap === null && b.gap === null ? [] : [["Gap, public - held-out", number(a.gap), number(b.gap)]]);
 
   function facts(a, b) {
     const budget = ({ steps }) => (steps === null ? "–" : `${steps.toLocaleString("en")} steps`);

@@ -1,1 +1,0 @@
-"""Croissant descriptions of data sets."""
