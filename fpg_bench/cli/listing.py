@@ -239,9 +239,9 @@ def _populations(side: str) -> list[str]:
 
 def _planners() -> dict[str, list[str]]:
     """Return the planners by tier."""
-    from fpg_bench.game.names import PATROLS
+    from fpg_bench.game.names import PATTERNS
 
-    by_tier, tiers = {"none": [*PATROLS, "hold", "random"]}, offered("planner tier")
+    by_tier, tiers = {"none": [*PATTERNS]}, offered("planner tier")
     for name in offered("planner"):
         by_tier.setdefault(tiers.get(name) or load("planner", name).tier, []).append(name)
     return by_tier

@@ -32,7 +32,7 @@ from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.products import load
 from fpg_bench.training.algorithms import ALGORITHMS, JOINT
-from fpg_bench.training.config import EVALUATIONS, RunConfig
+from fpg_bench.training.config import N_EVALS, RunConfig
 
 if TYPE_CHECKING:
     from fpg_bench.training.run_folder import RunFolder
@@ -86,7 +86,7 @@ def train(
     restart: RestartOption = False,
     seed: SeedOption = None,
     seeds: SeedsOption = None,
-    n_evals: EvaluationsOption = EVALUATIONS,
+    n_evals: EvaluationsOption = N_EVALS,
     against: Annotated[
         str | None,
         typer.Option(

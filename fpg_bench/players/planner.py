@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.imports import has_any, import_object, ready, reason
 from fpg_bench.common.products import load, offered
+from fpg_bench.game import names
 from fpg_bench.game.flight import place_on_patrol
 from fpg_bench.game.names import PATHS, PATROLS
 from fpg_bench.game.rules import rules_record
@@ -277,11 +278,7 @@ class Random(BatchPlanner):
 
 
 PATTERNS: Mapping[str, Callable[..., BatchPlanner]] = MappingProxyType(
-    {
-        **{name: partial(Patrol, name) for name in PATROLS},
-        "hold": Hold,
-        "random": Random,
-    }
+    dict(zip(names.PATTERNS, (*(partial(Patrol, name) for name in PATROLS), Hold, Random), strict=True))
 )
 PLANNERS = (*PATTERNS, *offered("planner"))
 _METHODS = ("plan", "plan_batch")

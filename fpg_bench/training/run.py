@@ -19,7 +19,7 @@ from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.suite import suite_of
 from fpg_bench.evaluation.table import Results
 from fpg_bench.players.agent import load_agent, read_card, seed_folders
-from fpg_bench.training.config import EVALUATIONS, RunConfig
+from fpg_bench.training.config import N_EVALS, RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
 
@@ -70,11 +70,11 @@ class Run:
         """Content of ``run.json``; raises UserError before the first training."""
         return self._folder.read()
 
-    def train(self, *, evaluations: int = EVALUATIONS, progress: bool = True, restart: bool = False) -> Path:
+    def train(self, *, evaluations: int = N_EVALS, progress: bool = True, restart: bool = False) -> Path:
         """Train the run and export its agent; see :func:`fpg_bench.train`, also for the arguments."""
         return train(self.config, self.path, evaluations=evaluations, progress=progress, restart=restart)
 
-    def resume(self, *, evaluations: int = EVALUATIONS, progress: bool = True) -> Path:
+    def resume(self, *, evaluations: int = N_EVALS, progress: bool = True) -> Path:
         """Go on from the newest checkpoint, at most a minute older than the stop; begin if there is none."""
         return train(self.config, self.path, evaluations=evaluations, progress=progress, resume=True)
 

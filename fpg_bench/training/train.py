@@ -54,7 +54,7 @@ from fpg_bench.training.checkpoint import (
     save_model,
     steps_of,
 )
-from fpg_bench.training.config import EVALUATIONS, RunConfig
+from fpg_bench.training.config import N_EVALS, RunConfig
 from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import as_option, load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
@@ -86,7 +86,7 @@ def train(
     config: RunConfig,
     out: str | Path,
     *,
-    evaluations: int = EVALUATIONS,
+    evaluations: int = N_EVALS,
     progress: bool | str = True,
     restart: bool = False,
     resume: bool = False,
@@ -185,7 +185,7 @@ def train_seeds(
     out: str | Path,
     seeds: Iterable[int],
     *,
-    evaluations: int = EVALUATIONS,
+    evaluations: int = N_EVALS,
     restart: bool = False,
     workers: Workers | int = 2,
 ) -> None:
@@ -268,7 +268,7 @@ class _Run:
         UserError: something unknown or out of range.
     """
 
-    def __init__(self, config: RunConfig, folder: RunFolder, evaluations: int = EVALUATIONS) -> None:
+    def __init__(self, config: RunConfig, folder: RunFolder, evaluations: int = N_EVALS) -> None:
         self.config, self.folder, self.evaluations = config, folder, evaluations
         self.algorithm, self.sides = find_algorithm(config.algorithm), config.spec.sides
         self.algorithm.check_sides(config.spec.id, self.sides)

@@ -84,6 +84,14 @@ def test_an_agent_of_another_budget_is_not_shipped(zoo, tmp_path):
 # Evaluation
 
 
+def one_agent(folder):
+    """A zoo of one agent, its group and public suite, and their records."""
+    zoo = make_zoo(folder)
+    make_agent(zoo.members("small/ppo")[0])
+    (group, *_), suite = zoo.groups, load_suite(zoo.groups[0].suites[0])
+    return zoo, group, suite, add_missing_records(zoo, group)
+
+
 def records_of(zoo, algorithm):
     suite = load_suite(zoo.groups[0].suites[0])
     return [record for record in zoo.read_records(zoo.groups[0], suite) if record.entry == algorithm]
@@ -112,11 +120,7 @@ def test_every_player_is_evaluated_once_as_evaluate_does_to_the_digit(tmp_path):
 
 
 def test_each_record_is_kept_once_and_the_newest_of_a_matchup(tmp_path):
-    zoo = make_zoo(tmp_path / "zoo")
-    make_agent(zoo.members("small/ppo")[0])
-    group = zoo.groups[0]
-    suite = load_suite(group.suites[0])
-    records = add_missing_records(zoo, group)
+    zoo, group, suite, records = one_agent(tmp_path / "zoo")
     file = RowFile(zoo.records_file(group))
     newer = file.read()
     older = [{**row, "rounds_sha256": "older"} for row in newer]
@@ -131,11 +135,7 @@ def test_each_record_is_kept_once_and_the_newest_of_a_matchup(tmp_path):
 
 
 def test_what_the_board_verified_is_read_there_and_neither_kept_nor_played_again(tmp_path):
-    zoo = make_zoo(tmp_path / "zoo")
-    make_agent(zoo.members("small/ppo")[0])
-    group = zoo.groups[0]
-    suite = load_suite(group.suites[0])
-    records = add_missing_records(zoo, group)
+    zoo, group, suite, records = one_agent(tmp_path / "zoo")
     own = RowFile(zoo.records_file(group))
     rows = [row | {"entry": "small-ppo", "suite": "other-name"} for row in own.read()]
     board = RowFile(tmp_path / "leaderboard/results/ally/small-ppo.jsonl")

@@ -238,12 +238,12 @@ def build(
     Example: fpg-bench leaderboard build
     """
     require_extra("leaderboard", "jinja2")
-    from fpg_bench.products.leaderboard.site.mark import MARK, check_folder, made_of
+    from fpg_bench.products.leaderboard.site.mark import MARK, check_folder, inputs_of, mark_of
 
     check_folder(out)
     with locked(out):
-        mark = out / MARK
-        if mark.exists() and mark.read_text(encoding="utf-8") == made_of(folder, out, replays, docs):
+        mark, inputs = out / MARK, inputs_of(folder, out, replays, docs)
+        if mark.exists() and mark.read_text(encoding="utf-8") == mark_of(inputs, out):
             print_line(f"nothing has changed since it was built: open {out / 'index.html'}")
             return
         from fpg_bench.products.leaderboard.board import make_board
@@ -257,7 +257,7 @@ def build(
         rounds = make_replays(entries, out, simulate=replays)
         board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
         files = build_site(board, out, rounds, docs, submitted_policies(entries), read_seasons(folder))
-        write_whole(mark, made_of(folder, out, replays, docs))
+        write_whole(mark, mark_of(inputs, out))
     n_entries, n_rounds = len(entries.verified) + len(entries.rejected), sum(map(len, rounds.values()))
     print_line(
         f"{n_entries} entries, {n_rounds} rounds to watch, {len(files)} files: open {out / 'index.html'}"

@@ -24,7 +24,7 @@ FORMULAS = """\
 path loss = {constant:g} + 20 log10 d + 20 log10 f dB, d in km and at least {least:g} m, f = {mhz:g} MHz
 received  = EIRP - path loss (dBm)
 noise     = {density:g} dBm/Hz + 10 log10 of the symbol rate, {symbols:g} MHz, or {spread:g} MHz while spread
-SNR       = received - noise (dB); without fading, in line of sight; the SINR of rows without jamming
+SNR       = received - noise (dB); without fading; the SINR of rows without jamming
 J/S       = jamming received - signal received (dB)
 passes    = share of the jamming that passes the receive filter, its stop band included (dB)
 gain      = {chips:g} MHz of chips / {spread:g} MHz of symbols (dB)

@@ -237,3 +237,20 @@ def test_a_site_is_built_again_only_if_it_or_what_it_is_made_of_changed(tmp_path
     build(site, tmp_path / "own", replays=False, docs="..")
     assert built == [False, True, True, True]
     assert "nothing has changed" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("place", ["site", "own/site"])
+def test_what_changes_while_a_site_is_built_is_built_the_next_time(tmp_path, capsys, monkeypatch, place):
+    start_board(tmp_path / "own")
+
+    def change(*given):
+        (tmp_path / "own" / "more.txt").write_text("more")
+        return make_board(*given)
+
+    with monkeypatch.context() as during:
+        during.setattr("fpg_bench.products.leaderboard.board.make_board", change)
+        build(tmp_path / place, tmp_path / "own", replays=False)
+    assert "nothing has changed" not in capsys.readouterr().out
+    for is_built in (True, False):
+        build(tmp_path / place, tmp_path / "own", replays=False)
+        assert ("nothing has changed" not in capsys.readouterr().out) == is_built

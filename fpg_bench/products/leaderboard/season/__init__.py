@@ -1,1 +1,1 @@
-"""Seasons: recipes of candidates, selection, closing and audit."""
+"""Seasons: recipes of candidates, selection, closing and description."""
