@@ -61,7 +61,7 @@ def test_the_example_is_the_free_space_of_the_preset():
 
 def test_a_fine_grid_of_free_space_is_free_space(tmp_path):
     low = dataclasses.replace(LINK, fading_sd_db=0, ally_path_altitude_m=(200, 250))
-    grid = written(tmp_path, [",".join(row) for row in rows(low, [100, 100, 50])])
+    grid = written(tmp_path, [",".join(row) for row in rows(low, [50, 50, 25])])
     played = [begin(s, games=20) for s in (low, dataclasses.replace(low, channel=grid))]
     for batch in played:
         batch.games["frequency_mhz"], batch.games["point"] = 2450, 7
