@@ -298,9 +298,7 @@ def close_season(
     from fpg_bench.products.leaderboard.past_seasons import keep_seasons
     from fpg_bench.products.leaderboard.season import closing as seasons
 
-    closing = seasons.make_closing(
-        name, folder, work, n_candidates or seasons.CANDIDATES, size or seasons.SIZE, scenario=scenario
-    )
+    closing = seasons.make_closing(name, folder, work, n_candidates, size, scenario=scenario)
     if closing.number is not None and out is None:
         keep_seasons(folder)
     season = seasons.close_season(
