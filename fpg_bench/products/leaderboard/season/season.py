@@ -37,12 +37,10 @@ class SeasonMember(Recipe):
     Attributes:
         policy_sha256: hash of its ``policy.onnx``.
         entries_earn: mean return per step of the other side's entries against it.
-        group: its group in the suite; None in seasons without groups.
     """
 
     policy_sha256: str
     entries_earn: float
-    group: str | None = None
 
 
 class Season(Strict):
@@ -119,7 +117,6 @@ def write_suites(season: Season, number: int) -> None:
         content["rivals"] = [
             {"name": member.name, side: f"{season.name}/{side}/{member.name}"}
             | ({} if is_planner else {"path": track.path or member.path})
-            | ({} if member.group is None else {"group": member.group})
             for member in season.members[side]
         ]
         header = f"# The members of {season.name}, trained after entries were closed."
