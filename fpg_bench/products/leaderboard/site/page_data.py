@@ -51,7 +51,7 @@ _OPERATORS |= {"Elu", "LeakyRelu", "Softmax", "Flatten", "Identity"}
 _GROUPS = dict.fromkeys(
     ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner"),
     "standard",
-) | dict.fromkeys(("link", "link-champion", "link-population", "link-strangers"), "link")
+) | dict.fromkeys(("link", "link-champion", "link-population"), "link")
 
 
 def data_files(board: Board, submitted: Policies) -> dict[str, str]:
