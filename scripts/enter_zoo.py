@@ -102,7 +102,7 @@ CHAMPIONS = {
     "ally-link-champion": (
         "ally-link-champion",
         "ally champion on a radio link",
-        "thirteen scripted opponents, the population training-link-1, and the responses to its stages",
+        "fourteen scripted opponents, and the responses to its stages",
         "ally-link",
     ),
     "opponent-champion": ("opponent-champion", "opponent champion", STAGED, "opponent-learned"),
