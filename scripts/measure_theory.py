@@ -15,7 +15,7 @@ import numpy as np
 from lineage import fill
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTS
+from fpg_bench.common.ids import NAMED
 from fpg_bench.common.output import number
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import player_entry
@@ -38,7 +38,7 @@ from fpg_bench.players.registry import as_player
 BLIND = "hunter(type=0, hold_s=1)"  # a tone on an ally just found, else broadband on a random half
 PLAYERS = {
     "opponent": ("adaptive", "watchful", BLIND, "bayes", "oracle"),
-    "ally": ("by-type", "range", "oracle"),
+    "ally": ("by-type", "clock", "evidence", "range", "belief", "oracle"),
 }
 MET = ("ally-link-population/ppo-stack8/seed_0", "ally-link-champion/ppo-stack8/seed_0", "range")
 
@@ -93,7 +93,7 @@ def scores(side: str) -> list[Summary]:
     """Return the summaries of a side's players on its public suite of ``link``."""
     suite, found = load_suite(f"{side}-link-v1"), []
     for name in PLAYERS[side]:
-        named = name in SCRIPTS[side] or name == "oracle"
+        named = name in NAMED[side] or name == "oracle"
         entry = player_entry(name if named else as_player(name, side, suite.scenario), name)
         found.append(summary_of([play(entry, suite, rival) for rival in suite.rivals], suite))
     return found
