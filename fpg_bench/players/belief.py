@@ -58,7 +58,7 @@ MEMORY = np.dtype(
 )
 
 
-def transitions(interval_s: tuple[int, int]) -> np.ndarray:
+def transitions(interval_s: tuple[int, ...]) -> np.ndarray:
     """Return the chances of each state after each, by whether the ally moves, and whether a check hears it.
 
     Returns:
