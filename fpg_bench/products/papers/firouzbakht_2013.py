@@ -117,7 +117,7 @@ class RateEnv(gymnasium.Env[np.int64, np.int64]):
     bit per channel use if the packet got through, and 0 otherwise. Action 0 is the greatest rate.
 
     Args:
-        jammer: ``equilibrium``, or ``constant``, which always has the mean power.
+        jammer: ``equilibrium``, or ``constant``, which always has the mean power, rounded down to a level.
         mean_power: mean power of the jammer, as a share of its greatest power.
 
     Raises:

@@ -142,7 +142,7 @@ def games(count=40):
 
 
 def best_jammer(game, sender):
-    """What the best jammer leaves a sender, by linear programming over powers with their mean limited."""
+    """The pay-off against the best jammer, by linear programming over powers with their mean limited."""
     levels = np.arange(len(game.rates))
     costs = [sum(sender[i] * game.rates[i] for i in levels if power <= i) for power in levels]
     limit, one = [game.mean_power * levels[-1]], np.ones((1, len(levels)))
