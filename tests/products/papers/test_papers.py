@@ -200,23 +200,24 @@ def test_packets_meet_the_powers_of_the_equilibrium_and_pay_their_rate():
     )
 
 
-PENNIES = np.array([[2.0, 0.0], [0.0, 1.0]])  # rows draw the first with 1/3, and so do columns
+MATRIX = np.array([[3.0, 0.0], [1.0, 2.0], [-1.0, -1.0]])  # the third row is the worst one
+ROWS, COLUMNS = [1 / 4, 3 / 4, 0], [1 / 2, 1 / 2]
 
 
 @pytest.mark.parametrize("noise", [0.0, 30.0])
 def test_fictitious_play_and_hedge_come_near_the_equilibrium_of_a_matrix(noise):
-    early, late = fictitious_play(PENNIES, [10, 20_000], 0, noise=noise)
+    early, late = fictitious_play(MATRIX, [10, 20_000], 0, noise=noise)
     assert early[0].sum() == pytest.approx(1)
-    assert late[0] == pytest.approx([1 / 3, 2 / 3], abs=0.05)
-    assert late[1] == pytest.approx([1 / 3, 2 / 3], abs=0.05)
-    again = fictitious_play(PENNIES, [10, 20_000], 0, noise=noise)[1]
+    assert late[0] == pytest.approx(ROWS, abs=0.05)
+    assert late[1] == pytest.approx(COLUMNS, abs=0.05)
+    again = fictitious_play(MATRIX, [10, 20_000], 0, noise=noise)[1]
     assert (again[0] == late[0]).all()
 
 
 def test_minimax_q_solves_a_matrix_once_it_has_met_all_of_it():
-    (first, _), (rows, columns) = minimax_q(PENNIES, [1, 200], 0, exploration=0.5)
-    assert rows == pytest.approx([1 / 3, 2 / 3])
-    assert columns == pytest.approx([1 / 3, 2 / 3])
+    (first, _), (rows, columns) = minimax_q(MATRIX, [1, 200], 0, exploration=0.5)
+    assert rows == pytest.approx(ROWS, abs=1e-9)
+    assert columns == pytest.approx(COLUMNS)
     assert first != pytest.approx(rows)
 
 
