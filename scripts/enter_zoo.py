@@ -158,6 +158,7 @@ SCRIPTS = {
     "hunter": "jams a narrow band for two seconds where a check found the ally, else half the band at random",
     "by-type": "spreads its signal against a tone, and hops away from every other type",
     "range": "never hops: it spreads where jamming may be strong, and keeps its distance",
+    "belief": "plans by point-based value iteration, as against a jammer that pursues its point",
     "bayes": "keeps a belief over the frequency points, and jams where the ally loses most by it",
     "random": "draws every action at random",
     "epsilon-greedy": "hops in an outage to the best point so far, or one time in ten to any",
