@@ -64,7 +64,7 @@ _logger = logging.getLogger(__name__)
 
 # Candidates and members of a side. Opponents differ less, so it takes more of them to order their rivals.
 POPULATION = 24, 12
-SEASON = {"ally": (24, 12), "opponent": (48, 32)}
+SEASON = {"ally": (24, 12), "opponent": (48, 28)}
 N_STRANGERS = 6  # trained ones, and as many scripts with drawn constants: the best of N_VARIANTS
 N_VARIANTS = 24
 ORACLE = "oracle"
