@@ -129,16 +129,18 @@ def sums(scenario: Scenario, games: int) -> Iterator[Row]:
     for game in range(games):
         me, *mates = batch.allies[game]
         place, f, spreads = me["ally_position"], float(me["frequency_mhz"]), bool(me["spreading"])
-        to_me = place - base
-        faded = scenario.base_power_dbm + scenario.fading_sd_db * float(me["fading"])
-        signal = faded - loss_db(float(np.linalg.norm(to_me)), f)
+        ways = batch.allies[game]["ally_position"] - base
+        metres = np.linalg.norm(ways, axis=1)
+        apart_deg = np.degrees(np.arccos(np.clip(ways @ ways.T / np.outer(metres, metres), -1, 1)))
+        sharing = (apart_deg < scenario.base_beam_deg).sum(axis=1)  # the power of one beam
+        beams_dbm = scenario.base_power_dbm - 10 * np.log10(sharing)
+        beams_dbm += scenario.fading_sd_db * float(me["fading"])
+        signal = beams_dbm[0] - loss_db(float(metres[0]), f)
         heard, jamming, shared = [], [], 0
-        for mate in mates:
-            to_mate, mhz = mate["ally_position"] - base, float(mate["frequency_mhz"])
-            cosine = to_me @ to_mate / np.linalg.norm(to_me) / np.linalg.norm(to_mate)
-            angle = math.degrees(math.acos(min(cosine, 1)))
+        for mate, angle, beam_dbm in zip(mates, apart_deg[0, 1:], beams_dbm[1:], strict=True):
+            mhz = float(mate["frequency_mhz"])
             beside = min(12 * (angle / scenario.base_beam_deg) ** 2, scenario.base_side_lobe_db)
-            level = faded - loss_db(float(np.linalg.norm(to_me)), mhz) - beside - signal
+            level = beam_dbm - loss_db(float(metres[0]), mhz) - beside - signal
             heard.append((mhz - middle, bool(mate["spreading"]), 10 ** (level / 10)))
             shared += spreads and bool(mate["spreading"]) and mate["point"] == me["point"]
         for j, jammer in enumerate(batch.opponents[game]):
