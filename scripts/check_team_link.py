@@ -73,7 +73,8 @@ class Mast(Link):
                 self.wave(n, other, number + 1, chips[carrier])[2], round(carrier * n / SAMPLES_MHZ)
             )
             around += np.sqrt(power) * shifted
-        received = signal + np.roll(around, -round(here * n / SAMPLES_MHZ))
+        # The signal alone, too: its gain in the receiver is measured without noise.
+        received = np.stack([signal + np.roll(around, -round(here * n / SAMPLES_MHZ)), signal])
         pulse_mhz = self.chips_mhz if spreads else self.symbols_mhz
         shape = self._filter(n, pulse_mhz)
         filters = [shape]
@@ -89,8 +90,9 @@ class Mast(Link):
         best = 0.0
         for each in np.maximum(filters, 10 ** (self.floor_db / 20)):
             step, gain = round(SAMPLES_MHZ / pulse_mhz), len(code) // len(sent)
-            got = (np.fft.ifft(received * each)[::step] * np.conj(code)).reshape(len(sent), gain).mean(axis=1)
-            got *= np.vdot(sent, sent) / np.vdot(sent, got)
+            samples = np.fft.ifft(received * each)[:, ::step] * np.conj(code)
+            got, own = samples.reshape(2, len(sent), gain).mean(axis=2)
+            got *= np.vdot(sent, sent) / np.vdot(sent, own)
             best = max(best, 1 / np.mean(np.abs(got - sent) ** 2))
         return 10 * math.log10(best)
 

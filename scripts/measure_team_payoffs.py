@@ -3,9 +3,9 @@
 python scripts/measure_team_payoffs.py [--matches 100] [--page docs/results/teams.md]
 
 Pay-offs: scripts of teams meet in convoy, three allies against two jammers and, as contrasts, with the whole
-power in each beam, and against one jammer. Bounds know more than allies may, so the equilibrium is without them. Clones: an agent of the duel in all
-three seats, in convoy and on curves of their own. All on evaluation seeds. The tables are put into the page
-between their marks; a CSV beside it has all pairs.
+power in each beam and against one jammer. Bounds know more than allies may, so the equilibrium is without
+them. Clones: an agent of the duel in all three seats, in convoy and on curves of their own. All on evaluation
+seeds. The tables are put into the page between their marks; a CSV beside it has all pairs.
 """
 
 from __future__ import annotations
