@@ -365,11 +365,11 @@ def test_the_boards_records_are_played_again_by_their_seasons_name(board, small_
     assert run_one(folder).is_good
     case = load_case(board, folder)
     of_season = [record for record in case.result.records if record.season is not None]
-    assert {record.season for record in of_season} == {"season-4"}
+    assert {record.season for record in of_season} == {"season-3"}
     assert len(of_season) < len(case.result.records)  # the public seeds are of no season
-    (summary,) = evaluate(["expert"], "ally-v2@season-4")
+    (summary,) = evaluate(["expert"], "ally-v2@season-3")
     before = {record.rival: record for record in of_season if record.suite == "ally-v2"}
     for record in summary.records:
         again = dataclasses.replace(record, entry="wise", suite="ally-v2")
         assert RECORD.is_same(again, before[record.rival])
-        assert record.season == "season-4"
+        assert record.season == "season-3"
