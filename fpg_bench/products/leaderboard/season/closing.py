@@ -18,7 +18,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_yaml, write_whole
-from fpg_bench.common.ids import ALL_TACTICS, SCRIPTS, other_side
+from fpg_bench.common.ids import ALL_TACTICS, SCRIPTED, SCRIPTS, other_side
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.run_description import RunDescription
@@ -64,7 +64,7 @@ _logger = logging.getLogger(__name__)
 
 # Candidates and members of a side. Opponents differ less, so it takes more of them to order their rivals.
 POPULATION = 24, 12
-SEASON = {"ally": (24, 12), "opponent": (48, 28)}
+SEASON = {"ally": (24, 12), "opponent": (48, 24)}
 N_STRANGERS = 6  # trained ones, and as many scripts with drawn constants: the best of N_VARIANTS
 N_VARIANTS = 24
 ORACLE = "oracle"
@@ -354,8 +354,11 @@ def _name(rival: Recipe | str) -> str:
 
 
 def _floor(side: str, profiles: Mapping[str, _Profile]) -> tuple[str, float]:
-    """Return the script that a member must beat, and what it earns: of allies, the best that never hops."""
-    scripts = [script for script in SCRIPTS[side] if side == "opponent" or not profiles[script].hops]
+    """Return the script of ``SCRIPTED`` that a member must beat, and what it earns.
+
+    It is the best one, of allies the best that never hops.
+    """
+    scripts = [script for script in SCRIPTED[side] if side == "opponent" or not profiles[script].hops]
     best = max(scripts, key=lambda script: profiles[script].own)
     return best, profiles[best].own
 
