@@ -14,6 +14,8 @@ import dataclasses
 import math
 import sys
 from collections.abc import Iterator
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,11 +24,16 @@ from lineage import fill
 from waveforms import SAMPLES_MHZ, Link, Transmission, array_gain, energy_rate, qam_rate
 
 from fpg_bench.common.output import csv_text
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.players.player import SIDES
+from fpg_bench.players.registry import as_player
 
 OF_LENGTH_DB = -55.0  # stop band of the waveforms' filter
 MEAN_DB, WORST_DB = 0.3, 1.0  # bounds of a table
@@ -195,6 +202,35 @@ def needed_snr(scenario: Scenario, rate: float) -> float:
     return float(np.interp(rate, rates, levels))
 
 
+def stale_rates(scenario: Scenario, matches: int = 48) -> str:
+    """Return a table of the mean utility as played, and with rates chosen by the SINR of a second ago.
+
+    A rate that this second's SINR does not bear is lost; the margin is the best of 0, 3 and 6 dB.
+    """
+    rules, radio = rules_record(scenario)[0], radio_record(scenario)[0]
+    rate = np.vectorize(lambda snr, spreads: link.rate_mbit_s(snr, spreads, rules, radio), otypes=[float])
+    utility = np.vectorize(lambda mbit_s: link.utility(mbit_s, radio), otypes=[float])
+    lines = [["ally", "opponent", "as played", "by the SINR of a second ago"]]
+    for names in product(("idle", "expert", "by-type", "range"), ("narrowband", "adaptive")):
+        players = (as_player(name, side, scenario) for name, side in zip(names, SIDES, strict=True))
+        match, steps = make_match(TwoPlayerBatch(scenario, matches, threads=1), *players), []
+        games, fields = match.duel.batch.games, ["snr_db", "spreading", "airtime"]
+        on_step = partial(_keep, steps, games, fields)
+        play_round(match, seeds=np.arange(matches), on_step=on_step)
+        snr, spreads, airtime = (np.array([step[name] for step in steps]) for name in fields)
+        gain = 10 * np.log10(radio["noise_mw"][0] / radio["noise_mw"][1])
+        known = snr[:-1] + gain * (spreads[1:].astype(int) - spreads[:-1])
+        now, spreads, airtime = rate(snr[1:], spreads[1:]), spreads[1:], airtime[1:]
+        wanted = [rate(known - margin, spreads) for margin in (0.0, 3.0, 6.0)]
+        kept = max((airtime * utility(np.where(now >= of - 1e-9, of, 0.0))).mean() for of in wanted)
+        lines.append([*names, f"{(airtime * utility(now)).mean():.2f}", f"{kept:.2f}"])
+    return markdown_table(lines)
+
+
+def _keep(steps: list[np.ndarray], games: np.ndarray, fields: list[str]) -> None:
+    steps.append(games[fields].copy())
+
+
 def summary(comparisons: dict[str, list[Row]]) -> str:
     """Return a table in Markdown: cases, mean and worst error of each comparison."""
     lines = ["| comparison | cases | mean error (dB) | worst (dB) |", "| --- | --- | --- | --- |"]
@@ -272,7 +308,7 @@ def main() -> int:
     print(f"{cases(comparisons)}\n{text}")
     if options.page:
         options.page.with_suffix(".csv").write_text(cases(comparisons), encoding="utf-8")
-        fill(options.page, {"check_link": text})
+        fill(options.page, {"check_link": text, "stale_rates": stale_rates(scenario)})
     failed = []
     for title, rows in bounded.items():
         errors = np.array([row.error for row in rows])

@@ -73,7 +73,8 @@ class Mast(Link):
                 self.wave(n, other, number + 1, chips[carrier])[2], round(carrier * n / SAMPLES_MHZ)
             )
             around += np.sqrt(power) * shifted
-        received = signal + np.roll(around, -round(here * n / SAMPLES_MHZ))
+        # The signal alone, too: its gain in the receiver is measured without noise.
+        received = np.stack([signal + np.roll(around, -round(here * n / SAMPLES_MHZ)), signal])
         pulse_mhz = self.chips_mhz if spreads else self.symbols_mhz
         shape = self._filter(n, pulse_mhz)
         filters = [shape]
@@ -89,8 +90,9 @@ class Mast(Link):
         best = 0.0
         for each in np.maximum(filters, 10 ** (self.floor_db / 20)):
             step, gain = round(SAMPLES_MHZ / pulse_mhz), len(code) // len(sent)
-            got = (np.fft.ifft(received * each)[::step] * np.conj(code)).reshape(len(sent), gain).mean(axis=1)
-            got *= np.vdot(sent, sent) / np.vdot(sent, got)
+            samples = np.fft.ifft(received * each)[:, ::step] * np.conj(code)
+            got, own = samples.reshape(2, len(sent), gain).mean(axis=2)
+            got *= np.vdot(sent, sent) / np.vdot(sent, own)
             best = max(best, 1 / np.mean(np.abs(got - sent) ** 2))
         return 10 * math.log10(best)
 
@@ -129,16 +131,18 @@ def sums(scenario: Scenario, games: int) -> Iterator[Row]:
     for game in range(games):
         me, *mates = batch.allies[game]
         place, f, spreads = me["ally_position"], float(me["frequency_mhz"]), bool(me["spreading"])
-        to_me = place - base
-        faded = scenario.base_power_dbm + scenario.fading_sd_db * float(me["fading"])
-        signal = faded - loss_db(float(np.linalg.norm(to_me)), f)
+        ways = batch.allies[game]["ally_position"] - base
+        metres = np.linalg.norm(ways, axis=1)
+        apart_deg = np.degrees(np.arccos(np.clip(ways @ ways.T / np.outer(metres, metres), -1, 1)))
+        sharing = (apart_deg < scenario.base_beam_deg).sum(axis=1)  # the power of one beam
+        beams_dbm = scenario.base_power_dbm - 10 * np.log10(sharing)
+        beams_dbm += scenario.fading_sd_db * float(me["fading"])
+        signal = beams_dbm[0] - loss_db(float(metres[0]), f)
         heard, jamming, shared = [], [], 0
-        for mate in mates:
-            to_mate, mhz = mate["ally_position"] - base, float(mate["frequency_mhz"])
-            cosine = to_me @ to_mate / np.linalg.norm(to_me) / np.linalg.norm(to_mate)
-            angle = math.degrees(math.acos(min(cosine, 1)))
+        for mate, angle, beam_dbm in zip(mates, apart_deg[0, 1:], beams_dbm[1:], strict=True):
+            mhz = float(mate["frequency_mhz"])
             beside = min(12 * (angle / scenario.base_beam_deg) ** 2, scenario.base_side_lobe_db)
-            level = faded - loss_db(float(np.linalg.norm(to_me)), mhz) - beside - signal
+            level = beam_dbm - loss_db(float(metres[0]), mhz) - beside - signal
             heard.append((mhz - middle, bool(mate["spreading"]), 10 ** (level / 10)))
             shared += spreads and bool(mate["spreading"]) and mate["point"] == me["point"]
         for j, jammer in enumerate(batch.opponents[game]):

@@ -42,8 +42,8 @@ from fpg_bench.players.registry import as_player
 from fpg_bench.players.tactics import draw_variants
 
 HOPS = (0.02, 0.1, 0.3, 0.5)  # hop time over dwell: the share of a step that a hop loses
-REACTIONS = ((1, 3), (1, 1), (4, 6), (12, 18))  # dwells from one check to the next; first that of link
-POWERS_DBM = (33.0, 27.0, 39.0)  # of the jammer, first that of link; the base station has 36 dBm
+REACTIONS = ((3, 5), (1, 1), (1, 3), (12, 18))  # dwells from one check to the next; first that of link
+POWERS_DBM = (39.0, 33.0, 45.0)  # of the jammer, first that of link; the base station has 36 dBm
 MATCHES, CHOSEN_ON = 16, 1_000_000  # matches of a pair, and the first seed of those that choose variants
 SEARCHES, VARIANTS = 1, 8  # of variants of each side
 MOST = 3  # players of a side that a lever is measured with
@@ -56,8 +56,7 @@ ALLIES = (
 )
 OPPONENTS = (
     *("tone", "narrowband", "broadband", "adaptive", "alternate", "hunter(type=0, hold_s=1)", "bayes"),
-    *(f"opponent-link{kind}/{AGENTS}" for kind in ("", "-strangers")),
-    "opponent-link-population/dqn-stack8/seed_0",
+    *(f"opponent-link{kind}/{AGENTS}" for kind in ("", "-population")),
 )
 SEARCHED = {"ally": ("range", "clock", "evidence", "by-type"), "opponent": ("hunter", "alternate", "herd")}
 ALLY_LEVERS: Mapping[str, Sequence[Values]] = {  # of several constants the best one counts
@@ -99,7 +98,7 @@ class Point:
             preset("link"),
             hop_airtime_s=self.hop_s,
             opponent_power_dbm=self.power_dbm,
-            first_check_s=self.checks,
+            first_check_s=(1, self.checks[1]),
             check_interval_s=self.checks,
             check_scale_s=float(self.checks[1]),
         )
@@ -308,7 +307,7 @@ def draw(rows: Sequence[Line]) -> Figure:
             axes.set_xticks(range(len(HOPS)), [f"{hop:g}" for hop in HOPS])
             axes.set_yticks(range(len(names)), names if levers == ("value",) else [])
             axes.set_title(title)
-            at = names.index("2") if others[0][1] == others[-1][1] else names.index("33")
+            at = names.index("4") if others[0][1] == others[-1][1] else names.index("39")
             axes.plot(2, at, "s", ms=26, mfc="none", mec="black")
             axes.set(xlim=(-0.5, len(HOPS) - 0.5), ylim=(-0.5, len(names) - 0.5))
             if others[0][1] == others[-1][1]:

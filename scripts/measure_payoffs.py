@@ -53,7 +53,6 @@ from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import Batched
 
 STANDARD = ("(ally|opponent)-discrete", "ally-population", "(ally|opponent)-scripted", "opponent-pursuit")
-THEORY = ("range", "bayes")  # scripts whose pay-offs docs/reference/theory.md has
 BEST_SCRIPTS = {"ally": ["by-type"], "opponent": ["watchful"]}
 LEAST_SHARE = 0.01  # of a player that the table of the equilibrium names
 Values = dict[int, float]  # of the nine floats, by their index
@@ -256,8 +255,7 @@ def main() -> int:
     best = {side: best_agents(side, groups[side]) for side in SIDES}
     names = " and ".join(f"`{agents[0].rpartition('/')[0]}`" for agents in best.values())
     champions = {side: champions_of(side, options.scenario) for side in SIDES}
-    scripts = {side: [name for name in SCRIPTS[side] if name not in THEORY] for side in SIDES}
-    shipped = [{name: name for name in (*scripts[side], *first[side], *champions[side])} for side in SIDES]
+    shipped = [{name: name for name in (*SCRIPTS[side], *first[side], *champions[side])} for side in SIDES]
     added = [dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
     games = {"Shipped players": shipped}

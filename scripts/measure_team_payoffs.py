@@ -2,10 +2,10 @@
 
 python scripts/measure_team_payoffs.py [--matches 100] [--page docs/results/teams.md]
 
-Pay-offs: scripts of teams meet in convoy, three allies against two jammers and, as a contrast, against
-one. Bounds know more than allies may, so the equilibrium is without them. Clones: an agent of the duel in all
-three seats, in convoy and on curves of their own. All on evaluation seeds. The tables are put into the page
-between their marks; a CSV beside it has all pairs.
+Pay-offs: scripts of teams meet in convoy, three allies against two jammers and, as contrasts, with the whole
+power in each beam and against one jammer. Bounds know more than allies may, so the equilibrium is without
+them. Clones: an agent of the duel in all three seats, in convoy and on curves of their own. All on evaluation
+seeds. The tables are put into the page between their marks; a CSV beside it has all pairs.
 """
 
 from __future__ import annotations
@@ -34,8 +34,13 @@ from fpg_bench.products.teams.match import play_teams
 from fpg_bench.products.teams.rules import TEAM_SCRIPTS, TeamRules
 from fpg_bench.products.teams.scripts import BOUNDS
 
-GAMES = {"3 v 2": TeamRules(), "3 v 1": TeamRules(jammers=1), "separate": TeamRules(formation="separate")}
-ON_PAGE = "3 v 2"
+GAMES = {
+    "3 v 2": TeamRules(),
+    "whole power": TeamRules(share_power=False),
+    "3 v 1": TeamRules(jammers=1),
+    "separate": TeamRules(formation="separate"),
+}
+ON_PAGE = ("3 v 2", "whole power")
 CLONES = [f"ally-link{kind}/ppo-stack8/seed_0" for kind in ("-population", "")]
 BESIDE = ["random-hops", "greedy-own-points"]  # scripts in the table of clones
 COUNTS = ("clashes", "spreading", "heard")
@@ -177,7 +182,7 @@ def main() -> int:
     added = {side: dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES}
     labels = {name: name for name in (*CLONES, *BESIDE)}
     labels |= {spec: label for side in SIDES for label, spec in (players[side] | added[side]).items()}
-    for game in ("3 v 2", "3 v 1"):
+    for game in (*ON_PAGE, "3 v 1"):
         scripts = without_bounds(results.payoffs(game, *players.values()))
         every = results.payoffs(game, *(players[side] | added[side] for side in SIDES))
         notes = [f"Scripts: {equilibrium_note(scripts)} {answers_note(scripts)}"]
@@ -191,7 +196,7 @@ def main() -> int:
     print(*(f"\n{title}\n\n{text}" for title, text in parts.items()), sep="\n")
     if options.page:
         write_whole(options.page.with_name(f"{options.page.stem}-payoffs.csv"), results.csv(labels))
-        fill(options.page, {ON_PAGE: parts[ON_PAGE]})  # the file beside it has the pairs of all games
+        fill(options.page, {game: parts[game] for game in ON_PAGE})  # the file beside it has all games
     return 0
 
 

@@ -1,7 +1,7 @@
 """Measure the players of theory: ``python scripts/measure_theory.py docs/reference/theory.md``.
 
-Their scores on the public suites of ``link``, and what the range rule keeps whatever the jammer does. The
-page gets both between its marks.
+Their scores on public suites, and what the range rule keeps whatever the jammer does. The page gets both
+between its marks.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from lineage import fill
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTS
+from fpg_bench.common.ids import NAMED
 from fpg_bench.common.output import number
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import player_entry
@@ -36,11 +36,12 @@ from fpg_bench.game.state import TYPES
 from fpg_bench.players.registry import as_player
 
 BLIND = "hunter(type=0, hold_s=1)"  # a tone on an ally just found, else broadband on a random half
-PLAYERS = {
-    "opponent": ("adaptive", "watchful", BLIND, "bayes", "oracle"),
-    "ally": ("by-type", "range", "oracle"),
+SCORED = {
+    "opponent scores": ("opponent-link-v1", ("adaptive", "watchful", BLIND, "bayes", "oracle")),
+    "ally scores": ("ally-link-v1", ("by-type", "clock", "evidence", "range", "belief", "oracle")),
+    "standard scores": ("ally-v2", ("expert-spread", "sulk", "by-type", "range", "belief", "oracle")),
 }
-MET = ("ally-link-population/ppo-stack8/seed_0", "ally-link-champion/ppo-stack8/seed_0", "range")
+MET = ("ally-link-population/ppo-stack8/seed_0", "ally-link-champion/ppo-stack8/seed_0", "range", "belief")
 
 
 @compiled
@@ -89,12 +90,12 @@ def guaranteed(ally: str, scenario: Scenario, matches: int) -> np.ndarray:
     return least / scenario.steps_per_round
 
 
-def scores(side: str) -> list[Summary]:
-    """Return the summaries of a side's players on its public suite of ``link``."""
-    suite, found = load_suite(f"{side}-link-v1"), []
-    for name in PLAYERS[side]:
-        named = name in SCRIPTS[side] or name == "oracle"
-        entry = player_entry(name if named else as_player(name, side, suite.scenario), name)
+def scores(suite_name: str, players: Sequence[str]) -> list[Summary]:
+    """Return the summaries of players on a public suite."""
+    suite, found = load_suite(suite_name), []
+    for name in players:
+        named = name in NAMED[suite.side] or name == "oracle"
+        entry = player_entry(name if named else as_player(name, suite.side, suite.scenario), name)
         found.append(summary_of([play(entry, suite, rival) for rival in suite.rivals], suite))
     return found
 
@@ -105,6 +106,14 @@ def score_table(summaries: Sequence[Summary]) -> str:
     for of in summaries:
         lowest = number(of.by_rival[of.worst].value, digits=2)
         lines.append([f"`{of.entry}`", number(of.score.value), bounds(of.score), lowest, of.worst])
+    return markdown_table(lines)
+
+
+def rival_table(summaries: Sequence[Summary]) -> str:
+    """Return the returns per step against each rival as Markdown."""
+    lines = [["rival", *(f"`{of.entry}`" for of in summaries)]]
+    for rival in summaries[0].by_rival:
+        lines.append([rival, *(number(of.by_rival[rival].value, digits=2) for of in summaries)])
     return markdown_table(lines)
 
 
@@ -132,9 +141,11 @@ def main() -> None:
     parser.add_argument("page", type=Path)
     parser.add_argument("--matches", type=int, default=100)
     options = parser.parse_args()
+    found = {title: scores(suite, players) for title, (suite, players) in SCORED.items()}
     parts = {
         "kept": kept_table(preset("link"), options.matches),
-        **{f"{side} scores": score_table(scores(side)) for side in PLAYERS},
+        "by rival": rival_table(found["ally scores"]),
+        **{title: score_table(summaries) for title, summaries in found.items()},
     }
     for title, text in parts.items():
         print(f"\n{title}\n\n{text}", flush=True)

@@ -77,7 +77,7 @@ class Teams:
         if values:
             label = f"{ally}, {frozen}"
             player = FrozenSeats(as_team_player(ally, "ally", SCENARIO, TEAM), values)
-        return np.array(self._results.of("3 v 2", label, opponent, player)["rewards"])
+        return np.array(self._results.of("3 v 2", label, opponent, player).rewards)
 
     def over_seeds(
         self,

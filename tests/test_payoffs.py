@@ -56,13 +56,11 @@ def test_the_committed_pay_offs_are_those_of_the_zoos_agents_and_its_best_have_t
     best = {side: best_agents(side, groups_of(side, "link")) for side in listed}
     for side, names in listed.items():
         firsts = [name for name in agents_of(side, groups_of(side, "link")) if name.endswith("/seed_0")]
-        scripts = [name for name in SCRIPTS[side] if name not in measure_payoffs.THEORY]
-        shipped = [*scripts, *firsts, *champions_of(side, "link")]
+        shipped = [*SCRIPTS[side], *firsts, *champions_of(side, "link")]
         assert [name for name in names if not name.startswith("response to ")] == shipped
-        entry = best[side][0].rpartition("/")[0].replace("/", "-")
-        assert f"=leaderboard/responses/{side}/{entry}/recipe-0" in page
-        group = best[side][0].partition("/")[0]
-        assert f"response to {group}" in listed["opponent" if side == "ally" else "ally"]
+    entry = best["ally"][0].rpartition("/")[0].replace("/", "-")
+    assert f"=leaderboard/responses/ally/{entry}/" in page
+    assert f"response to {best['ally'][0].partition('/')[0]}" in opponents
     agents = " and ".join(f"`{names[0].rpartition('/')[0]}`" for names in best.values())
     assert f"<!-- levers -->\n\nThe agents are {agents}." in page
 

@@ -29,19 +29,17 @@ HASHES = {
     "standard": "60e61eb0686fbb75cef62d67fae4cd8a922bdae74d0af4607cf2a59020fe65d8",
     "paper": "0fd90129e192bbf7840e0f374000c4a3e08ee74b060810bb728bf284eec8863e",
     "figures": "c95abd590ba8255df1280371f3ab5e96ab49f633afcb3294df06d9e831b318f3",
-    "link": "fc0296d31d9580895368ead342d9eec215e2cada7527a107264da3bd099ef886",
-    "link-fast-hop": "6a1589aab4efdcdf05b1b3b04ca944fa79b1deb4d1dd01ef4c884fe33a374e18",
-    "link-quick-check": "de292fdcabab5b0ed0b52fd367aca7c6f7ef6916eba1dfeb3cfa72fa33845d2a",
-    "link-slow-check": "632917ebb302402b96f88fb62701e15022b4a60c279f7c0bacd5ac51bd91e338",
-    "link-slow-hop": "695873b41e43d4df2a03cf9f186986773553522d301d41d5c23b2565cd4771c6",
-    "link-throughput": "06eb0a4aba12418b37074bc615e09799f20e207ae5291edea21ecd75db21dd1e",
+    "link": "42f0c96777a3337072dcc9eee23df6cf0f1c0c8f14a5dd6a998ff272769da0cc",
+    "link-fast-hop": "af71f38a9081284b30bda1dc3b16ab84943bd15ef07f5f022988020dc8504dab",
+    "link-quick-check": "36ae911fc7f22ce9f3ffbf95057fca2882899154cb79d48b6388622889aaa6a5",
+    "link-slow-hop": "d76aa317e0799737801af48e1461f33a167ddf7ee8dcbf382ef44913932c292f",
+    "link-throughput": "5dcb41827537c23b3c3572e734a715bae052f289921b5d5acd277cc95ae3309a",
 }
 SEASONS = {
     "season-1": "0f8e36742a9772d6a2c0cc26bbff9dff286edc94164772012543dedfd77ee27c",
-    "season-2": "6467b5a950eeefdfffef475cffc95ae91965d2097dbc8d3fe9834a5038caf44a",
-    "season-2-link": "731fe7ea33bf95d1681dfb9edaa17273f484f3dd9012bb371cde47659dba014e",
-    "season-3": "ff7acc0d09692ff42ba058e564ff18e63a269eb17bd3a606c7fc193c4c7fff7e",
-    "season-3-link": "f657d5e2293b05a0d33250ff82b03b34c54085dfe8c3a0e88168543a43d652be",
+    "season-2": "fb90cea9c1eee9f46b9af78b3d2d7bebeaab2d1c4a56bb1d93671116a248bd47",
+    "season-3": "f8e09d6fd5f96017f1447dc22dca38e53bb708206f63c6fe21806fbf877a16cc",
+    "season-4-link": "d23d9f763ffc49a383db33b9b5f2538f00287bb863f4e67b1b24bcf0f54ee3f7",
 }
 
 

@@ -161,7 +161,7 @@ def players() -> None:
 
     Example: fpg-bench players
     """
-    from fpg_bench.common.ids import LEARNERS, SCRIPTS
+    from fpg_bench.common.ids import BELIEF, LEARNERS, SCRIPTS
     from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
@@ -170,6 +170,7 @@ def players() -> None:
     for side in SIDES:
         name_all(f"scripts, {side}", SCRIPTS[side])
         if side == "ally":
+            name_all("plans by a belief, ally", [BELIEF])
             name_all("learn within a round, ally", LEARNERS)
         name_all(f"agents, {side}", _agents(member for member in members if member.group.side == side))
         name_all(f"champions, {side}", _champions(side))

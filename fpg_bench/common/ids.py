@@ -118,14 +118,14 @@ ALL_TACTICS = {side: (*TACTICS[side], *LATER_TACTICS[side]) for side in TACTICS}
 LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
 # What all-scripted stands for, and what searches and self-play begin with: frozen, as results name them.
 SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
-BAYES = "bayes"  # the jammer of fpg_bench.players.theory
+BAYES, BELIEF = "bayes", "belief"  # the jammer and the planning ally of theory
 ORACLES = ("oracle",)  # of either side; they see the full state, and tables tell them apart
 SCRIPTS = {
     "ally": (*SCRIPTED["ally"], *LATER_TACTICS["ally"]),
     "opponent": (*SCRIPTED["opponent"], *LATER_TACTICS["opponent"], BAYES),
 }
 # All players of the package without a policy.
-NAMED = {"ally": (*SCRIPTS["ally"], *LEARNERS), "opponent": SCRIPTS["opponent"]}
+NAMED = {"ally": (*SCRIPTS["ally"], BELIEF, *LEARNERS), "opponent": SCRIPTS["opponent"]}
 
 
 def policy_env(side: str) -> EnvConfig:

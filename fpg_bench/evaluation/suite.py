@@ -76,14 +76,12 @@ class Rival:
             plays all seats of its side.
         scenario: what is played, path included.
         planner: planner of the opponent's path between rounds, if any.
-        group: the group of similar rivals whose results are also shown separately, if any.
     """
 
     name: str
     players: tuple[str, ...]
     scenario: Scenario
     planner: str | None = None
-    group: str | None = None
     mates: tuple[str, ...] = ()
 
     @functools.cached_property
@@ -171,15 +169,6 @@ class Suite:
         """The names of the rivals, planners and mates that are code, ``package.module:object``."""
         named = [(*c.players, *c.mates, c.planner or "") for c in self.rivals]
         return sorted(filter(is_code, {self.opponent, *(name for names in named for name in names)}))
-
-    @property
-    def groups(self) -> dict[str, list[str]]:
-        """The names of the rivals of each group; empty where they have none."""
-        groups: dict[str, list[str]] = {}
-        for rival in self.rivals:
-            if rival.group is not None:
-                groups.setdefault(rival.group, []).append(rival.name)
-        return groups
 
     def as_player(self, spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         """Return a player of the suite's game; see :func:`seated_player`."""
@@ -293,7 +282,6 @@ class _RivalFile(Strict):
     opponent: str | Items[str] | None = None
     path: str | Items[str] | None = None
     planner: str | None = None
-    group: str | None = None
     mates: str | Items[str] | None = None
     changes: JsonObject | None = None
 
@@ -376,7 +364,7 @@ class _SuiteFile(Strict):
         played = as_scenario(scenario, opponent_path="waypoints" if is_planned else file.path)
         parts = ("+".join(mates), "+".join(players), file.planner or "+".join(paths))
         name = file.name or "/".join(filter(None, parts))
-        return Rival(name, players, as_scenario(played, **changes), file.planner, file.group, mates)
+        return Rival(name, players, as_scenario(played, **changes), file.planner, mates)
 
 
 def read_suite(name: str) -> Suite:

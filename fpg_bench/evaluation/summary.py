@@ -95,17 +95,6 @@ class Summary:
         """The reward per step against each rival, with its interval."""
         return {rival.name: crossed_interval(self.rewards[:, k]) for k, rival in enumerate(self.suite.rivals)}
 
-    @cached_property
-    def by_group(self) -> dict[str, Interval]:
-        """The score over each group of rivals, with its interval; empty where the suite has no groups."""
-        names = [rival.name for rival in self.suite.rivals]
-        return {
-            group: crossed_interval(
-                self.suite.scale.score(self.rewards[:, [*map(names.index, members)]].mean(axis=1))
-            )
-            for group, members in self.suite.groups.items()
-        }
-
     @property
     def worst(self) -> str:
         """The name of the rival that it earns least against."""

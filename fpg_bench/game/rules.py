@@ -98,7 +98,6 @@ def radio_record(scenario: Scenario) -> np.ndarray | None:
     row["notch_width"] = s.notch_width_mhz
     row["rate_efficiency"], row["rate_loss"] = s.rate_efficiency, s.rate_loss_db
     row["rate_top"], row["hop_airtime"] = s.rate_top_bit_s_hz, s.hop_airtime_s
-    row["acquisition"] = s.acquisition_s
     row["flight_cost_per_w"], row["least_power"] = s.flight_cost_per_w, rotary_wing_w(thriftiest_m_s())
     row["per_rate_reference"] = 1 / s.rate_reference_mbit_s
     top = s.bandwidth_mhz * s.rate_top_bit_s_hz

@@ -234,11 +234,6 @@ def _check_link(scenario: Scenario) -> None:
             f"ally_speed_m_s {s.ally_speed_m_s}: at most {MOST_ROTARY_WING_M_S:g} m/s "
             "with flight_cost_per_w, whose model of a rotary wing ends there"
         )
-    if s.hop_airtime_s + s.acquisition_s > 1:
-        raise ScenarioError(
-            f"hop_airtime_s {s.hop_airtime_s}, acquisition_s {s.acquisition_s}: "
-            "together at most a step of 1 s"
-        )
     if not all(half > 0 for half in s.footprint_half_widths_mhz):
         raise ScenarioError(
             f"footprint_half_widths_mhz {s.footprint_half_widths_mhz}: must be above 0 with snr_model 'link'"
@@ -339,7 +334,6 @@ class Scenario:
     )
     channel: str | None = _other(None, "CSV file of the gain from base station to ally on a grid", LINK)
     hop_airtime_s: float = _number(0.0, 0, 1, "part of a step in which a hop leaves no link", LINK)
-    acquisition_s: float = _number(0.0, 0, 1, "part of a step that a change of the waveform takes", LINK)
     flight_cost_per_w: float = _number(
         0.0,
         0,

@@ -198,7 +198,6 @@ RADIO = np.dtype(
         ("tooth_width", "f8", (TYPES,)),
         ("notch_width", "f8"),
         ("hop_airtime", "f8"),
-        ("acquisition", "f8"),
         ("flight_cost_per_w", "f8"),
         ("least_power", "f8"),  # W
         ("per_rate_reference", "f8"),

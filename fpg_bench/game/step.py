@@ -116,10 +116,7 @@ def choose_frequency(
         game.frequency_mhz = point_mhz(game.point, rules)
     if radio is not None:
         moved = game.hopped or game.point != point_before
-        lost = radio.hop_airtime if moved else 0.0
-        if spread != game.spreading:
-            lost += radio.acquisition
-        game.airtime = 1.0 - lost
+        game.airtime = 1.0 - radio.hop_airtime if moved else 1.0
     game.spreading = spread
     game.spreading_s = game.spreading_s + 1 if spread else 0
 

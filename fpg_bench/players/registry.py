@@ -12,13 +12,14 @@ import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import ALL_TACTICS, BAYES, NAMED, ORACLES, SCRIPTS, action_modes, other_side
+from fpg_bench.common.ids import ALL_TACTICS, BAYES, BELIEF, NAMED, ORACLES, SCRIPTS, action_modes, other_side
 from fpg_bench.common.imports import import_object, names_object
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import OtherGame, other_game
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
+from fpg_bench.players.belief import BeliefAlly
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Memory, Player, PlayerSpec, Prediction
@@ -77,6 +78,8 @@ def any_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         return Tactic(side, name, scenario)
     if name == BAYES and side == "opponent":
         return BayesJammer(scenario)
+    if name == BELIEF and side == "ally":
+        return BeliefAlly(scenario)
     if name in SCRIPTS[side]:
         return Scripted(side, name, scenario)
     if name in NAMED[side]:

@@ -58,7 +58,7 @@ BELIEF = np.dtype(
 )
 
 
-class _Kernel(Batched):
+class Kernel(Batched):
     """Base class of players that play steps without fading or movement by the kernel."""
 
     def __init__(self, scenario: Scenario) -> None:
@@ -69,7 +69,7 @@ class _Kernel(Batched):
             self._radio["jamming_fading_sd"] = 0.0
 
 
-class BayesJammer(_Kernel):
+class BayesJammer(Kernel):
     """A jammer that plays the greatest expected loss by a belief over the ally's point and waveform.
 
     Args:
@@ -94,7 +94,7 @@ class BayesJammer(_Kernel):
         return actions, memory
 
 
-class OracleLinkAlly(_Kernel):
+class OracleLinkAlly(Kernel):
     """Oracle ally of the model ``link``, which knows where the opponent takes it to be, and how it jammed.
 
     It takes point and waveform that earn most from the jamming that it expects, and flies as ``range``.
@@ -147,12 +147,12 @@ def jam_points(
     rules = rules_array[0]
     for k in range(every.shape[0]):
         kind, centre, point, waveform = every[k]
-        _jam_point(games[0], kind, point_mhz(centre, rules), point, waveform == 1, rules, radio)
+        jam_point(games[0], kind, point_mhz(centre, rules), point, waveform == 1, rules, radio)
         snr_db[k] = games[0].snr_db
 
 
 @compiled
-def _jam_point(
+def jam_point(
     game: Record, kind: int, centre_mhz: float, point: int, spreads: bool, rules: Record, radio: Record | None
 ) -> None:
     """Play a step without movement: a jamming against a point and a waveform."""
@@ -195,16 +195,15 @@ def play_oracle(
             if spread:
                 point = min(max(point, radio.spread_points[0]), radio.spread_points[1])
             lost = radio.hop_airtime if point != own else 0.0
-            lost += radio.acquisition if spread != spreads else 0.0
             value = 0.0
             for kind in range(TYPES):
                 is_last = known[JAM_TYPE + kind]
                 if memory[i].hits == 0:
-                    _jam_point(game, kind, known_mhz, point, spread, rules, radio)
+                    jam_point(game, kind, known_mhz, point, spread, rules, radio)
                     value += (1.0 / TYPES + is_last) * game.ally_value
                 elif is_last > 0.0:
                     for centre in range(rules.points):
-                        _jam_point(game, kind, point_mhz(centre, rules), point, spread, rules, radio)
+                        jam_point(game, kind, point_mhz(centre, rules), point, spread, rules, radio)
                         value += game.ally_value
             value *= 1.0 - lost / STAYS_S
             if value > best:
@@ -275,7 +274,7 @@ def play_bayes(
             of.spread = SURE if truth[i, 1] > 0.0 else 1.0 - SURE
         for k in range(cases.shape[0]):
             case, middle, point, waveform = cases[k]
-            _jam_point(game, case, point_mhz(middle, rules), point, waveform == 1, rules, radio)
+            jam_point(game, case, point_mhz(middle, rules), point, waveform == 1, rules, radio)
             losses[k] = game.opponent_reward
         best, kind, best_centre = -math.inf, 0, 0
         for j in range(TYPES):
@@ -319,9 +318,9 @@ def _weigh_waveform(
     radio: Record | None,
 ) -> None:
     """Update the chance that the ally spreads by the result of the check just made, under a jamming."""
-    _jam_point(game, kind, centre_mhz, of.point, True, rules, radio)
+    jam_point(game, kind, centre_mhz, of.point, True, rules, radio)
     spread = of.spread * (SURE if detects_ally(game, rules, radio) == is_heard else 1.0 - SURE)
-    _jam_point(game, kind, centre_mhz, of.point, False, rules, radio)
+    jam_point(game, kind, centre_mhz, of.point, False, rules, radio)
     plain = SURE if detects_ally(game, rules, radio) == is_heard else 1.0 - SURE
     of.spread = spread / (spread + (1.0 - of.spread) * plain)
     of.spreads += of.spread

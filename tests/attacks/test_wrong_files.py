@@ -27,7 +27,6 @@ from fpg_bench.players.card import AgentCard
 from fpg_bench.products.language_models.servers import SERVER_FOLDER, load_server
 from fpg_bench.products.language_models.transcript import Attempt
 from fpg_bench.products.leaderboard.crossplay import Pair, read_pair
-from fpg_bench.products.leaderboard.past_seasons import SeasonRow
 from fpg_bench.products.league.champions import load_champions
 from fpg_bench.products.offline.spec import load_spec
 from fpg_bench.products.tuning.space import load_space
@@ -153,10 +152,6 @@ FILES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {
     "record": (lambda: _row("results/ally/*.jsonl"), lambda c: read_record(c, "record")),
     "record of a planner": (lambda: _row("results/planner/*.jsonl"), lambda c: read_record(c, "record")),
     "pair": (lambda: json.loads((BOARD / "results/crossplay.jsonl").open().readline()), _pair),
-    "row of a season": (
-        lambda: json.loads((BOARD / "results/seasons.jsonl").open().readline()),
-        lambda c: parse(SeasonRow, c, "season"),
-    ),
     "attempt": (_attempt, lambda c: Attempt.read(c, "attempt")),
     "study": (
         lambda: make_task("ppo", "FPG/AllyVsScripted-v0", n_seeds=1, steps=1000).model_dump(mode="json"),

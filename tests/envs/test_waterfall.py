@@ -90,9 +90,9 @@ def test_the_own_channel_is_negative_deeper_with_snr_and_shallower_where_it_is_c
 def test_a_spread_signal_shows_where_it_is():
     everywhere = row(STANDARD, own_mhz=50.0, spreading=0.1)
     assert everywhere == pytest.approx([*[-0.25] * 10, -0.75, *[-0.25] * 9], abs=1e-6)
-    partly = row(LINK, own_mhz=42.0, spreading=0.1)  # 50 MHz from 17 to 67, bins of 78.5 / 16 MHz
-    first, last = 0.25 * (4 - 17 * 16 / 78.5), 0.25 * (67 * 16 / 78.5 - 13)
-    expected = [0, 0, 0, -first, *[-0.25] * 4, -0.75, *[-0.25] * 4, -last, 0, 0]
+    partly = row(LINK, own_mhz=42.0, spreading=0.1)  # 50 MHz from 17 to 67, bins of 77.4 / 15 MHz
+    first, last = 0.25 * (4 - 17 * 15 / 77.4), 0.25 * (67 * 15 / 77.4 - 12)
+    expected = [0, 0, 0, -first, *[-0.25] * 4, -0.75, *[-0.25] * 3, -last, 0, 0]
     assert partly == pytest.approx(expected, abs=1e-6)
 
 
@@ -130,7 +130,7 @@ def test_a_window_holds_the_rows_of_the_last_steps(scenario):
         rows = [*rows, waterfall_rows(seen_now, table)]
 
 
-@pytest.mark.parametrize("bandwidth_mhz", [5.0, 12.0, 78.5])
+@pytest.mark.parametrize("bandwidth_mhz", [5.0, 12.0, 77.0])
 @pytest.mark.parametrize("name", ["standard", "paper", "link"])
 def test_the_compiled_rows_have_the_bits_of_array_operations(name, bandwidth_mhz):
     """Any numbers, those of channels' centres, and types that are mixed, as no sensor reports them."""

@@ -394,8 +394,7 @@ class ReferenceGame:
             ]
             self.point = min(fits or [(s.frequency_points - 1) // 2], key=lambda k: abs(k - self.point))
         moved = self.hopped or self.point != self.point_before
-        toggled = spread != self.spreading
-        self.off_air_s = (s.hop_airtime_s if moved else 0.0) + (s.acquisition_s if toggled else 0.0)
+        self.off_air_s = s.hop_airtime_s if moved else 0.0
         self.spreading = spread
         self.spreading_s = self.spreading_s + 1 if spread else 0
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from make_channel import rows
+from make_channel import ELEVATIONS_DEG, rows
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.channel import load_channel
@@ -56,12 +56,51 @@ def test_the_gain_between_the_places_is_linear_in_db_and_read_beside_the_file(tm
 
 def test_the_example_is_the_free_space_of_the_preset():
     lines = (Path(__file__).parents[2] / "examples/free-space.csv").read_text().splitlines()[1:]
-    assert lines == [",".join(row) for row in rows(preset("link"), [250, 250, 200])]
+    assert lines == [",".join(row) for row in rows(preset("link"), [250, 250, 150])]
+
+
+def over_free_space(gains) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the places of a grid of 75 m, their elevations and the gains less those of free space."""
+    free = np.array(rows(LINK, [75, 75, 75]), float)
+    x, y, z = (free[:, :3] - LINK.base_station_m).T
+    return free[:, :3], np.degrees(np.arctan2(z, np.hypot(x, y))), gains - free[:, 3]
+
+
+def test_the_measured_example_is_what_its_page_says_of_its_fit():
+    page = (Path(__file__).parents[2] / "docs/environments/scenario.md").read_text()
+    said = next(line for line in page.splitlines() if "| gain over free space, dB |" in line).split("|")
+    channel = load_channel(Path(__file__).parents[2] / "examples/lake-wheeler.csv")
+    places, elevations, over = over_free_space(channel.gain_db.ravel())
+    low, high = LINK.ally_path_altitude_m
+    assert over[(low <= places[:, 2]) & (places[:, 2] <= high)].mean() == pytest.approx(0, abs=0.005)
+    left = np.abs(over - np.interp(elevations, ELEVATIONS_DEG, [float(word) for word in said[2:-1]]))
+    assert f"at {(left > 0.03).sum()} places of {len(places):,}" in page
+    measured = places[left > 0.03]
+    assert set(measured[:, 2]) == {75, 150}
+    assert measured.max() < 1200  # the flights went 466 m far
+
+
+def test_measured_gains_are_those_of_elevations_and_of_cells_with_samples():
+    rng = np.random.default_rng(1)
+    around = np.column_stack([rng.uniform(-400, 400, (4000, 2)), rng.uniform(20, 150, 4000)])
+    apart = np.repeat([[0, 600, 55], [600, 0, 55]], [10, 9], axis=0)  # the samples of two cells, 6 dB higher
+    sampled = np.vstack([around, apart])
+    by_elevation = np.linspace(-3, 5, len(ELEVATIONS_DEG))
+    above = np.degrees(np.arctan2(sampled[:, 2], np.hypot(sampled[:, 0], sampled[:, 1])))
+    power = np.interp(above, ELEVATIONS_DEG, by_elevation) - 20 * np.log10(np.linalg.norm(sampled, axis=1))
+    power[-len(apart) :] += 6
+    gains = np.array(rows(LINK, [75, 75, 75], np.column_stack([sampled, power])), float)[:, 3]
+    places, elevations, over = over_free_space(gains)
+    left = over - np.interp(elevations, ELEVATIONS_DEG, by_elevation)
+    left -= np.median(left)
+    with_ten = np.all(places == [750, 1350, 75], axis=1)
+    assert left[with_ten] == pytest.approx(6, abs=0.2)
+    assert np.abs(left[~with_ten]).max() < 0.3
 
 
 def test_a_fine_grid_of_free_space_is_free_space(tmp_path):
-    low = dataclasses.replace(LINK, fading_sd_db=0, ally_path_altitude_m=(400, 550))
-    grid = written(tmp_path, [",".join(row) for row in rows(low, [100, 100, 50])])
+    low = dataclasses.replace(LINK, fading_sd_db=0, ally_path_altitude_m=(200, 250))
+    grid = written(tmp_path, [",".join(row) for row in rows(low, [50, 50, 25])])
     played = [begin(s, games=20) for s in (low, dataclasses.replace(low, channel=grid))]
     for batch in played:
         batch.games["frequency_mhz"], batch.games["point"] = 2450, 7

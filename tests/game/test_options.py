@@ -87,7 +87,6 @@ OTHERWISE = {
     "jamming_backoff_db": ((0, 0, 3, 3), LINK),
     "channel": (str(Path(__file__).parents[2] / "examples" / "free-space.csv"), LINK),
     "hop_airtime_s": (0.4, LINK),
-    "acquisition_s": (0.3, LINK),
     "flight_cost_per_w": (0.01, LINK),
     "look_through_s": (0.2, LINK),
     "rate_reference_mbit_s": (0.5, LINK),

@@ -1,4 +1,4 @@
-"""Players of theory: the beliefs of the Bayes jammer, the range rule, and the oracles of the model link."""
+"""Players of theory: the beliefs of both sides, the range rule, and the oracles of the model link."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import pytest
 from fpg_bench.game.full_state import FULL_STATE_SIZE, OPPONENT
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, preset
+from fpg_bench.players import belief as belief_module
+from fpg_bench.players.belief import BeliefAlly
 from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.tactics import Tactic
-from fpg_bench.players.theory import HAZARDS, BayesJammer, OracleLinkAlly
+from fpg_bench.players.theory import HAZARDS, SURE, BayesJammer, OracleLinkAlly
 
 from .playing import ally_sees, mean, opponent_sees
 
@@ -24,7 +26,7 @@ def heard(point: int, jam: tuple[int, int] | None = None, age_s: float = 0.0, ch
     """Return what a jammer sees 200 m from an ally last heard at a point, after a jamming (type, centre)."""
     seen = opponent_sees((200.0, 0.0, 0.0), age_s=age_s)
     seen[0, :3], seen[0, 6], seen[0, LAST_CHECK] = 0.0, 2 * point / 14 - 1, check
-    seen[0, 8] = 1 / 3  # the next check comes in this step
+    seen[0, 8] = 1 / LINK.check_scale_s  # the next check comes in this step
     if jam is not None:
         seen[0, JAM_CENTRE], seen[0, JAM_TYPE + jam[0]] = 2 * jam[1] / 14 - 1, 1
     return seen
@@ -85,10 +87,11 @@ def test_an_impossible_belief_begins_anew():
     assert after["point"] == 9
 
 
-@pytest.mark.parametrize("preset_name", ["standard", "paper", "link", "link-throughput"])
-def test_each_game_of_a_batch_is_played_as_alone_in_every_scenario(preset_name):
+@pytest.mark.parametrize("preset_name", ["standard", "paper", "figures", "link", "link-throughput"])
+@pytest.mark.parametrize(("name", "side"), [("bayes", "opponent"), ("belief", "ally")])
+def test_each_game_of_a_batch_is_played_as_alone_in_every_scenario(name, side, preset_name):
     scenario, rng = preset(preset_name), np.random.default_rng(0)
-    jammer = as_player("bayes", "opponent", scenario)
+    jammer = as_player(name, side, scenario)
     assert isinstance(jammer, Player)
     seen = rng.uniform(-1, 1, (20, 3, 15)).astype(np.float32)
     starts, state, alone = rng.random((20, 3)) < 0.1, None, [None] * 3
@@ -97,8 +100,88 @@ def test_each_game_of_a_batch_is_played_as_alone_in_every_scenario(preset_name):
         assert np.isfinite(actions).all()
         for game in range(3):
             rows = slice(game, game + 1)
+            if isinstance(jammer, BeliefAlly):
+                jammer.reset(np.ones(1, bool), np.array([game], np.uint64))
             one, alone[game] = jammer.predict(seen[step, rows], alone[game], starts[step, rows])
             assert np.array_equal(one[0], actions[game])
+
+
+def best_worth(
+    belief: dict[tuple[int, int], float], worth: np.ndarray, interval: tuple[int, int], seconds: int
+) -> float:
+    """The worth of the best plan, by going through all that is done and seen; both waveforms are heard."""
+    if seconds == 0 or not belief:
+        return 0.0
+    of_choices = []
+    for choice in range(4):
+        total = sum(chance * worth[choice, knows] for (_, knows), chance in belief.items())
+        for seen in range(2):
+            after: dict[tuple[int, int], float] = {}
+            for (left, knows), chance in belief.items():
+                then = 0 if choice % 2 else knows
+                if knows != seen:
+                    continue
+                ends = [((left - 1, then), chance)]
+                if left == 1:
+                    times = range(interval[0], interval[1] + 1)
+                    ends = [((time, 1), chance * SURE / len(times)) for time in times]
+                    ends += [((time, then), chance * (1 - SURE) / len(times)) for time in times]
+                for end, share in ends:
+                    after[end] = after.get(end, 0.0) + share
+            total += belief_module.DISCOUNT * best_worth(after, worth, interval, seconds - 1)
+        of_choices.append(total)
+    return max(of_choices)
+
+
+@pytest.mark.parametrize("interval", [(1, 2), (2, 2), (2, 3)])
+def test_plans_are_worth_what_going_through_all_of_them_says(monkeypatch, interval):
+    monkeypatch.setattr(belief_module, "APART", 1e-9)
+    worth = np.array([[10.0, 1.0], [6.0, 6.0], [7.0, 5.0], [4.0, 4.0]])
+    first = np.zeros(belief_module.STATES)
+    first[[1, 3]] = 0.5  # the jammer knows the point, and checks in this second or in the next
+    steps = belief_module.transitions(interval)
+    beliefs = belief_module.reachable(first, steps[:, 1:], 1 + 4 + 4**2 + 4**3)  # of three seconds
+    later = belief_module.solve(worth, steps[[0, 1, 0, 1], 1], beliefs, 3)
+    sums = [(first * later)[:, :, knew::2].sum(axis=2).max(axis=1) for knew in range(2)]
+    now = (worth[:, None, :] * first.reshape(-1, 2)).sum(axis=(1, 2))
+    exact = best_worth({(1, 1): 0.5, (2, 1): 0.5}, worth, interval, 4)
+    assert (now + sums[0] + sums[1]).max() == pytest.approx(exact, rel=1e-12)
+
+
+def jammed(point: int, centre: int | None, away_m: float = 300.0) -> np.ndarray:
+    """Return what an ally sees at a point after narrowband jamming of a centre, or before the first second."""
+    seen = ally_sees(10.0)
+    seen[0, 3], seen[0, 6] = np.sqrt(away_m / 1500), 2 * point / 14 - 1
+    if centre is not None:
+        seen[0, 9], seen[0, 10 + NARROWBAND] = 2 * centre / 14 - 1, 1
+    return seen
+
+
+def test_a_planning_ally_leaves_a_point_once_it_is_jammed_and_stays_while_the_jammer_has_lost_it():
+    ally, state = BeliefAlly(LINK), None
+    for point, centre in ((2, None), (2, 2)):
+        action, state = ally.predict(jammed(point, centre), state)
+        assert action[0, 0] > 0 or action[0, 1] > 0
+    action, state = ally.predict(jammed(12, 2), state)
+    assert action[0, 0] < 0
+    assert state["known"] == 2
+    assert state["belief"][0, 1::2].sum() < 0.6  # unless a check has just found it
+    action, state = ally.predict(jammed(12, 12), state)
+    assert state["known"] == 12
+    assert action[0, 0] > 0
+
+
+@pytest.mark.parametrize("belief", [0.0, 1e-320])
+def test_a_planning_ally_begins_anew_where_nothing_explains_what_it_sees(belief):
+    ally, state = BeliefAlly(LINK), None
+    for point, centre in ((2, None), (2, 2), (5, 14), (9, 0)):
+        action, state = ally.predict(jammed(point, centre), state)
+        assert np.isfinite(action).all()
+        assert state["belief"].sum() == pytest.approx(1)
+    state["belief"] = belief
+    action, state = ally.predict(jammed(9, 9), state)
+    assert np.isfinite(action).all()
+    assert state["belief"].sum() == pytest.approx(1)
 
 
 def test_it_jams_with_allowed_types_only():
@@ -119,6 +202,17 @@ def test_the_bayes_jammer_earns_more_than_every_script_and_its_oracle_more_than_
     bayes = earned("bayes")
     assert bayes > max(map(earned, ("adaptive", "watchful", "tone", "broadband"))) + 0.1
     assert earned("oracle") > bayes + 0.1
+
+
+@pytest.mark.full
+@pytest.mark.slow
+@pytest.mark.parametrize("jammer", ["tone", "narrowband", "adaptive"])
+def test_a_planning_ally_earns_more_than_every_script_against_a_jammer_that_it_knows(jammer):
+    def earned(ally: str) -> float:
+        return mean("ally_return", ally, jammer, LINK)
+
+    scripts = max(map(earned, ("by-type", "clock", "evidence", "range")))
+    assert scripts < earned("belief") < earned("oracle")
 
 
 def test_the_range_rule_spreads_by_geometry_and_sprints_away_from_a_near_opponent():

@@ -113,7 +113,7 @@ def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatc
 def test_shipped_files_hold_nothing_to_evaluate():
     """rl-zoo3 evaluates text values."""
     known = {"MlpPolicy", "JointPolicy", "MlpLstmPolicy", "normal", "auto_0.1"}
-    known |= {"lin_0.005", "lin_0.003", "lin_0.001", "lin_0.0007", "lin_0.0005"}
+    known |= {"lin_0.005", "lin_0.003", "lin_0.001", "lin_0.002", "lin_0.0007", "lin_0.0005"}
     for path in (baselines_folder() / "hyperparams").glob("*.yml"):
         values = [value for entry in yaml.safe_load(path.read_text()).values() for value in entry.values()]
         assert {value for value in values if isinstance(value, str)} <= known, path

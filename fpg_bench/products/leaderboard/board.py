@@ -62,7 +62,6 @@ class BoardSuite:
         role: see :meth:`fpg_bench.products.leaderboard.tracks.TrackSuites.of`.
         rounds: against each rival, per training seed.
         rivals: their names.
-        groups: the rivals of each group, where they have groups.
         trained: how each trained rival was trained, by name.
         play: options of ``fpg-bench play`` for an entry's first round against a rival, by the rival's name;
             rivals whose game that command does not offer are left out.
@@ -73,7 +72,6 @@ class BoardSuite:
     hash: str
     rounds: int
     rivals: tuple[str, ...]
-    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     trained: Mapping[str, str] = field(default_factory=dict)
     play: Mapping[str, str] = field(default_factory=dict)
 
@@ -167,7 +165,6 @@ class Figures:
         scores: by role of the suite.
         exploited: its lowest known return; None for planners.
         by_rival: scores by role and rival.
-        by_group: scores over each group of rivals of the suite that ranks the track; empty if it has none.
         first_rounds: return of the first round of the first training seed, by role and rival.
         units: by role.
         by_seed: scores by training seed.
@@ -190,7 +187,6 @@ class Figures:
     scores: Mapping[str, Interval]
     worst: WorstCase
     by_rival: Mapping[str, Mapping[str, Interval]]
-    by_group: Mapping[str, Interval]
     first_rounds: Mapping[str, Mapping[str, float]]
     units: Mapping[str, UnitScores]
     by_seed: Mapping[int, float]
@@ -372,11 +368,6 @@ class Board:
             entry.slug: entry.name for track in self.tracks if track.side == side for entry in track.entries
         }
 
-    @property
-    def has_groups(self) -> bool:
-        """True if rivals of a suite are of several kinds."""
-        return any(suite.groups for track in self.tracks for suite in track.suites)
-
     def to_json(self) -> str:
         """Return the board as one line of JSON."""
         return TypeAdapter(Board).dump_json(self).decode() + "\n"
@@ -449,7 +440,6 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
                 suite.hash,
                 suite.rounds,
                 tuple(rival.name for rival in suite.rivals),
-                groups=suite.groups,
                 trained={r.name: text for r in suite.rivals if (text := training_of(r))},
                 play={r.name: text for r in suite.rivals if (text := play_options(suite, r))},
             )
@@ -576,7 +566,6 @@ def _make_figures(
             role: {name: _score(interval, summary.suite.scale) for name, interval in summary.by_rival.items()}
             for role, summary in summaries.items()
         },
-        by_group={name: _score(interval) for name, interval in ranking.by_group.items()},
         first_rounds={role: first_returns(summary.records) for role, summary in summaries.items()},
         units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC_SEEDS},
         by_seed={

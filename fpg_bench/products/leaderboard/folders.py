@@ -99,11 +99,6 @@ def crossplay_file(board: Path) -> Path:
     return board / "results" / "crossplay.jsonl"
 
 
-def seasons_file(board: Path) -> Path:
-    """Return the path of what is kept of seasons."""
-    return board / "results" / "seasons.jsonl"
-
-
 def exploited_file(board: Path) -> Path:
     """Return the path of the results of responses to entries."""
     return board / "results" / "exploited.jsonl"

@@ -248,7 +248,6 @@ def build(
             return
         from fpg_bench.products.leaderboard.board import make_board
         from fpg_bench.products.leaderboard.entries import load_entries
-        from fpg_bench.products.leaderboard.past_seasons import read_seasons
         from fpg_bench.products.leaderboard.site.build import build_site
         from fpg_bench.products.leaderboard.site.page_data import submitted_policies
         from fpg_bench.products.leaderboard.site.replays import make_replays
@@ -256,7 +255,7 @@ def build(
         entries = load_entries(folder)
         rounds = make_replays(entries, out, simulate=replays)
         board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
-        files = build_site(board, out, rounds, docs, submitted_policies(entries), read_seasons(folder))
+        files = build_site(board, out, rounds, docs, submitted_policies(entries))
         write_whole(mark, mark_of(inputs, out))
     n_entries, n_rounds = len(entries.verified) + len(entries.rejected), sum(map(len, rounds.values()))
     print_line(
@@ -288,21 +287,14 @@ def close_season(
 ) -> None:
     """Close a season: train candidates with a seed derived from the entries, and select the suite from them.
 
-    The scores of the present season are kept first, as verification replaces them once the new one is there.
-
     Example: fpg-bench leaderboard close-season 4 --work runs/season-4
     """
     require_extra("train", "torch")
     from fpg_bench.players.agent import baselines_folder
     from fpg_bench.players.player import SIDES
-    from fpg_bench.products.leaderboard.past_seasons import keep_seasons
     from fpg_bench.products.leaderboard.season import closing as seasons
 
-    closing = seasons.make_closing(
-        name, folder, work, n_candidates or seasons.CANDIDATES, size or seasons.SIZE, scenario=scenario
-    )
-    if closing.number is not None and out is None:
-        keep_seasons(folder)
+    closing = seasons.make_closing(name, folder, work, n_candidates, size, scenario=scenario)
     season = seasons.close_season(
         closing,
         out or baselines_folder() / "suites" / closing.name,

@@ -11,7 +11,7 @@ from typing import Any, TypedDict, cast
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import write_json
-from fpg_bench.common.ids import SCRIPTED, SCRIPTS, other_side, policy_env
+from fpg_bench.common.ids import NAMED, SCRIPTED, other_side, policy_env
 from fpg_bench.common.imports import code_fingerprint
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row
@@ -232,12 +232,12 @@ def _scenario_of(agent: str, card: AgentCard) -> Scenario | str | None:
 
 def _side_of(agent: str) -> str:
     """Return the side that an agent or a script plays."""
-    sides = [side for side in SIDES if agent in SCRIPTS[side]]
+    sides = [side for side in SIDES if agent in NAMED[side]]
     if "/" in agent or Path(agent).is_dir():
         sides = [read_card(agent).side]
     if len(sides) != 1:
         if sides:
             raise UserError(f"player {agent!r} plays both sides; set side to ally or opponent")
-        hint = nearest(agent, [name for side in SIDES for name in SCRIPTS[side]])
+        hint = nearest(agent, [name for side in SIDES for name in NAMED[side]])
         raise UserError(f"player {agent!r}: no such agent or script{hint}")
     return sides[0]

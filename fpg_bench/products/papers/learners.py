@@ -1,8 +1,8 @@
-"""Learners of the papers: DQN with its variants on top of Stable-Baselines3, and tabular Q-learning."""
+"""Learners of the papers: variants of DQN on Stable-Baselines3, tabular Q-learning, play of matrix games."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,10 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.type_aliases import PyTorchObs, ReplayBufferSamples
 from stable_baselines3.common.utils import update_learning_rate
 from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
+
+from fpg_bench.evaluation.payoffs import nash
+
+Strategies = tuple[np.ndarray, np.ndarray]  # of rows and of columns
 
 
 @dataclass(frozen=True)
@@ -194,3 +198,71 @@ def q_learning(
         values[state, action] += rate * (target - values[state, action])
         state = state_of(env.reset()[0]) if terminated or truncated else following
     return values
+
+
+def fictitious_play(
+    payoffs: np.ndarray, rounds: Sequence[int], seed: int, *, noise: float = 0.0
+) -> list[Strategies]:
+    """Let both sides of a zero-sum game answer what the other one has chosen so far (Brown 1951).
+
+    Args:
+        payoffs: ``(m, n)``, what rows win from columns.
+        rounds: numbers of rounds after which the strategies are returned, ascending.
+        seed: of the first choices and of the noise.
+        noise: scale of Gumbel noise on the sums of pay-offs, with which each side draws as Hedge does with
+            the rate 1 / ``noise``; 0 is fictitious play.
+
+    Returns:
+        How often rows and columns were chosen, as shares, after each of these numbers of rounds.
+    """
+    generator = np.random.default_rng(seed)
+    gains, losses = generator.random(len(payoffs)), generator.random(len(payoffs.T))
+    rows, columns = np.zeros_like(gains), np.zeros_like(losses)
+    strategies: list[Strategies] = []
+    for played in range(1, rounds[-1] + 1):
+        row, column = gains.argmax(), losses.argmin()
+        if noise:
+            row = (gains + noise * generator.gumbel(size=gains.size)).argmax()
+            column = (losses - noise * generator.gumbel(size=losses.size)).argmin()
+        gains += payoffs[:, column]
+        losses += payoffs[row]
+        rows[row] += 1
+        columns[column] += 1
+        strategies += [(rows / played, columns / played)] * rounds.count(played)
+    return strategies
+
+
+def minimax_q(
+    payoffs: np.ndarray, rounds: Sequence[int], seed: int, *, exploration: float, solutions: int = 50
+) -> list[Strategies]:
+    """Let both sides of a zero-sum game of one state learn its pay-offs and play its solution (Littman 1994).
+
+    Args:
+        payoffs: ``(m, n)``, what rows win from columns; a side sees those of the pairs that were chosen.
+        rounds: numbers of rounds after which the strategies are returned, ascending.
+        seed: of the choices.
+        exploration: share of random choices.
+        solutions: how often the table is solved in the course of the training.
+
+    Returns:
+        The solutions of the table, rows and columns, after each of these numbers of rounds.
+    """
+    generator, table = np.random.default_rng(seed), np.zeros(payoffs.shape)
+    every, strategies = max(1, rounds[-1] // solutions), []
+    sides: Strategies = (np.ones(len(payoffs)), np.ones(len(payoffs.T)))
+    for played in range(1, rounds[-1] + 1):
+        row, column = (
+            generator.integers(side.size) if generator.random() < exploration else _draw(side, generator)
+            for side in sides
+        )
+        table[row, column] = payoffs[row, column]
+        if played % every == 0 or played in rounds:
+            sides = nash(-table)[:2]
+        strategies += [sides] * rounds.count(played)
+    return strategies
+
+
+def _draw(chances: np.ndarray, generator: np.random.Generator) -> int:
+    """Draw an index in proportion to chances, whose sum need not be 1."""
+    sums = chances.cumsum()
+    return int(np.searchsorted(sums, generator.random() * sums[-1], side="right"))

@@ -13,18 +13,25 @@ from fpg_bench.evaluation.statistics import mean_interval
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.products.papers.reproduction import NOT_RUN, SEEDS, Paper, PaperResults, verdict, verdict_of
 
+_LEARNING = "The learners in the course of their training"
+
 
 def write_page(paper: Paper, results: PaperResults, command: str, path: Path) -> list[Path]:
-    """Write the page and its figure, and return both paths.
+    """Write the page and its figures, and return their paths.
 
     Args:
         paper: the paper.
         results: its runs.
         command: command that repeats the runs.
-        path: the page; the figure stands beside it.
+        path: the page; the figures stand beside it.
     """
-    figure = path.with_suffix(".svg")
-    _draw(paper, results, figure)
+    figures = [path.with_suffix(".svg")]
+    _draw(paper, results, figures[0])
+    learning = []
+    if paper.curve:
+        figures.append(path.with_suffix(".learning.svg"))
+        _draw_learning(paper, results, figures[1])
+        learning = [f"## Learning\n\n![{_LEARNING}, with intervals]({figures[1].name})\n\n{_LEARNING}."]
     seeds = sorted({seed for *_, seed in results.rows})
     rows = results.rows.values()
     versions = ", ".join(sorted({str(row["versions"]) for row in rows}))
@@ -36,10 +43,11 @@ def write_page(paper: Paper, results: PaperResults, command: str, path: Path) ->
         f"{paper.facts.citation}\n\n{paper.facts.about}",
         f"## Side by side\n\n{what[first]}: mean over seeds with its 95 % interval, and "
         f"the paper's value ({paper.facts.published_in}).\n\n{_side_by_side(paper, results)}\n\n"
-        f"![{what[first]}, ours and the paper's]({figure.name})",
+        f"![{what[first]}, ours and the paper's]({figures[0].name})",
         f"## Claims\n\n{_claims(paper, results)}\n\nA part is a mean of differences over seeds with its 95 % "
         "interval by Student's t: it holds above zero, does not below, and is open where the interval has "
         "zero in it. A claim holds if all its parts do.",
+        *learning,
         *(f"## {what[name]}\n\n{_measure(paper, results, name)}" for name in others),
         f"## Where each number comes from\n\n{_numbers(paper)}",
         "## What could not be had, and what differs\n\n"
@@ -48,7 +56,7 @@ def write_page(paper: Paper, results: PaperResults, command: str, path: Path) ->
         f"in all. {versions}.",
     ]
     write_whole(path, "\n\n".join(sections) + "\n")
-    return [path, figure]
+    return [path, *figures]
 
 
 def _side_by_side(paper: Paper, results: PaperResults) -> str:
@@ -114,4 +122,23 @@ def _draw(paper: Paper, results: PaperResults, path: Path) -> None:
     axes.set_xticks(range(len(paper.conditions)), paper.conditions)
     axes.set_ylabel(first)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4, handlelength=1)
+    write_figure(figure, path)
+
+
+@styled
+def _draw_learning(paper: Paper, results: PaperResults, path: Path) -> None:
+    """Draw a measure in the course of the training, a panel for each condition, with intervals over seeds."""
+    figure = blank_figure(PAGE, 2.6)
+    panels = figure.subplots(1, len(paper.conditions), sharex=True, sharey=True)
+    for axes, condition in zip(panels, paper.conditions, strict=True):
+        for player, style in styles_of(paper.players).items():
+            own = [results.interval(player, condition, measure) for measure in paper.curve.values()]
+            values = np.array([(each.value, np.nan_to_num(each.half)) for each in own if each])
+            if len(values) == len(own) and np.ptp(values[:, 0]):  # rules do not learn
+                axes.errorbar([*paper.curve], *values.T, label=player, **style)
+        axes.set(title=condition, xlabel="share of the training", xscale="log")
+        axes.set_yscale("symlog", linthresh=0.01)
+    panels[0].set_ylim(bottom=0)
+    panels[0].set_ylabel(next(iter(paper.curve.values())).split(",")[0])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     write_figure(figure, path)

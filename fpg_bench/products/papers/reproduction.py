@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -126,6 +126,7 @@ class Paper:
         claims: what is tested.
         play: trains a player under a condition, given the seed and the share of the paper's training, and
             returns its measures.
+        curve: measures of learning by the share of the training that is over, for a figure.
     """
 
     facts: Facts
@@ -134,6 +135,7 @@ class Paper:
     measures: Mapping[str, str]
     claims: tuple[PaperClaim, ...]
     play: Callable[[str, str, int, float], Mapping[str, float]]
+    curve: Mapping[float, str] = field(default_factory=dict)
 
 
 def verdict_of(values: np.ndarray) -> str:

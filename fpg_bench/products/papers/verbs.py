@@ -19,6 +19,7 @@ YANG = "yang-2026"
 PAPERS = {  # each but the first in a module of its name
     YANG: "MADDPG for both sides of the frequency point game, fig3 to fig7",
     "ali-2023": "five variants of DQN against jammers that do not listen",
+    "firouzbakht-2013": "rates against jamming powers: closed form and self-play",
     "liu-2018": "DQN on the spectrum waterfall against four jammers",
 }
 _YANG = f"Of {YANG} alone"
@@ -80,7 +81,7 @@ def reproduce(
     """
     if name is None:
         for known, about in PAPERS.items():
-            print_line(f"{known:<10} {about}")
+            print_line(f"{known:<16} {about}")
         return
     if name not in PAPERS:
         raise UserError(f"unknown paper {name!r}{nearest(name, PAPERS)}")

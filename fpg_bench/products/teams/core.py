@@ -186,7 +186,7 @@ def make_team(games: int = 1, *, game: str | TeamSpec = TEAM_ID, **options: Any)
         **options: the attributes of :class:`TeamSpec` and of
             :class:`fpg_bench.products.teams.rules.TeamRules`: ``scenario``, ``path``, ``actions``, ``mates``,
             ``reward``, ``side``, ``rivals``, ``allies``, ``jammers``, ``formation``, ``spacing_m``,
-            ``code_orthogonality`` and ``share_findings``.
+            ``code_orthogonality``, ``share_findings`` and ``share_power``.
 
     Raises:
         UserError: an unknown option, a value out of range, or options that exclude each other.

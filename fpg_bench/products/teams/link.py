@@ -4,9 +4,12 @@ Every sender counts as the jammer of a duel does, by the share of its power that
 Phases of different senders are unrelated, so powers add. A mate is a sender, too: the mast sends to it with a
 beam of its own, over the path and the fading of the ally that hears it, so only the beam separates them.
 
-Assumptions, beside those of :mod:`fpg_bench.game.link`: every beam has the whole power (rules such as FCC
-90.1321(b)(3) let overlapping beams share a limit; for that, lower ``base_power_dbm``); paths between jammers
-do not fade.
+Beams that overlap share the power of one (47 CFR 15.247(c)(2)(iii)), in equal parts: each of k allies whose
+directions from the mast lie within one beam's width of this one, itself counted, leaves it 1/k. So no beams
+that overlap each other have more than one, and in between beams that do not, two halves add up to one.
+
+Assumptions, beside those of :mod:`fpg_bench.game.link`: ``base_power_dbm`` is the limit of a beam; paths
+between jammers do not fade.
 ``tests/products/teams/test_waveforms.py`` checks the sums and the codes against waveforms.
 """
 
@@ -36,6 +39,7 @@ from fpg_bench.game.state import Record
 from fpg_bench.products.teams.rules import MOST_ALLIES, MOST_JAMMERS
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+OVERLAP = 10**-1.2  # a beam's radiation at one half-power width from its direction
 SENDERS = MOST_JAMMERS + MOST_ALLIES - 1  # that an ally hears beside its own signal: jammers, then mates
 # Working memory of the kernel, which allocates nothing.
 WORK = np.dtype(
@@ -44,6 +48,7 @@ WORK = np.dtype(
         ("distance", "f8", (MOST_ALLIES, MOST_JAMMERS)),
         ("share", "f8", (MOST_ALLIES, MOST_JAMMERS)),  # of the jamming that passes the filter
         ("beam", "f8", (MOST_ALLIES, MOST_ALLIES)),
+        ("base_mw", "f8", (MOST_ALLIES,)),  # of each ally's beam
         ("speed", "f8", (MOST_ALLIES,)),
         ("point_before", "i8", (MOST_ALLIES,)),
         ("drop", "f8", (MOST_ALLIES,)),  # of the utility, by all jammers
@@ -104,7 +109,7 @@ def pair_key(ally: Record, j: int) -> np.uint64:
 def gather(i: int, seats: Seats, book: Book) -> float:
     """Fill ``work`` with the senders that ally i hears beside its own signal; returns that signal in mW.
 
-    Distances to jammers and beams between mates are in ``work`` already.
+    Distances to jammers and beams are in ``work`` already.
     """
     rules, radio, team, work = book
     allies, opponents, sensed, _, _ = seats
@@ -112,7 +117,7 @@ def gather(i: int, seats: Seats, book: Book) -> float:
     f, spreading = me.frequency_mhz, me.spreading
     to_base_m = distance_m(me.ally_position, rules.base_station)
     fading = exp(rules.fading_sd * me.fading / DB)
-    signal = received_mw(radio.base_mw, to_base_m, f, rules, radio) * fading
+    signal = received_mw(work.base_mw[i], to_base_m, f, rules, radio) * fading
     work.senders = m + allies.shape[0] - 1
     for c in range(work.senders):
         work.cut[c], work.power[c] = 0.0, 0.0
@@ -138,7 +143,7 @@ def gather(i: int, seats: Seats, book: Book) -> float:
             continue
         mate, c = allies[k], m + k - (k > i)
         width, offset = radio.channel_width[int(mate.spreading)], mate.frequency_mhz - f
-        power = received_mw(radio.base_mw, to_base_m, mate.frequency_mhz, rules, radio) * fading
+        power = received_mw(work.base_mw[k], to_base_m, mate.frequency_mhz, rules, radio) * fading
         power *= work.beam[i, k]
         if spreading and mate.spreading and mate.point == me.point:
             power *= team.overlap_of_codes
@@ -254,7 +259,7 @@ def fill_levels(j: int, step: int, seats: Seats, book: Book) -> None:
         f = allies[i].frequency_mhz
         uplink = received_mw(radio.ally_emission_mw, work.distance[i, j], f, rules, radio)
         towards = beam(rules.base_station, allies[i].ally_position, place, radio)
-        base = received_mw(radio.base_mw * towards, to_base_m, f, rules, radio)
+        base = received_mw(work.base_mw[i] * towards, to_base_m, f, rules, radio)
         fading, _ = rng.gaussians(pair_key(allies[i], j), step, rng.DETECTION_FADING)
         work.level[i] = max(uplink, base) * exp(rules.fading_sd * fading / DB)
 

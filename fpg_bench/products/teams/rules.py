@@ -52,6 +52,7 @@ TEAM = np.dtype(
         ("spacing", "f8"),
         ("overlap_of_codes", "f8"),  # share of a mate's power that orthogonal codes let through
         ("share_findings", "b1"),
+        ("share_power", "b1"),
     ],
     align=True,
 )
@@ -73,6 +74,7 @@ class TeamRules:
             0 to 1. Codes of one mast are orthogonal but for what arrives late, by echoes; the default, as
             of one echo 12 dB below a path in line of sight, is an assumption.
         share_findings: whether a jammer tells its mates what its radiometer finds.
+        share_power: whether mates whose beams overlap share the power of one beam, in equal parts.
 
     Raises:
         UserError: a value of another kind, or out of range.
@@ -84,6 +86,7 @@ class TeamRules:
     spacing_m: float = 40.0
     code_orthogonality: float = 0.94
     share_findings: bool = False
+    share_power: bool = True
 
     def __post_init__(self) -> None:
         for name, most in MOST.items():
@@ -91,7 +94,8 @@ class TeamRules:
         one_of(self.formation, "formation", FORMATIONS)
         for name, high in (("spacing_m", 1e4), ("code_orthogonality", 1.0)):
             object.__setattr__(self, name, _checked_number(name, getattr(self, name), high))
-        flag(self.share_findings, "share_findings")
+        for name in ("share_findings", "share_power"):
+            flag(getattr(self, name), name)
 
     @property
     def counts(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -113,7 +117,8 @@ class TeamRules:
         row = team[0]
         row["allies"], row["jammers"] = self.counts
         row["convoy"], row["spacing"] = self.formation == "convoy", self.spacing_m
-        row["overlap_of_codes"], row["share_findings"] = 1 - self.code_orthogonality, self.share_findings
+        row["overlap_of_codes"] = 1 - self.code_orthogonality
+        row["share_findings"], row["share_power"] = self.share_findings, self.share_power
         return team
 
 

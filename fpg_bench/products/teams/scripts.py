@@ -165,22 +165,13 @@ def _some(seats: Seats, n: int, m: int) -> Seats:
 
 
 @compiled
-def _airtime(ally: Record, point: int, spreading: bool, radio: Record) -> float:
-    """Return the airtime of a step in which an ally tunes from ``point`` and ``spreading`` to where it is."""
-    lost = radio.hop_airtime if ally.point != point else 0.0
-    if ally.spreading != spreading:
-        lost += radio.acquisition
-    return 1.0 - lost
-
-
-@compiled
 def _worth(i: int, first: int, end: int, before: np.ndarray, seats: Seats, book: Book) -> float:
     """Return the sum of the rewards of the allies from ``first`` to ``end`` as they are tuned."""
     total, m = 0.0, seats.opponents.shape[0]
     for k in range(first, end):
         ally = seats.allies[k]
         _, _, value = link_under(gather(k, seats, book), (1 << m) - 1, m, ally.spreading, book)
-        total += value * _airtime(ally, before[k, 0], before[k, 1] > 0, book.radio)
+        total += value if ally.point == before[k] else value * (1.0 - book.radio.hop_airtime)
     return total
 
 
@@ -302,7 +293,7 @@ def play_ally(
             target, spreading = rules.points // 2, True
         else:
             own_seat, own_of = (team.seat, team.size) if kind == GREEDY_OWN_POINTS else (0, 1)
-            before[0, 0], before[0, 1] = point, me.spreading
+            before[0] = point
             for c in range(noise.shape[0]):
                 noise[c] = TIE * draw(keys, i, step, 5 + c)
             measure_paths(seats, book)
@@ -452,13 +443,13 @@ def _records(scenario: Scenario, team: TeamRules) -> tuple[np.ndarray | None, ..
 
 
 def _scratch(scenario: Scenario) -> tuple[Seats, np.ndarray, np.ndarray]:
-    """Return seats of a supposed game, their tuning before the step, and room for the noise of choices."""
+    """Return seats of a supposed game, their points before the step, and room for the noise of choices."""
     shape = (MOST_ALLIES, MOST_JAMMERS)
     seats = Seats(
         np.zeros(MOST_ALLIES, GAME), np.zeros(MOST_JAMMERS, GAME), np.zeros(shape, SENSED),
         np.zeros(shape[::-1], FOUND), np.zeros(MOST_JAMMERS, np.int64),
     )  # fmt: skip
-    return seats, np.zeros((MOST_ALLIES, 2), np.int64), np.zeros(2 * scenario.frequency_points)
+    return seats, np.zeros(MOST_ALLIES, np.int64), np.zeros(2 * scenario.frequency_points)
 
 
 @compiled
@@ -498,7 +489,7 @@ def play_jointly(
         for i in range(n):
             for axis in range(3):
                 seats.allies[i].ally_position[axis] = true.allies[i].ally_position[axis]
-            before[i, 0], before[i, 1] = true.allies[i].point, true.allies[i].spreading
+            before[i] = true.allies[i].point
             _tune(seats.allies[i], middle, True, rules)
         measure_paths(seats, book)
         together = _worth(0, 0, n, before, seats, book)  # all on one point, apart by their codes
@@ -514,7 +505,7 @@ def play_jointly(
                 _tune(ally, middle, True, rules)
             for j in range(m):
                 is_near |= book.work.distance[i, j] < sprint_m
-            _act(actions[g, i], before[i, 0], ally.point, ally.spreading, 1.0 if is_near else 0.0, book)
+            _act(actions[g, i], before[i], ally.point, ally.spreading, 1.0 if is_near else 0.0, book)
 
 
 class JointAllies(Batched):

@@ -37,6 +37,7 @@ from fpg_bench.game.step import (
     move_opponent,
 )
 from fpg_bench.products.teams.link import (
+    OVERLAP,
     Book,
     Seats,
     channel_level_mw,
@@ -130,9 +131,9 @@ def seats_of(g: int, counts: np.ndarray, every: Seats) -> Seats:
 
 @compiled
 def measure_paths(seats: Seats, book: Book) -> None:
-    """Fill the distances between allies and jammers, and the beams between allies."""
+    """Fill the distances between allies and jammers, the beams between allies, and the powers of beams."""
     allies, opponents, _, _, _ = seats
-    rules, radio, _, work = book
+    rules, radio, team, work = book
     for i in range(allies.shape[0]):
         here = allies[i].ally_position
         for j in range(opponents.shape[0]):
@@ -140,6 +141,11 @@ def measure_paths(seats: Seats, book: Book) -> None:
         for k in range(i):
             work.beam[i, k] = beam(rules.base_station, allies[k].ally_position, here, radio)
             work.beam[k, i] = work.beam[i, k]
+    for i in range(allies.shape[0]):
+        beams = 0
+        for k in range(allies.shape[0]):
+            beams += k == i or (team.share_power and work.beam[i, k] > OVERLAP)
+        work.base_mw[i] = radio.base_mw / beams
 
 
 @compiled

@@ -30,7 +30,6 @@ from fpg_bench.products.leaderboard.board import (
     WorstCase,
 )
 from fpg_bench.products.leaderboard.exploited import RESPONSE, Attack, Exploited
-from fpg_bench.products.leaderboard.past_seasons import SeasonRow, season_rows
 from fpg_bench.products.leaderboard.site import page_data
 from fpg_bench.products.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
 
@@ -126,19 +125,6 @@ def with_link(board: Board, season: int) -> Board:
     return dataclasses.replace(board, tracks=(*board.tracks, *tracks), crossplay=both)
 
 
-def past_seasons(board: Board) -> list[SeasonRow]:
-    """Return a season 1 without a board's first ally, in which the others had 10 points less."""
-    rows = season_rows(board, {"standard": 1})
-    first = next(row for row in rows if row.track == "ally")
-    return [
-        row.model_copy(update={"by_group": {kind: score - 10 for kind, score in row.by_group.items()}})
-        if row.track == "ally"
-        else row
-        for row in rows
-        if row is not first
-    ]
-
-
 def with_entry(board: Board, name: str, **changes: Any) -> Board:
     """Return a board with another version of one entry of the first track."""
     first, *others = board.tracks
@@ -166,7 +152,6 @@ def _suites(side: str, public: list[str], season: int | None) -> tuple[BoardSuit
             "0" * 64,
             100,
             tuple(names),
-            groups={"herders": names[:2], "aimers": names[2:]} if role == UNSEEN else {},
             trained={names[0]: "TD3, trained against expert"} if role == UNSEEN else {},
             play={} if role == SHIFTED else {names[0]: f"--opponent {names[0]} --path pursuit --seed 7"},
         )
@@ -224,11 +209,6 @@ def _figures(
         worst=_worst(index, by_rival[PUBLIC]),
         exploited=_exploited(index, text),
         by_rival=by_rival,
-        by_group={
-            group: _score(sum(by_rival[suite.role][name].value for name in names) / len(names), 9)
-            for suite in suites
-            for group, names in suite.groups.items()
-        },
         first_rounds={role: dict.fromkeys(scores, 1234.5) for role, scores in by_rival.items()},
         units=_units(by_rival, kind),
         by_seed={} if kind == "script" else {k: score + k - 2 for k in range(5)},

@@ -8,7 +8,6 @@ import pytest
 from typer.testing import CliRunner
 
 from fpg_bench.cli.main import app
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.summary import summary_of
@@ -16,8 +15,7 @@ from fpg_bench.products.leaderboard import result, submission
 from fpg_bench.products.leaderboard.board import CROSSPLAY, make_board
 from fpg_bench.products.leaderboard.crossplay import play_missing
 from fpg_bench.products.leaderboard.entries import load_entries
-from fpg_bench.products.leaderboard.folders import result_file, seasons_file
-from fpg_bench.products.leaderboard.past_seasons import keep_seasons, read_seasons
+from fpg_bench.products.leaderboard.folders import result_file
 from fpg_bench.products.leaderboard.site import replays
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.site.page_data import policy_data, submitted_policies
@@ -235,50 +233,6 @@ def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
     unseen = [figures.scores[UNSEEN].value for figures in all_figures]
     assert unseen == sorted(unseen, reverse=True)
     assert unseen != sorted((figures.scores[PUBLIC].value for figures in all_figures), reverse=True)
-
-
-def test_a_season_is_kept_beside_others_until_it_is_kept_again(season):
-    kept = keep_seasons(season)
-    assert kept == read_seasons(season)
-    track = track_of(make_board(load_entries(season)), "ally")
-    for row, (entry, figures) in zip(kept, track.verified(), strict=True):
-        assert (row.season, row.track, row.slug, row.name) == (1, "ally", entry.slug, entry.name)
-        assert (row.rank, row.share) == (figures.rank, None)  # cross-play has not been played
-        score = figures.scores[UNSEEN]
-        ends = [end for end in (score.value, score.low, score.high) if not np.isnan(end)]
-        assert [end for end in row.score if end is not None] == pytest.approx(ends, abs=0.005)
-    file = seasons_file(season)
-    line = file.read_text().splitlines()[0]
-    other = [line.replace(*change) for change in (('"season":1', '"season":7'), ('"ally"', '"ally-link"'))]
-    gone = line.replace(kept[0].slug, "gone")
-    file.write_text("".join(f"{text}\n" for text in (*other, gone)))
-    assert keep_seasons(season) == kept
-    assert file.read_text().splitlines()[:2] == other
-    assert read_seasons(season)[2:] == kept
-    file.write_text(f"{line}\n" + line.replace('"score"', '"scores"') + "\n")
-    with pytest.raises(UserError, match=r"seasons\.jsonl: line 2: unknown key 'scores'"):
-        read_seasons(season)
-
-
-def test_a_season_that_nobody_has_played_is_not_kept(season, small_suites):
-    keep_seasons(season)
-    before = seasons_file(season).read_bytes()
-    close_season(small_suites, 2, ally={"rivals": [{"opponent": "adaptive"}]})
-    assert keep_seasons(season) == []
-    assert seasons_file(season).read_bytes() == before
-
-
-def test_a_season_is_kept_before_the_next_one_is_closed(season, tmp_path, monkeypatch):
-    def closes(closing, out, *_, **__):
-        closed.append((closing.name, seasons_file(season).exists()))
-
-    closed = []
-    monkeypatch.setattr("fpg_bench.products.leaderboard.season.closing.close_season", closes)
-    for words in ("training-9", f"2 --out {tmp_path / 'out'}", "2"):
-        words = f"leaderboard close-season {words} --folder {season} --work {tmp_path}"
-        assert CliRunner().invoke(app, words.split()).exit_code == 0
-    assert closed == [("training-9", False), ("season-2", False), ("season-2", True)]
-    assert {row.season for row in read_seasons(season)} == {1}
 
 
 def improve_public(board, slug, points):

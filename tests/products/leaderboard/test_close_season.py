@@ -22,6 +22,7 @@ from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import load_agent
+from fpg_bench.players.player import SIDES
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.trust import remember_exported
 from fpg_bench.products.leaderboard.season import closing as closing_module
@@ -114,6 +115,15 @@ def test_members_of_earlier_suites_that_are_paid_by_the_rules_are_targets(scenar
     assert not names & {f"suite:{others}/{member.name}" for member in members if member.reward != "own"}
     assert not any(others in entry.name for entry in target_pool([], "ally", scenario, others))
     as_player(pool[0].players[0], "ally", STANDARD)  # which loads it
+
+
+def test_a_season_has_more_opponents_than_allies_and_a_training_population_as_many(board, tmp_path):
+    season, population, own = (
+        make_closing(name, board, tmp_path, *numbers) for name, *numbers in (("4",), ("mine",), ("4", 5, 3))
+    )
+    assert [season.numbers(side) for side in SIDES] == [(24, 12), (48, 24)]
+    assert [population.numbers(side) for side in SIDES] == [(24, 12), (24, 12)]
+    assert [own.numbers(side) for side in SIDES] == [(5, 3), (5, 3)]
 
 
 def test_scripts_are_targets_where_nobody_was_trained():

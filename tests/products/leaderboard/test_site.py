@@ -26,7 +26,6 @@ from fpg_bench.game import actions, sensing
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.names import CHOSEN, JAMMING_TYPES, OBSERVED
 from fpg_bench.game.state import TALLY
-from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.site import page_data, views
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.site.entry_page import commands
@@ -38,7 +37,6 @@ from fpg_bench.products.league.champions import load_champions
 from tests.products.leaderboard.example_board import (
     HOSTILE,
     example_board,
-    past_seasons,
     small_zoo,
     with_entry,
     with_figures,
@@ -146,10 +144,9 @@ def columns(site, kind='[^"]*'):
 def test_tables_have_columns_for_what_was_played(site, tmp_path):
     mission = ["Overlap ratio", "Jamming success rate"]
     shown = ["Entry", "Score", "From the leader", "May be best", *mission, "Lowest known"]
-    extra = ["Public", "Gap", "Herders", "Aimers", "Shifted", "Worst", "Return per step"]
+    extra = ["Public", "Gap", "Shifted", "Worst", "Return per step"]
     assert columns(site) == [*shown, "95 % interval", *extra]
     assert columns(site, "num extra") == ["95 % interval", *extra]
-    assert "Against herders" in (site / "entries/ally/player-1.html").read_text()
     build_site(example_board(3, season=None), tmp_path)
     assert columns(tmp_path) == [*shown, "95 % interval", "Worst", "Return per step"]
     assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
@@ -298,36 +295,15 @@ def test_the_champion_of_the_game_is_the_leader_of_the_board():
     )
 
 
-def test_the_map_of_cross_play_has_each_season_in_which_both_sides_can_be_placed():
-    board = example_board(6, season=3)
-    past = past_seasons(board)  # of season 1
-    one_kind = [row.model_copy(update={"season": 2, "by_group": {"all": 1.0}}) for row in past]
-    unplayed = [row.model_copy(update={"season": 2, "share": None}) for row in past]
-    gone = [row.model_copy(update={"track": "gone"}) for row in past]
-    later = [row.model_copy(update={"season": season}) for row in past for season in (3, 4)]
-    for rows in ([], one_kind, unplayed, gone, later):
-        (present,) = page_data.crossplay_data(board, "standard", {}, {}, rows)["maps"]
-        assert present["season"] == 3
-        assert [len(present[side]) for side in SIDES] == [5, 2]
-    before, present = page_data.crossplay_data(board, "standard", {}, {}, past)["maps"]
-    assert (before["season"], present["season"]) == (1, 3)
-    (ally, *_), (opponent, *_) = (before[side] for side in SIDES)
-    assert list(ally["by"]) == ["aimers", "herders"]
-    assert (ally["flies"], opponent["flies"]) == (False, False)
-    assert page_data.crossplay_data(example_board(3, season=None), "standard", {}, {}, past)["maps"] == []
-
-
 def test_each_scenario_has_a_page_of_cross_play_with_its_own_players(tmp_path):
     board = example_board(4, season=3)
-    both, past = with_link(board, season=2), past_seasons(board)
+    both = with_link(board, season=2)
     alone, standard, link = (
-        page_data.crossplay_data(shown, scenario, {}, {}, past)
+        page_data.crossplay_data(shown, scenario, {}, {})
         for shown, scenario in ((board, "standard"), (both, "standard"), (both, "link"))
     )
     assert standard == alone
-    (present,) = link["maps"]
-    assert present["season"] == 2
-    assert {ally["slug"] for ally in present["ally"]} == {f"player-{k}-link" for k in range(1, 4)}
+    assert set(link["allies"]) == {f"player-{k}-link" for k in range(4)}
     assert link["names"]["opponent"] == {f"player-{k}-link": f"Player {k} on a link" for k in range(2)}
     assert standard["watch"]["opponent"]
     assert link["watch"]["opponent"]
@@ -337,8 +313,6 @@ def test_each_scenario_has_a_page_of_cross_play_with_its_own_players(tmp_path):
     for name, page in pages.items():
         assert {"crossplay.html", "crossplay-link.html"} <= set(page.values("href"))
         assert f"data/{name}.js" in page.values("src")
-        assert ("Diamonds are opponents that fly themselves" in page.text) == (name == "crossplay")
-        assert ("only which group is nearer" in page.text) == (name == "crossplay-link")
         assert ("Not in it yet: Player 1 on a link." in page.text) == (name == "crossplay-link")
 
 

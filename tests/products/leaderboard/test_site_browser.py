@@ -436,59 +436,6 @@ def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit):
     assert page.locator("#matrix").input_value() == "jamming_success_rate"
 
 
-def test_the_map_of_cross_play_leads_to_the_round_of_the_two_that_are_chosen(visit):
-    page = visit("crossplay.html")
-    marks = page.locator("#map-ally .mark")
-    assert marks.count() == ENTRIES - 1  # but for the one that is not verified
-    expect(page.locator("#map-ally .mark[aria-pressed=true]")).to_have_count(1)
-    assert page.locator("#map-ally .halo").count() == 1  # of the mixture, that is placed
-    chosen, name = page.locator("#chosen"), page.locator("#map-ally .name")
-    marks.nth(3).focus()
-    label = page.evaluate("document.activeElement.getAttribute('aria-label')")
-    assert re.fullmatch(r".*: −?[\d.]+ against aimers, −?[\d.]+ against herders", label)
-    expect(name).to_have_text(label.rpartition(": ")[0])
-    page.keyboard.press("ArrowRight")
-    after = page.evaluate("document.activeElement.getAttribute('aria-label')")
-    assert after != label
-    page.keyboard.press("ArrowLeft")
-    page.keyboard.press("Enter")
-    expect(chosen).to_have_text(re.compile(re.escape(label.rpartition(": ")[0]) + " against "))
-    marks.nth(1).hover()
-    expect(name).not_to_have_text(label.rpartition(": ")[0])
-    page.locator("#map summary").click()
-    rows = page.locator("#map-table-ally tbody tr")
-    assert rows.count() == marks.count()
-    assert not violations(page)
-
-
-def test_the_slider_of_the_map_leads_to_the_season_before(visit):
-    page = visit("crossplay.html")
-    slider, shown = page.get_by_label("Season:"), page.locator("#season-shown")
-    chosen, marks = page.locator("#chosen"), page.locator("#map-ally .mark")
-    expect(shown).to_have_text("season 2, the present one")
-    expect(chosen).to_contain_text("jamming success rate")
-    marks.nth(3).click()
-    label, there = (marks.nth(3).get_attribute(name) for name in ("aria-label", "transform"))
-    name, _, scores = label.rpartition(": ")
-    slider.focus()
-    page.keyboard.press("ArrowLeft")
-    expect(shown).to_have_text("season 1")
-    assert slider.get_attribute("aria-valuetext") == "season 1"
-    assert marks.count() == ENTRIES - 2  # one was not there yet
-    held = page.locator("#map-ally .mark[aria-pressed=true]")
-    before = held.get_attribute("aria-label").rpartition(": ")
-    assert before[0] == name
-    assert [now - then for now, then in zip(numbers(scores), numbers(before[2]), strict=True)] == [
-        pytest.approx(10, abs=0.11)
-    ] * 2
-    assert held.get_attribute("transform") != there  # the axes are those of all seasons
-    expect(chosen).to_have_text(re.compile(r"In season 1, .* scored [\d.]+ \([\d.]+ to [\d.]+\), rank \d"))
-    assert not violations(page)
-    page.keyboard.press("ArrowRight")
-    expect(shown).to_have_text("season 2, the present one")
-    expect(held).to_have_attribute("transform", there)
-
-
 def test_a_link_leads_to_the_cross_play_of_the_other_scenario_whose_rounds_are_played_by_its_rules(
     browser, tmp_path
 ):
@@ -504,9 +451,6 @@ def test_a_link_leads_to_the_cross_play_of_the_other_scenario_whose_rounds_are_p
         labels = page.locator("#heatmap tbody th").all_inner_texts()
         assert len(labels) == 4
         assert all(label.endswith(" on a link") for label in labels)
-        page.locator("#map-ally .mark").nth(1).click()
-        expect(page.locator("#chosen")).to_contain_text("on a link against Player")
-        expect(page.locator("#duel")).to_be_visible()
         expect(page.locator("#value")).to_have_text("0.50")
         assert page.locator("nav a[aria-current]").all_inner_texts() == ["Cross-play"]
         assert not violations(page)

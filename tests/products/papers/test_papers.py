@@ -7,11 +7,20 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.utils.env_checker import check_env
+from scipy.optimize import linprog
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
-from fpg_bench.products.papers import ali_2023, liu_2018, verbs
-from fpg_bench.products.papers.learners import DuelingNetwork, PrioritisedBuffer, q_learning
+from fpg_bench.evaluation.payoffs import nash
+from fpg_bench.products.papers import ali_2023, firouzbakht_2013, liu_2018, verbs
+from fpg_bench.products.papers.firouzbakht_2013 import RateGame
+from fpg_bench.products.papers.learners import (
+    DuelingNetwork,
+    PrioritisedBuffer,
+    fictitious_play,
+    minimax_q,
+    q_learning,
+)
 from fpg_bench.products.papers.page import write_page
 from fpg_bench.products.papers.reproduce import reproduce
 from fpg_bench.products.papers.reproduction import (
@@ -29,15 +38,23 @@ from fpg_bench.products.papers.reproduction import (
 from fpg_bench.products.papers.verbs import reproduce as reproduce_verb
 from tests.programs import ROOT
 
-PAPERS = (ali_2023.PAPER, liu_2018.PAPER)
+PAPERS = (ali_2023.PAPER, firouzbakht_2013.PAPER, liu_2018.PAPER)
 NAMES = [paper.facts.name for paper in PAPERS]
+BUDGETS = ("tenth", "full", "full")
 COMMITTED = ROOT / "docs/results/papers"
 
 
-@pytest.mark.parametrize("name", ["Ali2023", "Liu2018"])
-def test_games_are_environments_of_gymnasium(name):
+@pytest.mark.parametrize(
+    ("name", "jammers"),
+    [
+        ("Ali2023", (*ali_2023.JAMMERS, "dynamic")),
+        ("Firouzbakht2013", firouzbakht_2013.JAMMERS),
+        ("Liu2018", liu_2018.JAMMERS),
+    ],
+)
+def test_games_are_environments_of_gymnasium(name, jammers):
     made = gymnasium.make(f"fpg_bench.products.papers:FPG-papers/{name}-v0")
-    for jammer in (*ali_2023.JAMMERS, "dynamic") if name == "Ali2023" else liu_2018.JAMMERS:
+    for jammer in jammers:
         check_env(type(made.unwrapped)(jammer), skip_render_check=True)
     vectorised = gymnasium.make_vec(made.spec, num_envs=2, vectorization_mode="sync")
     observations, _ = vectorised.reset(seed=[1, 1])
@@ -53,6 +70,8 @@ def test_games_are_environments_of_gymnasium(name):
             lambda: liu_2018.WaterfallEnv("dynamic"),
             "jammer: expected one of sweep, comb, random, intelligent",
         ),
+        (lambda: firouzbakht_2013.RateEnv("sweep"), "jammer: expected one of equilibrium, constant"),
+        (lambda: firouzbakht_2013.RateEnv(mean_power=1.5), "mean_power: expected a share above 0, up to 1"),
     ],
 )
 def test_an_option_that_a_paper_lacks_is_refused(make, message):
@@ -111,6 +130,106 @@ def test_the_rule_is_never_jammed_and_pays_for_each_change():
 def test_q_learning_finds_the_free_channels_of_the_comb():
     played = liu_2018.play("Q-learning", "comb", 0, 1.0)
     assert played["throughput"] > 0.95 > 0.5 > liu_2018.play("random", "comb", 0, 1.0)["throughput"]
+
+
+def games(count=40):
+    """Games of random rates, levels and mean powers."""
+    generator = np.random.default_rng(0)
+    for _ in range(count):
+        levels, signal, jammer = generator.integers(2, 30), *10 ** generator.uniform(-1, 3, 2)
+        rates = np.log2(1 + signal / (1 + np.linspace(0, jammer, levels + 1))) / 2
+        yield RateGame(rates, generator.uniform(0.01, 1))
+
+
+def best_jammer(game, sender):
+    """The pay-off against the best jammer, by linear programming over powers with their mean limited."""
+    levels = np.arange(len(game.rates))
+    costs = [sum(sender[i] * game.rates[i] for i in levels if power <= i) for power in levels]
+    limit, one = [game.mean_power * levels[-1]], np.ones((1, len(levels)))
+    return linprog(costs, A_ub=levels[None], b_ub=limit, A_eq=one, b_eq=[1.0]).fun
+
+
+def test_the_closed_form_is_the_equilibrium_of_rates_and_powers():
+    for game in games():
+        sender, jammer = game.equilibrium()
+        for strategy in (sender, jammer):
+            assert strategy.sum() == pytest.approx(1)
+            assert strategy.min() >= 0
+        assert jammer @ np.arange(len(jammer)) <= game.mean_power * (len(jammer) - 1) + 1e-6
+        value = -nash(-(game.payoffs @ game.mixes.T)).value
+        best_rate = max(rate * jammer[: i + 1].sum() for i, rate in enumerate(game.rates))
+        assert best_jammer(game, sender) == pytest.approx(value, rel=1e-6)
+        assert best_rate == pytest.approx(value, rel=1e-6) == pytest.approx(game.ceiling(jammer))
+
+
+def test_guarantees_are_those_against_the_best_jammer():
+    generator = np.random.default_rng(1)
+    for game in games(20):
+        sender = generator.dirichlet(np.ones(len(game.rates)))
+        assert game.guarantee(sender) == pytest.approx(best_jammer(game, sender))
+        assert game.guarantee(sender) <= game.guarantee(game.equilibrium()[0]) + 1e-9
+
+
+def test_above_the_threshold_and_not_below_the_mean_power_does_not_matter():
+    for game in games(20):
+        above, full = (RateGame(game.rates, share) for share in (min(game.threshold + 1e-3, 1), 1.0))
+        assert above.guarantee(above.equilibrium()[0]) == pytest.approx(full.rates[-1])
+        below = RateGame(game.rates, game.threshold * 0.9)
+        assert below.guarantee(below.equilibrium()[0]) > full.rates[-1] + 1e-9
+
+
+def test_simple_strategies_keep_to_the_mean_power_and_lose_to_the_equilibrium():
+    for rule in firouzbakht_2013.RULES.values():
+        game = RateGame(firouzbakht_2013.RATES, 0.1)
+        sender, jammer = rule(game)
+        assert jammer @ np.linspace(0, 1, len(jammer)) <= 0.1 + 1e-9
+        assert game.guarantee(sender) <= game.ceiling(game.equilibrium()[1]) + 1e-9
+        assert game.ceiling(jammer) >= game.guarantee(game.equilibrium()[0]) - 1e-9
+
+
+def test_packets_meet_the_powers_of_the_equilibrium_and_pay_their_rate():
+    env, rate = firouzbakht_2013.RateEnv(mean_power=0.2), 3
+    env.reset(seed=0)
+    steps = [env.step(np.int64(rate)) for _ in range(20_000)]
+    levels = np.array([level for level, *_ in steps])
+    assert levels.mean() / firouzbakht_2013.LEVELS == pytest.approx(0.2, abs=0.01)
+    assert [reward > 0 for _, reward, *_ in steps] == (levels <= rate).tolist()
+    game = RateGame(firouzbakht_2013.RATES, 0.2)
+    assert np.mean([reward for _, reward, *_ in steps]) == pytest.approx(
+        game.ceiling(game.equilibrium()[1]), abs=0.02
+    )
+
+
+MATRIX = np.array([[3.0, 0.0], [1.0, 2.0], [-1.0, -1.0]])  # the third row is the worst one
+ROWS, COLUMNS = [1 / 4, 3 / 4, 0], [1 / 2, 1 / 2]
+
+
+@pytest.mark.parametrize("noise", [0.0, 30.0])
+def test_fictitious_play_and_hedge_come_near_the_equilibrium_of_a_matrix(noise):
+    early, late = fictitious_play(MATRIX, [10, 20_000], 0, noise=noise)
+    assert early[0].sum() == pytest.approx(1)
+    assert late[0] == pytest.approx(ROWS, abs=0.05)
+    assert late[1] == pytest.approx(COLUMNS, abs=0.05)
+    again = fictitious_play(MATRIX, [10, 20_000], 0, noise=noise)[1]
+    assert (again[0] == late[0]).all()
+
+
+def test_minimax_q_solves_a_matrix_once_it_has_met_all_of_it():
+    (first, _), (rows, columns) = minimax_q(MATRIX, [1, 200], 0, exploration=0.5)
+    assert rows == pytest.approx(ROWS, abs=1e-9)
+    assert columns == pytest.approx(COLUMNS)
+    assert first != pytest.approx(rows)
+
+
+def test_self_play_learns_and_a_single_rate_is_exploited():
+    played = {
+        player: firouzbakht_2013.play(player, "mean power 0.2", 0, 1.0)
+        for player in (*firouzbakht_2013.SELF_PLAY, firouzbakht_2013.Q_LEARNING)
+    }
+    for player in firouzbakht_2013.SELF_PLAY:
+        _, _, first, *_, last = played[player].values()
+        assert last < 0.05 < first
+    assert played["Q-learning"]["guarantee"] < 0.8 * played["minimax-Q"]["guarantee"]
 
 
 def test_q_learning_bootstraps_at_the_end_of_time_and_not_at_the_end_of_a_task():
@@ -193,7 +312,9 @@ def test_published_values_are_those_of_players_and_conditions(paper):
     for player, values in paper.facts.published.items():
         assert player in paper.players
         assert {*values} <= {*paper.conditions}
-    assert {number.source for number in paper.facts.numbers} >= {"public implementation", "assumption"}
+    sources = {number.source for number in paper.facts.numbers}
+    assert "assumption" in sources
+    assert len(sources) > 1
 
 
 def small(play):
@@ -253,7 +374,7 @@ def test_without_a_name_the_papers_are_listed(capsys):
     assert all(len(line) <= 80 for line in lines)
 
 
-@pytest.mark.parametrize(("paper", "budget"), [*zip(PAPERS, ("tenth", "full"), strict=True)], ids=NAMES)
+@pytest.mark.parametrize(("paper", "budget"), [*zip(PAPERS, BUDGETS, strict=True)], ids=NAMES)
 def test_committed_pages_follow_from_committed_rows(paper, budget, tmp_path):
     name = f"{paper.facts.name}-{budget}"
     rows = {
@@ -264,5 +385,6 @@ def test_committed_pages_follow_from_committed_rows(paper, budget, tmp_path):
     assert len(rows) == len(paper.players) * len(paper.conditions) * len(seeds)
     assert len(seeds) >= 5
     command = f"fpg-bench reproduce {paper.facts.name} --budget {budget} --n-seeds {len(seeds)}"
-    page, _ = write_page(paper, PaperResults(rows), command, tmp_path / f"{name}.md")
+    page, *figures = write_page(paper, PaperResults(rows), command, tmp_path / f"{name}.md")
     assert page.read_text() == (COMMITTED / f"{name}.md").read_text()
+    assert {each.name for each in figures} == {each.name for each in COMMITTED.glob(f"{name}.*svg")}

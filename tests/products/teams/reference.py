@@ -57,12 +57,19 @@ class ReferenceTeams:
 
     # -- powers -----------------------------------------------------------------------------------------
 
-    def _beam_db(self, towards: np.ndarray, place: np.ndarray) -> float:
+    def _apart_deg(self, towards: np.ndarray, place: np.ndarray) -> float:
         a, b = towards - self.s.base_station_m, place - self.s.base_station_m
         cosine = clip(float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b))))
-        return -min(
-            12 * (math.degrees(math.acos(cosine)) / self.s.base_beam_deg) ** 2, self.s.base_side_lobe_db
-        )
+        return math.degrees(math.acos(cosine))
+
+    def _beam_db(self, towards: np.ndarray, place: np.ndarray) -> float:
+        widths = self._apart_deg(towards, place) / self.s.base_beam_deg
+        return -min(12 * widths**2, self.s.base_side_lobe_db)
+
+    def _base_dbm(self, ally: ReferenceGame) -> float:
+        apart = [self._apart_deg(ally.ally_position, mate.ally_position) for mate in self.allies]
+        sharing = sum(degrees < self.s.base_beam_deg for degrees in apart) if self.team.share_power else 1
+        return self.s.base_power_dbm - 10 * math.log10(sharing)
 
     def _band(self, ally: ReferenceGame) -> tuple[float, float]:
         half = (self.s.spread_bandwidth_mhz if ally.spreading else self.s.bandwidth_mhz) / 2
@@ -80,7 +87,7 @@ class ReferenceTeams:
             senders.append(Sender(10 ** (level / 10), bands, best))
         for k, mate in enumerate(self.allies):
             if k != i:
-                level = s.base_power_dbm - mate._loss(me.ally_position, s.base_station_m) + me.fading_db
+                level = self._base_dbm(mate) - mate._loss(me.ally_position, s.base_station_m) + me.fading_db
                 power = 10 ** ((level + self._beam_db(mate.ally_position, me.ally_position)) / 10)
                 if me.spreading and mate.spreading and me.point == mate.point:
                     power *= 1 - self.team.code_orthogonality
@@ -94,7 +101,7 @@ class ReferenceTeams:
         s, me = self.s, self.allies[i]
         here, width = me.frequency_mhz, s.spread_bandwidth_mhz if me.spreading else s.bandwidth_mhz
         leaked, density = 10 ** (s.filter_stopband_db / 10), 10 ** (s.noise_density_dbm_hz / 10) * 1e6
-        level = s.base_power_dbm - me._loss(me.ally_position, s.base_station_m) + me.fading_db
+        level = self._base_dbm(me) - me._loss(me.ally_position, s.base_station_m) + me.fading_db
         signal, senders = 10 ** (level / 10), self._senders(i, jamming)
 
         def passing(low: float = -math.inf, high: float = math.inf) -> float:
@@ -225,7 +232,9 @@ class ReferenceTeams:
         s, ally, place = self.s, self.allies[i], self.jammers[j].opponent_position
         uplink = s.ally_emission_dbm - ally._loss(ally.ally_position, place)
         downlink = (
-            s.base_power_dbm + self._beam_db(ally.ally_position, place) - ally._loss(s.base_station_m, place)
+            self._base_dbm(ally)
+            + self._beam_db(ally.ally_position, place)
+            - ally._loss(s.base_station_m, place)
         )
         faded = s.fading_sd_db * self.pairs[i][j].detection_fading(self.step_number)
         return 10 ** ((max(uplink, downlink) + faded) / 10)

@@ -22,7 +22,7 @@ LEARNED = dataclasses.replace(LINK, opponent_path="learned")
 
 # Other values of all rules that are new in link.
 STRICT = dataclasses.replace(
-    LINK, filter_stopband_db=-30, fading_distance_m=20, jamming_fading_sd_db=3, acquisition_s=0.4,
+    LINK, filter_stopband_db=-30, fading_distance_m=20, jamming_fading_sd_db=3,
     jamming_backoff_db=(0, 1, 2, 3), flight_cost_per_w=0.02, ally_speed_m_s=(5, 20), look_through_s=0.3,
     opponent_speed_m_s=15,
 )  # fmt: skip
@@ -41,7 +41,6 @@ NEUTRAL = {
     "jamming_fading_sd_db": {"jamming_fading_sd_db": 0},
     "jamming_backoff_db": {"jamming_backoff_db": (0, 0, 0, 0)},
     "hop_airtime_s": {"hop_airtime_s": 0},
-    "acquisition_s": {"acquisition_s": 0},
     "flight_cost_per_w": {"flight_cost_per_w": 0},
     "look_through_s": {"look_through_s": 0},
     "notch_width_mhz": {"notch_width_mhz": 0},
@@ -151,6 +150,28 @@ def test_a_convoy_flies_one_curve_and_starts_spaced():
     assert np.median(gaps) > 59  # nearly straight between them
 
 
+def test_mates_within_one_beam_share_its_power_and_others_keep_theirs():
+    """By a link budget of allies that no mate disturbs: those two points away or more do not."""
+    deaf = dataclasses.replace(LINK, filter_stopband_db=-200)
+    rules = [TeamRules(5, 1, "separate", share_power=share) for share in (True, False)]
+    shared, whole = (TeamBatch(deaf, each, 100) for each in rules)
+    for batch in (shared, whole):
+        batch.reset(seeds=0)
+    paths = shared.allies["ally_position"] - deaf.base_station_m
+    metres = np.linalg.norm(paths, axis=2)
+    ways = paths / metres[..., None]
+    apart_deg = np.degrees(2 * np.arcsin(np.linalg.norm(ways[:, :, None] - ways[:, None], axis=3) / 2))
+    sharing = (apart_deg < 16.4).sum(axis=2)
+    points = shared.allies["point"]
+    is_free = (np.abs(points[:, :, None] - points[:, None]) > 1).sum(axis=2) == 4
+    loss_db = 20 * np.log10(metres / 1000) + 20 * np.log10(shared.allies["frequency_mhz"]) + 32.45
+    snr_db = 36 - 10 * np.log10(sharing) - loss_db + 148 - 10 * np.log10(5e6)
+    assert np.allclose(shared.allies["snr_db"][is_free], snr_db[is_free], atol=0.01)
+    assert {1, 2, 3} <= set(sharing[is_free])
+    alone = is_free & (sharing == 1)
+    assert np.array_equal(shared.allies["snr_db"][alone], whole.allies["snr_db"][alone])
+
+
 def test_numbers_are_drawn_by_the_round_and_absent_seats_are_zeros():
     batch = TeamBatch(LEARNED, TeamRules((2, 5), (1, 3)), 200)
     batch.reset(seeds=0)
@@ -249,6 +270,7 @@ def test_scenarios_that_teams_cannot_play_are_refused_with_the_reason(name, chan
         ({"code_orthogonality": 1.5}, "code_orthogonality: expected a number from 0 to 1"),
         ({"formation": "swarm"}, "formation: expected one of convoy, separate"),
         ({"share_findings": 1}, "share_findings: expected true or false"),
+        ({"share_power": 1}, "share_power: expected true or false"),
     ],
 )
 def test_rules_out_of_range_are_refused_in_one_line(rules, message):
@@ -280,8 +302,9 @@ def test_bad_actions_are_refused_and_nothing_is_played():
         (LEARNED, TeamRules(5, 3, spacing_m=5, share_findings=True)),
         (BASES["learned"], TeamRules(2, 3, formation="separate", share_findings=True)),
         (STRICT, TeamRules(4, 1, code_orthogonality=0.5)),
+        (LINK, TeamRules(3, 2, share_power=False)),
     ],
-    ids=["link", "strict", "large", "separate", "one-jammer"],
+    ids=["link", "strict", "large", "separate", "one-jammer", "whole-power"],
 )
 def test_a_round_of_teams_is_the_one_that_the_rules_describe(scenario, team):
     (n, m), steps, seed = team.most, 30, 11

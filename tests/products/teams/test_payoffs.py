@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from lineage import fill
 from measure_team_payoffs import Results, clone_table, payoff_table, without_bounds
+from train_teams import Teams
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.payoffs import Payoffs
+from fpg_bench.game.actions import SPREAD_GATE
 
 JAMMERS = {"tone": "tone"}
 
@@ -42,6 +44,14 @@ def test_clones_are_shown_in_both_formations(tmp_path, monkeypatch):
         ["| cdma", "convoy"],
         ["| cdma", "separate curves"],
     ]
+
+
+def test_a_team_plays_with_one_of_its_choices_frozen(tmp_path):
+    teams = Teams(tmp_path, 1, 2)
+    free = teams.rewards("cdma", "tone")
+    frozen = teams.rewards("cdma", "tone", "spreading: never", {SPREAD_GATE: -1.0})
+    assert free.shape == (2,)
+    assert (frozen < free - 1).all()  # all unspread on one point
 
 
 def test_marks_of_a_page_are_filled_and_missing_ones_refused(tmp_path):

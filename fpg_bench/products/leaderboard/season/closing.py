@@ -18,7 +18,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import read_yaml, write_whole
-from fpg_bench.common.ids import ALL_TACTICS, SCRIPTS, other_side
+from fpg_bench.common.ids import ALL_TACTICS, SCRIPTED, SCRIPTS, other_side
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.run_description import RunDescription
@@ -62,7 +62,9 @@ from fpg_bench.training.run_folder import RunFolder
 
 _logger = logging.getLogger(__name__)
 
-CANDIDATES, SIZE = 24, 12
+# Candidates and members of a side. Opponents differ less, so it takes more of them to order their rivals.
+POPULATION = 24, 12
+SEASON = {"ally": (24, 12), "opponent": (48, 24)}
 N_STRANGERS = 6  # trained ones, and as many scripts with drawn constants: the best of N_VARIANTS
 N_VARIANTS = 24
 ORACLE = "oracle"
@@ -78,7 +80,8 @@ class Closing:
         number: the season's number; None for a training population.
         entries: the entries that the season is closed over.
         work: folder of the candidates, which is kept so that an interrupted closing can be resumed.
-        candidates, size: number of trained and of selected candidates per side.
+        candidates, size: number of trained and of selected candidates of each side; None for those of
+            ``SEASON`` or ``POPULATION``.
         scenario: the preset that entries and candidates play.
     """
 
@@ -86,9 +89,14 @@ class Closing:
     number: int | None
     entries: tuple[SeasonEntry, ...]
     work: Path
-    candidates: int = CANDIDATES
-    size: int = SIZE
+    candidates: int | None = None
+    size: int | None = None
     scenario: str = "standard"
+
+    def numbers(self, side: str) -> tuple[int, int]:
+        """Return the number of a side's candidates, and how many of them are selected."""
+        candidates, size = POPULATION if self.number is None else SEASON[side]
+        return self.candidates or candidates, self.size or size
 
     @property
     def seed(self) -> str:
@@ -134,7 +142,7 @@ def _draw(closing: Closing, side: str) -> _Drawn:
     """Draw the rivals that the entries of the other side meet."""
     seed = closing.seed
     pool = target_pool(closing.entries, other_side(side), closing.scenario, closing.name)
-    candidates = draw_recipes(seed, side, closing.candidates, pool)
+    candidates = draw_recipes(seed, side, closing.numbers(side)[0], pool)
     if closing.number is None:
         return _Drawn(candidates, [], [])
     key = draw_number(2**32, seed, side, "variants")
@@ -147,8 +155,8 @@ def make_closing(
     name: str,
     board: str | Path,
     work: Path,
-    candidates: int = CANDIDATES,
-    size: int = SIZE,
+    candidates: int | None = None,
+    size: int | None = None,
     scenario: str = "standard",
 ) -> Closing:
     """Return the settings for closing a season (by number) or a training population (by name).
@@ -232,7 +240,8 @@ def close_season(
 def _check_plan(closing: Closing) -> None:
     """Store the closing's seed and settings in its folder; raise UserError if it belongs to another one."""
     file = closing.work / PLAN
-    plan = {"seed": closing.seed, "candidates": closing.candidates, "scenario": closing.scenario}
+    candidates = {side: closing.numbers(side)[0] for side in SIDES}
+    plan = {"seed": closing.seed, "candidates": candidates, "scenario": closing.scenario}
     if not file.exists():
         write_whole(file, "".join(f"{key}: {value}\n" for key, value in plan.items()))
     stored = read_yaml(file, "closing")
@@ -345,8 +354,11 @@ def _name(rival: Recipe | str) -> str:
 
 
 def _floor(side: str, profiles: Mapping[str, _Profile]) -> tuple[str, float]:
-    """Return the script that a member must beat, and what it earns: of allies, the best that never hops."""
-    scripts = [script for script in SCRIPTS[side] if side == "opponent" or not profiles[script].hops]
+    """Return the script of ``SCRIPTED`` that a member must beat, and what it earns.
+
+    It is the best one, of allies the best that never hops.
+    """
+    scripts = [script for script in SCRIPTED[side] if side == "opponent" or not profiles[script].hops]
     best = max(scripts, key=lambda script: profiles[script].own)
     return best, profiles[best].own
 
@@ -382,17 +394,18 @@ def _select_members(
     closing: Closing, side: str, profiles: Mapping[str, _Profile]
 ) -> tuple[SeasonMember, ...]:
     recipes = closing.recipes(side)
+    candidates, size = closing.numbers(side)
     if closing.number is not None:
         script, floor = _floor(side, profiles)
         recipes = [recipe for recipe in recipes if profiles[recipe.name].own > floor]
-        if len(recipes) < closing.size:
+        if len(recipes) < size:
             raise UserError(
-                f"season: {closing.name} does not close: {len(recipes)} of {closing.candidates} candidates "
-                f"of the {side} earn more than {script} ({floor:.2f}), {closing.size} are asked; train more"
+                f"season: {closing.name} does not close: {len(recipes)} of {candidates} candidates "
+                f"of the {side} earn more than {script} ({floor:.2f}), {size} are asked; train more"
             )
     returns = _columns(closing, side, [profiles[recipe.name].means for recipe in recipes])
     select = select_diverse if closing.number is None else select_representative
-    chosen = select(limit_influence(returns), min(closing.size, len(recipes)))
+    chosen = select(limit_influence(returns), min(size, len(recipes)))
     return tuple(
         SeasonMember(
             **dict(recipes[index]),
@@ -412,7 +425,7 @@ def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember,
         number=closing.number,
         protocol=PROTOCOL,
         seed=closing.seed,
-        candidates=dict.fromkeys(SIDES, closing.candidates),
+        candidates={side: closing.numbers(side)[0] for side in SIDES},
         entries={entry.name: list(entry.hashes) for entry in closing.entries},
         members=members,
         versions=RunDescription.read(first).versions,

@@ -27,6 +27,7 @@ _HEADER = """# The rivals of both sides, how each was trained, and the entries t
 # Made by: fpg-bench leaderboard close-season. Members lie beside it, as <side>/<member>/policy.onnx.
 """
 _MATCHES, _PLANNER_MATCHES = 100, 30  # of each rival; those of planners have many rounds
+_MOST_MATCHES = 1200  # of all rivals
 _COPIED = ("side", "scenario", "rounds_per_match", "opponent", "last_rounds", "scale")
 
 
@@ -36,12 +37,10 @@ class SeasonMember(Recipe):
     Attributes:
         policy_sha256: hash of its ``policy.onnx``.
         entries_earn: mean return per step of the other side's entries against it.
-        group: its group in the suite; None in seasons without groups.
     """
 
     policy_sha256: str
     entries_earn: float
-    group: str | None = None
 
 
 class Season(Strict):
@@ -112,11 +111,12 @@ def write_suites(season: Season, number: int) -> None:
         side, is_planner = other_side(track.side), track.side == PLANNER
         template = read_yaml(suites_folder() / f"{track.public}.yml", "suite")
         content: dict[str, object] = {name: template[name] for name in _COPIED if name in template}
-        content |= {"matches": _PLANNER_MATCHES if is_planner else _MATCHES, "season": season.seed}
+        matches = _MOST_MATCHES // len(season.members[side])
+        most = _PLANNER_MATCHES if is_planner else _MATCHES
+        content |= {"matches": min(matches, most), "season": season.seed}
         content["rivals"] = [
             {"name": member.name, side: f"{season.name}/{side}/{member.name}"}
             | ({} if is_planner else {"path": track.path or member.path})
-            | ({} if member.group is None else {"group": member.group})
             for member in season.members[side]
         ]
         header = f"# The members of {season.name}, trained after entries were closed."

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -13,7 +12,6 @@ from fpg_bench.common.documentation import published
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.products.leaderboard.board import Board
-from fpg_bench.products.leaderboard.past_seasons import SeasonRow
 from fpg_bench.products.leaderboard.site import reading_pages, views
 from fpg_bench.products.leaderboard.site.entry_page import badge_file, badge_view, entry_view
 from fpg_bench.products.leaderboard.site.findings import finding_cards
@@ -37,7 +35,6 @@ def build_site(
     replays: Replays | None = None,
     docs: str = "",
     policies: Policies | None = None,
-    seasons: Sequence[SeasonRow] = (),
 ) -> list[Path]:
     """Write a board's site.
 
@@ -50,7 +47,6 @@ def build_site(
             only.
         policies: by track and entry, policies of submitted entries that a visitor can play against; see
             :func:`fpg_bench.products.leaderboard.site.page_data.submitted_policies`.
-        seasons: what is kept of seasons; those before the present ones are on the maps of cross-play, too.
 
     Returns:
         The files, sorted.
@@ -63,7 +59,7 @@ def build_site(
     folder, replays = Path(out), replays or {}
     check_folder(folder)
     files: dict[str, str | bytes] = {MARK: "made by fpg-bench leaderboard build\n"}
-    files |= _pages(board, replays, docs) | _static_files() | data_files(board, policies or {}, seasons)
+    files |= _pages(board, replays, docs) | _static_files() | data_files(board, policies or {})
     files |= {replay.file: replay.script for rounds in replays.values() for replay in rounds}
     for name, content in files.items():
         _write(folder / name, content)

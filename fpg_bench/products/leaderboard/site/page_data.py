@@ -27,7 +27,6 @@ from fpg_bench.players.onnx_file import plain_model
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.products.leaderboard.entries import Entries
-from fpg_bench.products.leaderboard.past_seasons import SeasonRow, season_rows
 from fpg_bench.products.leaderboard.site.dataset import dataset_files
 from fpg_bench.products.leaderboard.site.views import (
     MEASURES,
@@ -52,22 +51,19 @@ _OPERATORS |= {"Elu", "LeakyRelu", "Softmax", "Flatten", "Identity"}
 _GROUPS = dict.fromkeys(
     ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner"),
     "standard",
-) | dict.fromkeys(("link", "link-champion", "link-population", "link-strangers"), "link")
+) | dict.fromkeys(("link", "link-champion", "link-population"), "link")
 
 
-def data_files(board: Board, submitted: Policies, seasons: Sequence[SeasonRow] = ()) -> dict[str, str]:
+def data_files(board: Board, submitted: Policies) -> dict[str, str]:
     """Return the data files of the site.
 
     Args:
         board: the board.
         submitted: policies of submitted entries that the page can play.
-        seasons: what is kept of seasons.
     """
     zoo = zoo_policies()
     crossplay = {
-        f"data/{crossplay_page(scenario)}.js": _script(
-            crossplay_data(board, scenario, submitted, zoo, seasons)
-        )
+        f"data/{crossplay_page(scenario)}.js": _script(crossplay_data(board, scenario, submitted, zoo))
         for scenario in SCENARIOS
     }
     return {
@@ -192,10 +188,8 @@ def _improvement(track: BoardTrack, order: Sequence[str]) -> Row | None:
     }
 
 
-def crossplay_data(
-    board: Board, scenario: str, submitted: Policies, zoo: Zoo, seasons: Sequence[SeasonRow]
-) -> Row | None:
-    """Return the matrices of a scenario's cross-play, its maps, and the players of a pair's round."""
+def crossplay_data(board: Board, scenario: str, submitted: Policies, zoo: Zoo) -> Row | None:
+    """Return the matrices of a scenario's cross-play and the players of a pair's round."""
     crossplay = board.crossplay.get(scenario)
     if crossplay is None:
         return None
@@ -212,45 +206,6 @@ def crossplay_data(
         "nash": asdict(crossplay.nash),
         "game": scenario,
         "watch": _watched(board, scenario, submitted, zoo),
-        "maps": _maps(board, scenario, crossplay.season, seasons),
-    }
-
-
-def _maps(board: Board, scenario: str, present: int | None, seasons: Sequence[SeasonRow]) -> list[Row]:
-    """Return a map for each season of a scenario in which players of both sides can be placed.
-
-    A map has the season's number, and its players by side. The last one is of the present season.
-    """
-    if present is None:
-        return []
-    rows = [row for row in seasons if row.season < present and _is_placed(row, scenario)]
-    rows += [row for row in season_rows(board, {scenario: present}) if _is_placed(row, scenario)]
-    maps = []
-    for number in sorted({row.season for row in rows}):
-        of_season = [row for row in rows if row.season == number]
-        players = {
-            side: [_placed(row) for row in of_season if TRACKS[row.track].side == side] for side in SIDES
-        }
-        if all(players.values()):
-            maps.append({"season": number, **players})
-    return maps
-
-
-def _is_placed(row: SeasonRow, scenario: str) -> bool:
-    track = TRACKS.get(row.track)
-    is_of = track is not None and track.side in SIDES and track.scenario == scenario
-    return is_of and row.share is not None and len(row.by_group) == 2
-
-
-def _placed(row: SeasonRow) -> Row:
-    return {
-        "slug": row.slug,
-        "name": row.name,
-        "rank": format_rank(row.rank),
-        "score": row.score,
-        "by": dict(sorted(row.by_group.items())),  # each kind on the same axis in all seasons
-        "share": row.share,
-        "flies": TRACKS[row.track].path == "learned",
     }
 
 

@@ -494,15 +494,10 @@ def _heat_cells(figures: Figures, suites: Iterable[BoardSuite], top: float) -> l
 
 @dataclass(frozen=True)
 class CrossPlayView:
-    """Names that a page of cross-play mentions: who is missing, and who is shown as the same player.
-
-    Attributes:
-        has_learned_flight: a track of the scenario has opponents that fly themselves.
-    """
+    """Names that a page of cross-play mentions: who is missing, and who is shown as the same player."""
 
     missing: list[str]
     same_player: list[tuple[str, str]]
-    has_learned_flight: bool
 
 
 def crossplay_view(board: Board, scenario: str) -> CrossPlayView | None:
@@ -514,7 +509,6 @@ def crossplay_view(board: Board, scenario: str) -> CrossPlayView | None:
     return CrossPlayView(
         [names[side][slug] for side in SIDES for slug in crossplay.missing[side]],
         [(names["opponent"][one], names["opponent"][other]) for one, other in crossplay.same_player.items()],
-        any(track.path == "learned" for track in TRACKS.values() if track.scenario == scenario),
     )
 
 

@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const { percent, step, one, tint, matrix, table, fill } = fpgCharts;
-  const { names, matrices, half, watch, rounds, nash, maps, game } = window.fpgData;
+  const { names, matrices, half, watch, rounds, nash, game } = window.fpgData;
   const SHOWN = {
     ally: { short: "ally's return", better: "ally", written: step, brief: one },
     opponent: { short: "opponent's return", better: "opponent", written: step, brief: one },
@@ -83,61 +83,6 @@
   who.addEventListener("change", show);
   draw();
 
-  /* ---- the map of a season: one of each side is chosen, and their round is played ---- */
-
-  const duel = {}, slider = document.getElementById("season");
-  const kindsOf = (side, players) => Object.keys(players[0].by).map((group) => (side === "ally" ? group : `${group} allies`));
-  const isPresent = () => Number(slider.value) === maps.length - 1;
-
-  /** A player as the map draws it. */
-  function marked(player, kinds) {
-    const scores = Object.values(player.by);
-    return { ...player, scores, label: `${player.name}: ${kinds.map((kind, i) => `${one(scores[i])} against ${kind}`).join(", ")}` };
-  }
-
-  const earned = ({ name, rank, score: [value, low, high] }) => `${name} scored ${one(value)}${low === null ? "" : ` (${one(low)} to ${one(high)})`}, rank ${rank}`;
-
-  function showDuel() {
-    const { ally, opponent } = duel, href = address(ally.slug, opponent.slug), link = document.getElementById("duel");
-    const [i, j] = [slugs.ally.indexOf(ally.slug), slugs.opponent.indexOf(opponent.slug)];
-    document.getElementById("chosen").textContent = isPresent()
-      ? `${ally.name} against ${opponent.name}: the ally earns ${within("ally", i, j, step)} per step; jamming success rate ${percent(matrices.jamming_success_rate[i][j])}.`
-      : `In season ${maps[slider.value].season}, ${earned(ally)}; ${earned(opponent)}.`;
-    link.hidden = !href;
-    if (href) link.href = href;
-  }
-
-  /** Draw the season of the slider; whoever was chosen before stays so, if it is there. */
-  function drawMaps() {
-    const { season, ...sides } = maps[slider.value];
-    const words = `season ${season}${isPresent() ? ", the present one" : ""}`;
-    slider.setAttribute("aria-valuetext", words);
-    document.getElementById("season-shown").textContent = words;
-    for (const [side, entries] of Object.entries(sides)) {
-      const kinds = kindsOf(side, entries), players = entries.map((player) => marked(player, kinds));
-      const every = maps.flatMap((map) => map[side].map(({ by }) => Object.values(by)));
-      const mark = fpgMap.draw(document.getElementById(`map-${side}`), side, kinds, players, every, (place) => {
-        duel[side] = players[place];
-        mark(place);
-        showDuel();
-      });
-      const before = players.findIndex(({ slug }) => slug === duel[side]?.slug);
-      const most = before < 0 ? players.reduce((best, { share }, place) => (share > players[best].share ? place : best), 0) : before;
-      duel[side] = players[most];
-      mark(most);
-      table(document.getElementById(`map-table-${side}`), `Scores of each ${side}, ${words}`, [side === "ally" ? "Ally" : "Opponent", ...kinds.map((kind) => `Score against ${kind}`), "Share in the mixture"],
-        [...players].sort((a, b) => mean(b.scores) - mean(a.scores)).map(({ name, scores, share }) => [name, ...scores.map(one), percent(share)]));
-    }
-    showDuel();
-  }
-
-  if (maps.length) {
-    document.getElementById("map").hidden = false;
-    document.getElementById("seasons").hidden = maps.length === 1;
-    slider.value = slider.max = maps.length - 1;
-    slider.addEventListener("input", drawMaps);
-    drawMaps();
-  }
   document.getElementById("value").textContent = step(nash.value);
   for (const side of ["ally", "opponent"]) {
     const rows = Object.entries(nash[side]).filter(([, share]) => share > 0.0005).sort((a, b) => b[1] - a[1]);

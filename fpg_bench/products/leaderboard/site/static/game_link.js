@@ -108,7 +108,7 @@ const fpgLink = (() => {
     if (spread) game.point = between(game.point, ...radio.spread_points);
     game.frequency = fpgRules.pointMhz(game.point, rules);
     const moved = game.hopped || game.point !== before;
-    game.airtime = 1 - (moved ? radio.hop_airtime : 0) - (spread !== game.spreading ? radio.acquisition : 0);
+    game.airtime = 1 - (moved ? radio.hop_airtime : 0);
   }
 
   function rate(snr, i, rules) {

@@ -203,7 +203,7 @@
 
   function showCosts() {
     const cost = fpgRules.spreadCost(game.spreadingS + 1, rules), { radio } = rules;
-    byId("costs").textContent = radio ? `a hop ${radio.hop_airtime} s of the link; to spread, or to stop it, ${radio.acquisition} s` : `a hop ${rules.hop_cost}; spreading now ${written(cost, 1)} a second`;
+    byId("costs").textContent = radio ? `a hop ${radio.hop_airtime} s of the link` : `a hop ${rules.hop_cost}; spreading now ${written(cost, 1)} a second`;
     const [hop, spread] = [rules.hop_cost, cost].map(worth).map((lost) => (radio || lost === null ? "" : `, −${lost.toFixed(lost < 0.095 ? 2 : 1)} points`));
     const [h, s] = matchMedia("(hover: hover)").matches && byId("keys").checked ? [" (h)", " (s)"] : ["", ""];
     byId("hop").textContent = `Hop${h}${hop}`;
