@@ -249,6 +249,7 @@ def few_steps(checks=()):
             ("closing.N_STRANGERS", 1),
             ("closing.N_VARIANTS", 1),
             ("closing.SCRIPTS", scripts),
+            ("closing.SCRIPTED", scripts),
             ("closing._floor", lambda side, profiles: ("nobody", -1e9)),
             ("closing.check_members", lambda evidence: checks if evidence.side == "ally" else ()),
         ):
