@@ -108,3 +108,13 @@ def test_the_lowest_versions_are_those_of_the_core_and_of_training():
     found = subprocess.check_output([sys.executable, ROOT / "scripts" / "lowest.py"], text=True).split()
     assert {"gymnasium==1.1", "pettingzoo==1.26", "onnx==1.17"} <= set(found)
     assert len({line.partition("==")[0] for line in found}) == len(found)
+
+
+def test_committed_agents_name_no_folder_of_a_machine():
+    cards = [
+        path for folder in ("baselines", "leaderboard") for path in (ROOT / folder).glob("**/agent.json")
+    ]
+    absolute = re.compile(r'["\' =](/[a-z]+/|[A-Z]:\\)')
+    assert [path for path in cards if absolute.search(path.read_text(encoding="utf-8"))] == []
+    assert absolute.search('{"teacher": "/home/me/runs/agent"}')
+    assert len(cards) > 200
