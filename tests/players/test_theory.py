@@ -149,7 +149,7 @@ def test_plans_are_worth_what_going_through_all_of_them_says(monkeypatch, interv
 
 
 def jammed(point: int, centre: int | None, away_m: float = 300.0) -> np.ndarray:
-    """Return what an ally sees at a point after narrowband jamming of a centre, or before the first second."""
+    """Return what an ally sees at a point after narrowband jamming of a centre, or at the start."""
     seen = ally_sees(10.0)
     seen[0, 3], seen[0, 6] = np.sqrt(away_m / 1500), 2 * point / 14 - 1
     if centre is not None:
