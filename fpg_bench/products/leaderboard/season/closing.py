@@ -62,9 +62,17 @@ from fpg_bench.training.run_folder import RunFolder
 
 _logger = logging.getLogger(__name__)
 
-# Candidates and members of a side. Opponents differ less, so it takes more of them to order their rivals.
-POPULATION = 24, 12
-SEASON = {"ally": (24, 12), "opponent": (48, 24)}
+
+class Numbers(NamedTuple):
+    """Of a side, how many candidates are trained, and how many members are selected."""
+
+    candidates: int
+    members: int
+
+
+POPULATION = Numbers(24, 12)
+# Opponents differ less, so it takes more of them to order their rivals.
+SEASON = {"ally": Numbers(24, 12), "opponent": Numbers(48, 24)}
 N_STRANGERS = 6  # trained ones, and as many scripts with drawn constants: the best of N_VARIANTS
 N_VARIANTS = 24
 ORACLE = "oracle"
@@ -93,10 +101,10 @@ class Closing:
     size: int | None = None
     scenario: str = "standard"
 
-    def numbers(self, side: str) -> tuple[int, int]:
-        """Return the number of a side's candidates, and how many of them are selected."""
-        candidates, size = POPULATION if self.number is None else SEASON[side]
-        return self.candidates or candidates, self.size or size
+    def numbers(self, side: str) -> Numbers:
+        """Return the numbers of a side."""
+        usual = POPULATION if self.number is None else SEASON[side]
+        return Numbers(self.candidates or usual.candidates, self.size or usual.members)
 
     @property
     def seed(self) -> str:
@@ -142,7 +150,7 @@ def _draw(closing: Closing, side: str) -> _Drawn:
     """Draw the rivals that the entries of the other side meet."""
     seed = closing.seed
     pool = target_pool(closing.entries, other_side(side), closing.scenario, closing.name)
-    candidates = draw_recipes(seed, side, closing.numbers(side)[0], pool)
+    candidates = draw_recipes(seed, side, closing.numbers(side).candidates, pool)
     if closing.number is None:
         return _Drawn(candidates, [], [])
     key = draw_number(2**32, seed, side, "variants")
@@ -240,7 +248,7 @@ def close_season(
 def _check_plan(closing: Closing) -> None:
     """Store the closing's seed and settings in its folder; raise UserError if it belongs to another one."""
     file = closing.work / PLAN
-    candidates = {side: closing.numbers(side)[0] for side in SIDES}
+    candidates = {side: closing.numbers(side).candidates for side in SIDES}
     plan = {"seed": closing.seed, "candidates": candidates, "scenario": closing.scenario}
     if not file.exists():
         write_whole(file, "".join(f"{key}: {value}\n" for key, value in plan.items()))
@@ -425,7 +433,7 @@ def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember,
         number=closing.number,
         protocol=PROTOCOL,
         seed=closing.seed,
-        candidates={side: closing.numbers(side)[0] for side in SIDES},
+        candidates={side: closing.numbers(side).candidates for side in SIDES},
         entries={entry.name: list(entry.hashes) for entry in closing.entries},
         members=members,
         versions=RunDescription.read(first).versions,
