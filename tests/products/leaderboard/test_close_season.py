@@ -380,24 +380,53 @@ def test_a_season_that_fails_a_check_stays_open_and_keeps_what_was_trained(seaso
 
 @pytest.mark.full
 @pytest.mark.slow
-def test_candidates_that_a_script_beats_are_no_members(board, copied, monkeypatch):
+@pytest.mark.parametrize(
+    ("competent", "missing"),
+    [((), "0 of 2 candidates"), (("a00",), "1 of 2 candidates"), (("a00", "a01"), "0 of 2 strangers")],
+)
+def test_rivals_that_a_script_beats_neither_rank_nor_check(competent, missing, board, copied, monkeypatch):
     shutil.rmtree(copied / "season-1")
     find_floor = closing_module._floor
     read = closing_module._read_profile
 
     def beaten(closing, side, rival):
-        return dataclasses.replace(read(closing, side, rival), own=float(rival == "idle"))
+        name = rival if isinstance(rival, str) else rival.name
+        own = 2.0 if side == "opponent" or name in competent else float(name == "idle")
+        return dataclasses.replace(read(closing, side, rival), own=own)
+
+    def floor(side, profiles):
+        return find_floor(side, profiles) if side == "ally" else ("tone", 0.0)
 
     monkeypatch.setattr(f"{PACKAGE}.closing._read_profile", beaten)
     monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", run_here)
     with few_steps():
-        monkeypatch.setattr(f"{PACKAGE}.closing._floor", find_floor)
+        monkeypatch.setattr(f"{PACKAGE}.closing._floor", floor)
         closing = make_closing("1", board, copied / "work", candidates=2, size=2)
-        with pytest.raises(
-            UserError, match=r"0 of 2 candidates of the ally earn more than idle \(1.00\), 2 "
-        ):
+        with pytest.raises(UserError, match=rf"{missing} of the ally earn more than idle \(1.00\), [12] are"):
             close_season(closing, copied / "season-1")
     assert not (copied / "season-1").exists()
+
+
+@pytest.mark.full
+@pytest.mark.slow
+def test_a_season_has_all_competent_candidates_where_they_are_few(board, copied, monkeypatch):
+    """At least ``FEWEST``; here one of two is asked, and one is competent."""
+    shutil.rmtree(copied / "season-1")
+    read = closing_module._read_profile
+
+    def beaten(closing, side, rival):
+        own = 0.0 if getattr(rival, "name", "") == "a00" else 2.0
+        return dataclasses.replace(read(closing, side, rival), own=own)
+
+    monkeypatch.setattr(f"{PACKAGE}.closing._read_profile", beaten)
+    monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", run_here)
+    monkeypatch.setattr(f"{PACKAGE}.closing.FEWEST", 1)
+    with few_steps():
+        monkeypatch.setattr(f"{PACKAGE}.closing._floor", lambda side, profiles: ("idle", 1.0))
+        season = close_season(
+            make_closing("1", board, copied / "work", candidates=2, size=2), copied / "season-1"
+        )
+    assert {side: len(season.members[side]) for side in SIDES} == {"ally": 1, "opponent": 2}
 
 
 @pytest.mark.full

@@ -64,15 +64,16 @@ _logger = logging.getLogger(__name__)
 
 
 class Numbers(NamedTuple):
-    """Of a side, how many candidates are trained, and how many members are selected."""
+    """Of a side, how many candidates are trained, and how many members are selected at most."""
 
     candidates: int
     members: int
 
 
 POPULATION = Numbers(24, 12)
-# Opponents differ less, so it takes more of them to order their rivals.
-SEASON = {"ally": Numbers(24, 12), "opponent": Numbers(48, 24)}
+# Less of the opponents are competent.
+SEASON = {"ally": Numbers(24, 24), "opponent": Numbers(48, 24)}
+FEWEST = 12  # members of a side, unless fewer are asked
 N_STRANGERS = 6  # trained ones, and as many scripts with drawn constants: the best of N_VARIANTS
 N_VARIANTS = 24
 ORACLE = "oracle"
@@ -380,10 +381,16 @@ def _columns(closing: Closing, side: str, earn: Iterable[Mapping[str, float]]) -
 def _evidence(
     closing: Closing, side: str, members: Sequence[SeasonMember], profiles: Mapping[str, _Profile]
 ) -> Evidence:
-    variants = closing.scripts(side)[len(SCRIPTS[side]) :]
-    strangers = sorted(variants, key=lambda script: -profiles[script].own)[:N_STRANGERS]
+    floor, variants = _floor(side, profiles), closing.scripts(side)[len(SCRIPTS[side]) :]
+    scripts = sorted(variants, key=lambda script: -profiles[script].own)[:N_STRANGERS]
+    strangers = [*(recipe.name for recipe in closing.strangers(side)), *scripts]
+    competent = [name for name in strangers if profiles[name].own > floor[1]]
+    if len(competent) < (fewest := (N_STRANGERS + 1) // 2):
+        raise UserError(
+            f"season: {closing.name} does not close: {len(competent)} of {len(strangers)} strangers of the "
+            f"{side} earn more than {floor[0]} ({floor[1]:.2f}), {fewest} are asked"
+        )
     own = [profiles[member.name] for member in members]
-    trained = [recipe.name for recipe in closing.strangers(side)]
     tables: dict[str, list[int]] = {}
     for row, entry in enumerate(closing.rival_entries(side)):
         tables.setdefault(entry.path if side == "ally" else "allies", []).append(row)
@@ -391,10 +398,10 @@ def _evidence(
         side=side,
         tables=tables,
         members=_columns(closing, side, [each.firsts for each in own]),
-        strangers=_columns(closing, side, [profiles[name].firsts for name in [*trained, *strangers]]),
+        strangers=_columns(closing, side, [profiles[name].firsts for name in competent]),
         oracle=np.array([each.oracle for each in own]),
         earned={member.name: each.own for member, each in zip(members, own, strict=True)},
-        floor=_floor(side, profiles),
+        floor=floor,
     )
 
 
@@ -406,10 +413,10 @@ def _select_members(
     if closing.number is not None:
         script, floor = _floor(side, profiles)
         recipes = [recipe for recipe in recipes if profiles[recipe.name].own > floor]
-        if len(recipes) < size:
+        if len(recipes) < (fewest := min(size, FEWEST)):
             raise UserError(
                 f"season: {closing.name} does not close: {len(recipes)} of {candidates} candidates "
-                f"of the {side} earn more than {script} ({floor:.2f}), {size} are asked; train more"
+                f"of the {side} earn more than {script} ({floor:.2f}), {fewest} are asked; train more"
             )
     returns = _columns(closing, side, [profiles[recipe.name].means for recipe in recipes])
     select = select_diverse if closing.number is None else select_representative

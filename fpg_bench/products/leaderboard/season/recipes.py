@@ -19,12 +19,13 @@ REWARD = "own"  # who is paid otherwise plays what nobody would who pays the pri
 DISCRETE = "-discrete"  # ends the names of algorithms that choose from the list of actions
 # Of candidates; and of the strangers that tell whether others than the members order entries in the same way.
 ALGORITHMS = ("ppo-stack8-discrete", "ppo-stack8", "ppo-discrete", "ppo")
-STRANGERS = ("td3", "dqn-discrete")
-STEPS = dict.fromkeys(ALGORITHMS, (500_000, 250_000)) | {"td3": (40_000,), "dqn-discrete": (100_000,)}
-GAMMAS = (0.9, 0.95, 0.8)
+STRANGERS = ("recurrent-ppo-discrete", "qr-dqn-discrete", "dqn-discrete")
+STEPS = dict.fromkeys(ALGORITHMS, (500_000, 250_000)) | dict.fromkeys(STRANGERS, (400_000,))
+GAMMAS = dict.fromkeys(ALGORITHMS, (0.9, 0.95, 0.8)) | dict.fromkeys(STRANGERS, (0.9, 0.8))
 # PPO's initial spread decides what an opponent learns: with a wide one, it learns to jam broadly.
 LOG_STDS = {"opponent": (-2.5, -1.5, -3.5), "ally": (-0.2, -1.0)}
-TARGETS = (6, 3, 12)  # number of players that a candidate is trained against
+# Number of players that each is trained against.
+TARGETS = dict.fromkeys(ALGORITHMS, (6, 3, 12)) | dict.fromkeys(STRANGERS, (12,))
 FIRST_SEED, SEEDS = 300_000, 700_000  # candidates have the training seeds from 300,000 to 999,999
 _PPO = {
     "policy": "MlpPolicy",
@@ -36,25 +37,11 @@ _PPO = {
     "gae_lambda": 0.8,
     "normalize": {"norm_obs": False, "norm_reward": True},
 }
-_TD3 = {
-    "policy": "MlpPolicy",
-    "n_envs": 8,
-    "learning_starts": 2000,
-    "buffer_size": 100_000,
-    "batch_size": 256,
-    "train_freq": 1,
-    "gradient_steps": 1,
-    "learning_rate": 0.002,
-    "tau": 0.01,
-    "noise_type": "normal",
-    "noise_std": 0.1,
-    "normalize": {"norm_obs": False, "norm_reward": True},
-}
 _DQN = {
     "policy": "MlpPolicy",
     "n_envs": 64,
     "learning_starts": 5000,
-    "buffer_size": 100_000,
+    "buffer_size": 200_000,
     "batch_size": 256,
     "train_freq": 2,
     "gradient_steps": 4,
@@ -63,6 +50,15 @@ _DQN = {
     "exploration_fraction": 0.3,
     "exploration_final_eps": 0.03,
     "normalize": {"norm_obs": False, "norm_reward": True},
+}
+_OF_STRANGERS = {
+    "recurrent-ppo-discrete": _PPO | {"policy": "MlpLstmPolicy", "n_envs": 64, "batch_size": 1024},
+    "qr-dqn-discrete": _DQN,
+    "dqn-discrete": _DQN,
+}
+_POLICIES = {
+    "recurrent-ppo-discrete": {"net_arch": [64], "lstm_hidden_size": 64},
+    "qr-dqn-discrete": {"net_arch": [64, 64], "n_quantiles": 20},
 }
 T = TypeVar("T")
 
@@ -73,7 +69,7 @@ class Recipe(Strict):
     Attributes:
         name: the candidate's name in the suite.
         side: the side it plays.
-        log_std: initial log standard deviation of PPO's actions; None for TD3.
+        log_std: initial log standard deviation of PPO's continuous actions; None for choices from the list.
         targets: the players it is trained against, one drawn per round.
         path: the opponent's path during training.
     """
@@ -195,13 +191,10 @@ def _draw_targets(
 
 def hyperparameters(recipe: Recipe) -> Entry:
     """Return a recipe's hyperparameters for :class:`fpg_bench.training.config.RunConfig`."""
-    policy_kwargs: Entry = {"net_arch": [64, 64]}
+    policy_kwargs: Entry = dict(_POLICIES.get(recipe.algorithm, {"net_arch": [64, 64]}))
     own = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": policy_kwargs}
-    if recipe.algorithm == "td3":
-        policy_kwargs["optimizer_kwargs"] = {"fused": True}
-        return _TD3 | own
-    if recipe.algorithm == "dqn-discrete":
-        return _DQN | own
+    if recipe.algorithm in _OF_STRANGERS:
+        return _OF_STRANGERS[recipe.algorithm] | own
     policy_kwargs["activation_fn"] = "ReLU"
     if recipe.log_std is not None:
         policy_kwargs["log_std_init"] = recipe.log_std
