@@ -116,7 +116,7 @@ EXTRAS = {
     "fast": Extra(("reproduce yang-2026 tables --learner jax --n-seeds 1 --out fast",), base="train"),
     "train": Extra(
         (
-            "leaderboard season season-3",
+            "leaderboard season season-4",
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
             "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 0 --out run",
             "export run --out exported/seed_0",

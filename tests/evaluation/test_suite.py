@@ -41,6 +41,7 @@ HASHES = {
     "ally-season-1": "da468645b77eeceb515c26611e21e4f1687e0066e7a88aaf2275d9e04ba0359a",
     "ally-season-2": "a88cb669523f8d28ebd70e6fc5c8806edeba1551632713c02005de9a52982025",
     "ally-season-3": "d8ebb1d780ddd2e1cd4ec695a565738cb946c74eb0809bdc6245349947ebd1e0",
+    "ally-season-4": "f977620e6a5d958c6226741b565b509c71684f0a054d6184e666f45b21671dd3",
     "ally-shifted-v1": "f4f4d87ca97c752544bb2e1b50fa2a01bdf7fb3aa47e8535bc2b1533cd87a804",
     "ally-shifted-v2": "da4fc0f50a924d5110a172ede687c8084383b46edb634d0b26fd0d0801168f09",
     "ally-v1": "1c8703d86b80810d5af185793ea1a4ccfa44f66e55727e7538d5bc7642466430",
@@ -50,6 +51,7 @@ HASHES = {
     "opponent-learned-season-1": "eaf80a78d88790543cffb9c3a71fbb62583c9b0a574aca6f9de92b10a724dadb",
     "opponent-learned-season-2": "48e782d914bab9a81ef6214034b02c081be1ebbeb474590ed5090f6fa2fdd34e",
     "opponent-learned-season-3": "44080c758ef8389a678ab7daed360a48588ace086fa87b877369885e567586f2",
+    "opponent-learned-season-4": "14a1c4b0d059cfbdd1a358d00b1a0ddcf6719343346fe2e3b93987c1e1efff35",
     "opponent-learned-shifted-v1": "343d70a64e57347bfbe7a00c5e05a3dcd59afd2581e7c12b3b097880eb4c904b",
     "opponent-learned-shifted-v2": "db782c5c01bc367b7f5d7e5f3b08b0d2d4ed739987626f05384604faf19debde",
     "opponent-learned-v1": "1d923106e265ed617fb5f990c9d2ec73e8e0052474d17189f8a366b835c42efb",
@@ -63,6 +65,7 @@ HASHES = {
     "opponent-season-1": "8e1fdce6ea0eb7739eaa881e80e02c7f7621c176850fab4af6aa47258ff8a2f2",
     "opponent-season-2": "9def8ac5cb1543e35c3c9c7a61d5ee8a02a5bc694e3e92cc8c37b3a4dd647cfc",
     "opponent-season-3": "b3f647d23df55aef6ee5e9f1a58613c9221338fb9f3186b7ec35d396b883facf",
+    "opponent-season-4": "1611f60e11ad823f319d50a3fb31bdccbc2357e070f4dcafe415371bb4880e4d",
     "opponent-shifted-v1": "cda7571c9bbfe432dd2baf1ec7c890cbc08ea035f3c0549968a4f33636438ea8",
     "opponent-shifted-v2": "0f7493c2d7878d9cb3efe1e4577a46f116c746b0929a328256f4fade5b8b44c0",
     "opponent-v1": "3a8daa473f345272e6a94cf477f557a78646c7bf780ca1a88827c6fa6636eaf1",
@@ -70,6 +73,7 @@ HASHES = {
     "planner-season-1": "eaaf12cd0add25ad04bff2dd10f601c6cfd1040d57fc8a9473470d74ba477914",
     "planner-season-2": "cdad0800fe1098c6740757787925069c2e32dc289cfdf5c84b64f521fdcf193b",
     "planner-season-3": "2a88234a64a46134069eee68a41b8d219223411020a99e86dacc374022fcf9ed",
+    "planner-season-4": "a3cb178f7e7c996ec9e193f2b298db156e64375859fce2b95d507b894f2ce890",
     "planner-v1": "c73eed222cd62de8f0c73c1fd27d5f49f8d5bbace21c95f39b84d34540128a1b",
 }
 

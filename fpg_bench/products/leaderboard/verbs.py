@@ -287,7 +287,7 @@ def close_season(
 ) -> None:
     """Close a season: train candidates with a seed derived from the entries, and select the suite from them.
 
-    Example: fpg-bench leaderboard close-season 4 --work runs/season-4
+    Example: fpg-bench leaderboard close-season 5 --work runs/season-5
     """
     require_extra("train", "torch")
     from fpg_bench.players.agent import baselines_folder
@@ -307,12 +307,12 @@ def close_season(
 
 @leaderboard.command()
 def season(
-    name: Annotated[str, typer.Argument(help="A season, such as season-3, or its folder.")],
+    name: Annotated[str, typer.Argument(help="A season, such as season-4, or its folder.")],
     folder: FolderOption = Path("leaderboard"),
 ) -> None:
     """Describe the members of a season's suites, check its seed, and name the entries that came later.
 
-    Example: fpg-bench leaderboard season season-3
+    Example: fpg-bench leaderboard season season-4
     """
     require_extra("train", "torch")
     from fpg_bench.products.leaderboard.season.audit import describe_season

@@ -110,7 +110,7 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert "fpg-bench play --ally hf://me/mine" in text
     records = [json.loads(line) for line in files["records.jsonl"].splitlines()]
     assert {record["fingerprint"] for record in records} == {about["policy_sha256"][:16]}
-    assert {record["suite"] for record in records} == {"ally-v2@season-3", "ally-v1", "ally-season-3"}
+    assert {record["suite"] for record in records} == {"ally-v2@season-4", "ally-v1", "ally-season-4"}
     assert files["replay.html"].startswith(b"<!DOCTYPE html>")
     assert "curve.png" not in files
     assert TOKEN.encode() not in b"".join(files.values())
@@ -123,14 +123,14 @@ def test_scores_are_written_as_the_hub_reads_them_for_tasks_of_the_benchmark(hub
     entries = forms.parse_eval_result_entries(found)
     assert forms.eval_result_entries_to_yaml(entries) == found  # the Hub's own client knows each field
     values = {entry.task_id: entry.value for entry in entries}
-    assert values.keys() == {"ally-v1", "ally-v2_season-3", "ally-season-3"}
+    assert values.keys() == {"ally-v1", "ally-v2_season-4", "ally-season-4"}
     first = next(entry for entry in entries if entry.value == 47.9)
     assert (first.dataset_id, first.source_url) == ("fpg/fpg-bench", "https://huggingface.co/me/mine")
     assert first.notes.startswith("95 % interval [46.4, 49.4] over matches; 6.94 per step [")
     about = yaml.safe_load(benchmark_yaml(example_board(1)))
     assert list(about) == ["name", "description", "evaluation_framework", "tasks"]
     assert all(list(task) == ["id", "config", "split"] for task in about["tasks"])
-    assert values.keys() - {"ally-v2_season-3"} <= {task["id"] for task in about["tasks"]}
+    assert values.keys() - {"ally-v2_season-4"} <= {task["id"] for task in about["tasks"]}
     run("push", SHIPPED, "me/mine")
     assert ".eval_results/fpg-bench.yaml" not in hub.repositories["me/mine"].files()
     with pytest.raises(UserError, match="hf://fpg"):

@@ -121,7 +121,7 @@ def test_a_season_has_more_opponents_than_allies_and_a_training_population_as_ma
     season, population, own = (
         make_closing(name, board, tmp_path, *numbers) for name, *numbers in (("4",), ("mine",), ("4", 5, 3))
     )
-    assert [season.numbers(side) for side in SIDES] == [(24, 12), (48, 24)]
+    assert [season.numbers(side) for side in SIDES] == [(24, 24), (48, 24)]
     assert [population.numbers(side) for side in SIDES] == [(24, 12), (24, 12)]
     assert [own.numbers(side) for side in SIDES] == [(5, 3), (5, 3)]
 
