@@ -65,6 +65,10 @@ GROUPS = {
         "five scripted allies, and every sixteenth round those of the public population training-1",
     ),
     "ally-link": ("ally on a radio link", "eleven scripted opponents, drawn anew every round"),
+    "ally-link-waterfall": (
+        "ally on a radio link that sees a waterfall",
+        "eleven scripted opponents, drawn anew every round",
+    ),
     "opponent-link": ("opponent on a radio link", "ten scripted allies, drawn anew every round"),
     "ally-link-population": (
         "ally on a link, of a population",
@@ -129,6 +133,7 @@ ALGORITHMS = {
     "maskable-ppo": ("MaskablePPO", "2006.14171", NO_MEMORY),
     "dqn": ("DQN", "1312.5602", SMALL_BUDGET),
     "dqn-stack8": ("DQN, 8 stacked frames", "1312.5602", EIGHT_STEPS),
+    "dueling-ddqn": ("Dueling double DQN", "2307.06796", SMALL_BUDGET),
     "qr-dqn": ("QR-DQN", "1710.10044", SMALL_BUDGET),
     "sac": ("SAC", "1801.01290", SMALL_BUDGET),
     "td3": ("TD3", "1802.09477", SMALL_BUDGET),

@@ -20,8 +20,8 @@ Kinds of offers:
 - ``game``: a game of another kind than the duel, by its id: :class:`fpg_bench.game.spec.GameProduct`.
 - ``planner``: a class of planners of the opponent's path, made for a scenario if it takes an argument.
 - ``planner tier``: what a planner knows, as its class says; lists of names do not import it.
-- ``joint algorithm``, ``offline algorithm``: a class of SB3's ``BaseAlgorithm`` that trains both sides, or
-  learns from a data set.
+- ``algorithm``, ``joint algorithm``, ``offline algorithm``: a class of SB3's ``BaseAlgorithm`` that trains
+  one side or both, or learns from a data set.
 - ``player``: the function that fetches an agent by a scheme (``hf://``), or makes one of a file by its suffix
   (``.zip``), and the player of agents of others (``untrusted``).
 - ``rendering``: what draws rounds, or shows link budgets, by suffix or by name.
@@ -49,6 +49,7 @@ KINDS = (
     "game",
     "planner",
     "planner tier",
+    "algorithm",
     "joint algorithm",
     "offline algorithm",
     "player",

@@ -1,8 +1,8 @@
-"""Registry of algorithms: SB3's, with an LSTM or stacked frames, MADDPG, offline ones, and custom classes."""
+"""Registry of algorithms: SB3's, with an LSTM or stacked frames, those of products, and custom classes."""
 
 from __future__ import annotations
 
-import importlib
+import pkgutil
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,6 +45,7 @@ _TABLE = {
     "dqn": _Row("stable_baselines3:DQN"),
     "qr-dqn": _Row("sb3_contrib:QRDQN", search="dqn"),
 }
+_TABLE |= {name: _Row(place) for name, place in offered("algorithm").items()}
 ALGORITHMS = (*_TABLE, "ppo-stack8")  # of one side, that learn by playing; of stacked frames an example
 JOINT, OFFLINE = tuple(offered("joint algorithm")), tuple(offered("offline algorithm"))
 _TABLE |= {name: _Row(place, stacks=False, joint=True) for name, place in offered("joint algorithm").items()}
@@ -104,11 +105,10 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     row = _TABLE.get(root)
     if row is None or (stacked and not row.stacks):
         raise UserError(f"unknown algorithm {name!r}{nearest(name, (*_TABLE, *ALGORITHMS))}")
-    module, _, kind = row.place.partition(":")  # unlike a user's own, not searched in the current folder
     return Algorithm(
         name,
         row.base or root,
-        getattr(importlib.import_module(module), kind),
+        pkgutil.resolve_name(row.place),  # unlike a user's own, not searched for in the current folder
         int(stacked[2]) if stacked else None,
         search=row.search or row.base or root,
         joint=row.joint,

@@ -201,11 +201,7 @@ def _argument_problems(algorithm: Algorithm, parameters: Hyperparameters) -> lis
     arguments = {name: value for name, value in parameters.algorithm.items() if name not in _NOISE}
     normalize = argument_problems(parameters.normalize or {}, VecNormalize, {"venv"})
     own = argument_problems(arguments, algorithm.kind, _RESERVED, algorithm.custom)
-    return [
-        *own,
-        *_policy_problems(algorithm, arguments),
-        *(f"normalize: {problem}" for problem in normalize),
-    ]
+    return [*own, *_policy_problems(algorithm, arguments), *(f"normalize: {each}" for each in normalize)]
 
 
 def _policy_problems(algorithm: Algorithm, arguments: Mapping[str, object]) -> list[str]:

@@ -30,8 +30,9 @@ def opened(file: str):
     env_id = next(key for key, value in content.items() if isinstance(value, dict))
     entry = content[env_id] | {key: value for key, value in SMALL.items() if key in content[env_id]}
     name = next(part for part in (file, *(file.rsplit("-", n)[0] for n in (1, 2))) if known(part))
-    is_discrete = "discrete" in file or name in ("dqn", "qr-dqn", "maskable-ppo")
+    is_discrete = "discrete" in file or name in ("dqn", "qr-dqn", "maskable-ppo", "dueling-ddqn")
     options = {"actions": "discrete"} if is_discrete else {}
+    options |= {"observation": "waterfall"} if "waterfall" in file else {}
     return name, entry, make_sb3(env_id, 2, seed=0, **options)
 
 

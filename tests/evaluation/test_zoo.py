@@ -53,6 +53,14 @@ def test_the_mixture_of_rivals_is_that_of_the_agents_of_an_id():
         load_zoo().mixture(GameSpec("FPG/AllyVsPlanner-v0"))
 
 
+def test_learners_of_papers_play_the_games_of_ally_link():
+    groups = {group.name: group for group in load_zoo().groups}
+    ours, waterfall = groups["ally-link"], groups["ally-link-waterfall"]
+    assert "dueling-ddqn" in ours.steps
+    assert waterfall.game == GameSpec.of(ours.game, observation="waterfall")
+    assert waterfall.suites == ours.suites
+
+
 def test_a_training_is_scored_on_the_usual_suite_of_its_game():
     groups = {group.name: group for group in load_zoo().groups}
     assert groups["ally-scripted"].training_suite == "ally-v1"

@@ -104,7 +104,8 @@ def test_a_user_s_own_algorithm_that_cannot_be_trained_is_refused(tmp_path):
 def test_shipped_hyperparameters_make_a_model_for_every_id(algorithm, monkeypatch):
     monkeypatch.setenv("FPG_LLM_BASE_URL", "http://127.0.0.1:9/v1")  # never asked
     monkeypatch.setenv("FPG_LLM_MODEL", "none")
-    actions = "discrete" if algorithm in ("dqn", "qr-dqn", "maskable-ppo") else "continuous"
+    is_discrete = algorithm in ("dqn", "qr-dqn", "maskable-ppo", "dueling-ddqn")
+    actions = "discrete" if is_discrete else "continuous"
     for env_id in ENVS:
         game = GameSpec(env_id, actions=actions)
         make_model(algorithm, make_sb3(game, n_envs=2), load_hyperparameters(algorithm, game), seed=0)

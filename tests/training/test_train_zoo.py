@@ -1,5 +1,6 @@
 """Training, evaluation and page of the zoo; a stand-in trains, the real training is in tests/test_zoo.py."""
 
+import dataclasses
 import logging
 import shutil
 from functools import partial
@@ -7,13 +8,18 @@ from functools import partial
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import ORACLES, SCRIPTED
+from fpg_bench.common.ids import DUEL, ORACLES, SCRIPTED
 from fpg_bench.common.parallel import run_jobs
 from fpg_bench.common.rows import RowFile
+from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
+from fpg_bench.evaluation.zoo import load_zoo
+from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.verdicts import RECORD
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.models import make_model
 from tests.training.making import (
     add_missing_records,
     evaluations,
@@ -51,6 +57,20 @@ def test_a_run_is_what_the_zoo_says(zoo):
     assert told == ("ppo", "FPG/AllyVsScripted-v0", 1, 2000)
     assert config.spec.options() == {"path": ("pursuit", "circle")}
     assert [config.suite] == list(zoo.groups[0].suites)
+
+
+@pytest.mark.parametrize(
+    "agent",
+    [agent for agent in load_zoo().members() if agent.seed == 0 and agent.group.id != DUEL],
+    ids=lambda agent: agent.name,
+)
+def test_each_row_of_the_shipped_zoo_has_hyperparameters_for_its_game(agent):
+    config = script.run_config(agent)
+    parameters = load_hyperparameters(config.algorithm, config.spec, config.hyperparams)
+    small = {"n_envs": 2, "buffer_size": 100} if "buffer_size" in parameters.algorithm else {"n_envs": 2}
+    parameters = load_hyperparameters(config.algorithm, config.spec, parameters.entry() | small)
+    games = make_sb3(dataclasses.replace(config.spec, **dict.fromkeys(SIDES)), 2)
+    make_model(config.algorithm, games, parameters, 0)
 
 
 def test_missing_agents_are_trained_shipped_and_evaluated_once_whichever_fails(zoo, tmp_path, caplog):

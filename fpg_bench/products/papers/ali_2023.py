@@ -9,11 +9,13 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from stable_baselines3.common.utils import update_learning_rate
+from stable_baselines3.dqn.policies import DQNPolicy
 
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import EVALUATION_START
-from fpg_bench.products.papers.learners import Variant, VariantDQN
+from fpg_bench.products.papers.learners import DuelingPolicy, PrioritisedBuffer, VariantDQN
 from fpg_bench.products.papers.reproduction import Paper, PaperClaim, differences, read_facts
 
 CHANNELS = 8
@@ -84,12 +86,12 @@ class ProactiveJammerEnv(gymnasium.Env[np.ndarray, np.int64]):
         return (levels + _SPREAD_DB * self.np_random.standard_normal(CHANNELS)).astype(np.float32)
 
 
-VARIANTS = {
-    "DQN": Variant(target=False),
-    "DQN, fixed targets": Variant(),
-    "DDQN": Variant(double=True),
-    "dueling DDQN": Variant(double=True, dueling=True),
-    "DDQN, prioritised": Variant(double=True, prioritised=True),
+VARIANTS: Mapping[str, Mapping[str, Any]] = {
+    "DQN": {"tau": 1.0},  # the target is the network itself
+    "DQN, fixed targets": {},
+    "DDQN": {"double": True},
+    "dueling DDQN": {"double": True, "policy": DuelingPolicy},
+    "DDQN, prioritised": {"double": True, "replay_buffer_class": PrioritisedBuffer},
 }
 STAY, LEAVE = "stay", "leave if jammed"
 RULES: Mapping[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
@@ -100,25 +102,42 @@ RULES: Mapping[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
 }
 
 
-def train(variant: Variant, env: gymnasium.Env[Any, Any], episodes: int, seed: int) -> VariantDQN:
+class ScheduledDQN(VariantDQN):
+    """A variant with the learning rate and the exploration of the public implementation."""
+
+    def __init__(self, *args: Any, double: bool = False, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.double = double
+
+    def _update_learning_rate(self, optimizers: Any) -> None:
+        returns = [episode["r"] for episode in self.ep_info_buffer or ()]
+        update_learning_rate(optimizers, _rate(float(np.mean(returns)) if returns else None))
+
+    def _on_step(self) -> None:
+        super()._on_step()
+        self.exploration_rate = 1 / (1 + self._episode_num)
+
+
+def train(variant: Mapping[str, Any], env: gymnasium.Env[Any, Any], episodes: int, seed: int) -> ScheduledDQN:
     """Train a variant with the hyper-parameters of the public implementation."""
     torch.set_num_threads(1)
-    model = VariantDQN(
-        env,
-        variant,
-        rate=_rate,
-        exploration=lambda episode: 1 / (1 + episode),
-        tau=0.01,
-        buffer_size=min(100_000, episodes * SLOTS),
-        batch_size=64,
-        learning_starts=64,
-        gamma=0.99,
-        max_grad_norm=0.7,
-        replay_buffer_kwargs={"handle_timeout_termination": False},
-        policy_kwargs={"net_arch": [256, 256], "optimizer_kwargs": {"eps": 1e-4, "fused": True}},
-        seed=seed,
-    )
-    return model.learn(episodes * SLOTS)
+    arguments: dict[str, Any] = {
+        "policy": DQNPolicy,
+        "tau": 0.01,
+        "target_update_interval": 1,
+        "train_freq": 1,
+        "buffer_size": min(100_000, episodes * SLOTS),
+        "batch_size": 64,
+        "learning_starts": 64,
+        "gamma": 0.99,
+        "max_grad_norm": 0.7,
+        "replay_buffer_kwargs": {"handle_timeout_termination": False},
+        "policy_kwargs": {"net_arch": [256, 256], "optimizer_kwargs": {"eps": 1e-4, "fused": True}},
+        "seed": seed,
+        "device": "cpu",
+        **variant,
+    }
+    return ScheduledDQN(env=env, **arguments).learn(episodes * SLOTS)
 
 
 def _rate(score: float | None) -> float:

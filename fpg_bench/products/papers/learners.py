@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 import torch
 from stable_baselines3 import DQN
 from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.logger import configure
-from stable_baselines3.common.type_aliases import PyTorchObs, ReplayBufferSamples
-from stable_baselines3.common.utils import update_learning_rate
+from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 
 from fpg_bench.evaluation.payoffs import nash
@@ -21,25 +19,8 @@ from fpg_bench.evaluation.payoffs import nash
 Strategies = tuple[np.ndarray, np.ndarray]  # of rows and of columns
 
 
-@dataclass(frozen=True)
-class Variant:
-    """Extensions of DQN that are in use.
-
-    Attributes:
-        target: the bootstrapped value is that of a slowly moving copy of the network.
-        double: the network chooses the action whose value the copy tells (van Hasselt et al. 2016).
-        dueling: the network adds a value and advantages (Wang et al. 2016).
-        prioritised: transitions are drawn by their last error (Schaul et al. 2016).
-    """
-
-    target: bool = True
-    double: bool = False
-    dueling: bool = False
-    prioritised: bool = False
-
-
 class PrioritisedBuffer(ReplayBuffer):
-    """A replay buffer that draws transitions in proportion to a power of their last error.
+    """A replay buffer that draws transitions by a power of their last error (Schaul et al. 2016).
 
     Attributes:
         drawn: indices of the last batch.
@@ -72,19 +53,23 @@ class PrioritisedBuffer(ReplayBuffer):
         self._errors[self.drawn] = np.abs(errors)
 
 
+class Dueling(torch.nn.Module):
+    """The values of all actions, from their advantages and, in the last column, a value."""
+
+    def forward(self, output: torch.Tensor) -> torch.Tensor:
+        """Return the value and the advantages, less their mean."""
+        advantages = output[:, :-1]
+        return output[:, -1:] + advantages - advantages.mean(1, keepdim=True)
+
+
 class DuelingNetwork(QNetwork):
-    """A Q-network whose last output is a value, and the others are advantages."""
+    """A Q-network that adds a value and advantages (Wang et al. 2016)."""
 
     def __init__(
         self, observation_space: Any, action_space: gymnasium.spaces.Discrete, **kwargs: Any
     ) -> None:
         super().__init__(observation_space, gymnasium.spaces.Discrete(int(action_space.n) + 1), **kwargs)
-
-    def forward(self, obs: PyTorchObs) -> torch.Tensor:
-        """Return the values of all actions."""
-        output = super().forward(obs)
-        advantages = output[:, :-1]
-        return output[:, -1:] + advantages - advantages.mean(1, keepdim=True)
+        self.q_net.append(Dueling())
 
 
 class DuelingPolicy(DQNPolicy):
@@ -96,68 +81,47 @@ class DuelingPolicy(DQNPolicy):
 
 
 class VariantDQN(DQN):
-    """DQN with its variants, the squared error, and rates that the caller sets.
+    """DQN with the squared error, and as the attribute, policy and replay buffer say, with its variants.
 
-    Args:
-        env: environment.
-        variant: extensions in use.
-        rate: learning rate, given the mean return of the last hundred episodes (None before the first ends).
-        exploration: share of random actions, given the number of finished episodes.
-        tau: share by which the copy of the network moves in each step.
-        kwargs: of SB3's ``DQN``.
+    Attributes:
+        double: the network chooses the action whose value the target tells (van Hasselt et al. 2016).
     """
 
-    def __init__(
-        self,
-        env: gymnasium.Env[Any, Any],
-        variant: Variant,
-        rate: Callable[[float | None], float],
-        exploration: Callable[[int], float],
-        tau: float,
-        **kwargs: Any,
-    ) -> None:
-        self.variant, self._rate, self._exploration = variant, rate, exploration
-        super().__init__(
-            DuelingPolicy if variant.dueling else DQNPolicy,
-            env,
-            learning_rate=rate(None),
-            tau=tau if variant.target else 1.0,
-            target_update_interval=1,
-            train_freq=1,
-            replay_buffer_class=PrioritisedBuffer if variant.prioritised else None,
-            device="cpu",
-            **kwargs,
-        )
-        self.exploration_rate = exploration(0)
-        self.set_logger(configure(None, []))
+    double = False
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Update the network."""
-        returns = [episode["r"] for episode in self.ep_info_buffer or ()]
-        update_learning_rate(self.policy.optimizer, self._rate(float(np.mean(returns)) if returns else None))
+        self.policy.set_training_mode(True)
+        self._update_learning_rate(self.policy.optimizer)
         buffer = self.replay_buffer
         assert buffer is not None
         for _ in range(gradient_steps):
-            batch = buffer.sample(batch_size)
+            batch = buffer.sample(batch_size, env=self._vec_normalize_env)
             with torch.no_grad():
                 values = self.q_net_target(batch.next_observations)
-                chosen = self.q_net(batch.next_observations) if self.variant.double else values
+                chosen = self.q_net(batch.next_observations) if self.double else values
                 following = values.gather(1, chosen.argmax(1, keepdim=True))
-                targets = batch.rewards + (1 - batch.dones) * self.gamma * following
+                discounts = self.gamma if batch.discounts is None else batch.discounts
+                targets = batch.rewards + (1 - batch.dones) * discounts * following
             errors = self.q_net(batch.observations).gather(1, batch.actions.long()) - targets
             squares = errors.square()
             if isinstance(buffer, PrioritisedBuffer):
                 squares = squares * torch.as_tensor(buffer.weights[:, None], dtype=squares.dtype)
                 buffer.update(errors.detach().numpy()[:, 0])
+            loss = squares.mean()
             self.policy.optimizer.zero_grad()
-            squares.mean().backward()
+            loss.backward()
             torch.nn.utils.clip_grad_norm_(self.policy.parameters(), self.max_grad_norm)
             self.policy.optimizer.step()
         self._n_updates += gradient_steps
+        self.logger.record("train/loss", loss.item())
 
-    def _on_step(self) -> None:
-        super()._on_step()
-        self.exploration_rate = self._exploration(self._episode_num)
+
+class DuelingDDQN(VariantDQN):
+    """Double DQN with dueling networks and the squared error."""
+
+    double = True
+    policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": DuelingPolicy}
 
 
 def q_learning(

@@ -9,9 +9,11 @@ import torch
 from gymnasium.utils.env_checker import check_env
 from scipy.optimize import linprog
 
+from fpg_bench import make_sb3
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.payoffs import nash
+from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.products.papers import ali_2023, firouzbakht_2013, liu_2018, verbs
 from fpg_bench.products.papers.firouzbakht_2013 import RateGame
 from fpg_bench.products.papers.learners import (
@@ -36,6 +38,9 @@ from fpg_bench.products.papers.reproduction import (
     verdict_of,
 )
 from fpg_bench.products.papers.verbs import reproduce as reproduce_verb
+from fpg_bench.training.export import export_onnx
+from fpg_bench.training.hyperparameters import load_hyperparameters
+from fpg_bench.training.models import make_model
 from tests.programs import ROOT
 
 PAPERS = (ali_2023.PAPER, firouzbakht_2013.PAPER, liu_2018.PAPER)
@@ -276,8 +281,58 @@ def test_a_dueling_network_has_a_value_and_advantages_that_cancel_out():
     scans = torch.zeros(2, 8)
     values = network(scans)
     assert values.shape == (2, 8)
-    output = network.q_net(network.extract_features(scans, network.features_extractor))
+    output = network.q_net[:-1](network.extract_features(scans, network.features_extractor))
+    assert output.shape == (2, 9)
     assert values.mean(1).detach().numpy() == pytest.approx(output[:, -1].detach().numpy(), abs=1e-4)
+
+
+def dueling_ddqn(**changes):
+    """The learner of the zoo in games of link, with weights that differ from those of its target."""
+    games = make_sb3("FPG/AllyVsScripted-v0", 4, seed=1, scenario="link", actions="discrete")
+    entry = (
+        load_hyperparameters("dueling-ddqn", games.game_spec).entry()
+        | {"learning_starts": 0, "target_update_interval": 4}
+        | changes
+    )
+    model = make_model("dueling-ddqn", games, load_hyperparameters("dueling-ddqn", games.game_spec, entry), 0)
+    generator = torch.Generator().manual_seed(1)
+    for parameter in model.q_net.parameters():
+        parameter.data += 0.1 * torch.randn(parameter.shape, generator=generator)
+    return model
+
+
+@pytest.mark.slow
+def test_a_dueling_network_is_exported_with_its_value_and_advantages():
+    model = dueling_ddqn()
+    assert isinstance(model.q_net, DuelingNetwork)
+    model.q_net.q_net[-2].bias.data[-1] = 100.0  # greater than all advantages: a value is no choice
+    player, games = OnnxPlayer(export_onnx(model)), model.get_env()
+    seen, chosen = games.reset(), set()
+    for _ in range(30):
+        choices, _ = model.predict(seen, deterministic=True)
+        expected = games.unwrapped.core.choices.decode(choices, seen)
+        assert np.abs(player.predict(seen)[0] - expected).max() < 1e-5
+        chosen |= {*choices.tolist()}
+        seen, *_ = games.step(np.array([games.action_space.sample() for _ in seen]))
+    assert len(chosen) > 1
+
+
+@pytest.mark.parametrize(("double", "n_steps"), [(True, 1), (False, 1), (True, 3)])
+def test_targets_are_those_of_the_variant_with_the_rewards_as_they_are_normalized(double, n_steps):
+    model = dueling_ddqn(n_steps=n_steps, gamma=0.9, learning_rate=1e-9)
+    model.double = double
+    model.learn(4 * 40)
+    np.random.seed(0)  # noqa: NPY002 (SB3 draws from it)
+    batch = model.replay_buffer.sample(64, env=model.get_vec_normalize_env())
+    with torch.no_grad():
+        values = model.q_net_target(batch.next_observations)
+        best = (model.q_net(batch.next_observations) if double else values).argmax(1)
+        discounts = 0.9 if n_steps == 1 else batch.discounts[:, 0]
+        targets = batch.rewards[:, 0] + (1 - batch.dones[:, 0]) * discounts * values[range(64), best]
+        errors = model.q_net(batch.observations)[range(64), batch.actions[:, 0].long()] - targets
+    np.random.seed(0)  # noqa: NPY002
+    model.train(1, 64)
+    assert model.logger.name_to_value["train/loss"] == pytest.approx(float(errors.square().mean()), rel=1e-4)
 
 
 @pytest.mark.full
