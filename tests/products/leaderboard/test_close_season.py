@@ -399,8 +399,7 @@ def test_rivals_that_a_script_beats_neither_rank_nor_check(competent, missing, b
 
     monkeypatch.setattr(f"{PACKAGE}.closing._read_profile", beaten)
     monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", run_here)
-    with few_steps():
-        monkeypatch.setattr(f"{PACKAGE}.closing._floor", floor)
+    with few_steps(), patch(f"{PACKAGE}.closing._floor", floor):
         closing = make_closing("1", board, copied / "work", candidates=2, size=2)
         with pytest.raises(UserError, match=rf"{missing} of the ally earn more than idle \(1.00\), [12] are"):
             close_season(closing, copied / "season-1")
@@ -421,8 +420,7 @@ def test_a_season_has_all_competent_candidates_where_they_are_few(board, copied,
     monkeypatch.setattr(f"{PACKAGE}.closing._read_profile", beaten)
     monkeypatch.setattr(f"{PACKAGE}.closing.run_jobs", run_here)
     monkeypatch.setattr(f"{PACKAGE}.closing.FEWEST", 1)
-    with few_steps():
-        monkeypatch.setattr(f"{PACKAGE}.closing._floor", lambda side, profiles: ("idle", 1.0))
+    with few_steps(), patch(f"{PACKAGE}.closing._floor", lambda side, profiles: ("idle", 1.0)):
         season = close_season(
             make_closing("1", board, copied / "work", candidates=2, size=2), copied / "season-1"
         )
