@@ -61,8 +61,8 @@ def test_rivals_whose_game_play_does_not_offer_have_no_command(suites):
 
 def test_a_season_s_rival_says_how_it_was_trained(suites):
     _, rival = rival_of(suites, "ally", UNSEEN, "o20")
-    met = "ally-scripted/sac, ucb, ally-scripted-discrete/recurrent-ppo"
-    assert training_of(rival) == f"TD3, trained against {met}"
+    met = "ally-scripted/sac, ally-population/ppo, ally-population/ppo-stack8"
+    assert training_of(rival) == f"PPO-stack8, trained against {met}"
     older = load_suite("ally-season-1").named("o04")
     assert training_of(older) == (
         "TD3, trained against ally-planner/td3, expert-spread, ally/plain-torch, ally-population/td3, expert"

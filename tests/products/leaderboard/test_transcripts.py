@@ -102,7 +102,7 @@ def test_files_that_lack_or_do_not_belong(entry, check, spoil, message):
         ("control", "magic", "control: expected one of none"),
         ("server", ["generic"], "server: expected a line"),
         ("prompt_hash", "0" * 64, "does not match the prompt_hash in planner.json"),
-        ("model", "another", "nonce: does not follow from the seed of season 3"),
+        ("model", "another", "nonce: does not follow from the seed of season 4"),
         ("season", None, "season: expected the number of a closed one, got None"),  # beside a nonce
         ("begun", "2026-01-01T00:00:00+00:00", "line 1 does not follow from the lines before it"),
     ],
