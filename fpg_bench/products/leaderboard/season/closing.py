@@ -71,7 +71,7 @@ class Numbers(NamedTuple):
 
 
 POPULATION = Numbers(24, 12)
-# Less of the opponents are competent.
+# Fewer opponents than allies are competent, so more are trained.
 SEASON = {"ally": Numbers(24, 24), "opponent": Numbers(48, 24)}
 FEWEST = 12  # members of a side, unless fewer are asked
 N_STRANGERS = 6  # trained ones, and as many scripts with drawn constants: the best of N_VARIANTS
@@ -372,6 +372,20 @@ def _floor(side: str, profiles: Mapping[str, _Profile]) -> tuple[str, float]:
     return best, profiles[best].own
 
 
+def _competent(
+    closing: Closing, side: str, kind: str, names: list[str], profiles: Mapping[str, _Profile], fewest: int
+) -> list[str]:
+    """Return the rivals that earn more than the floor; raise UserError if they are fewer than asked."""
+    script, floor = _floor(side, profiles)
+    competent = [name for name in names if profiles[name].own > floor]
+    if len(competent) < fewest:
+        raise UserError(
+            f"season: {closing.name} does not close: {len(competent)} of {len(names)} {kind} of the {side} "
+            f"earn more than {script} ({floor:.2f}), {fewest} are asked; train more"
+        )
+    return competent
+
+
 def _columns(closing: Closing, side: str, earn: Iterable[Mapping[str, float]]) -> np.ndarray:
     """Return what each entry earns from each rival, ``(entries, rivals)``."""
     names = [entry.name for entry in closing.rival_entries(side)]
@@ -381,15 +395,9 @@ def _columns(closing: Closing, side: str, earn: Iterable[Mapping[str, float]]) -
 def _evidence(
     closing: Closing, side: str, members: Sequence[SeasonMember], profiles: Mapping[str, _Profile]
 ) -> Evidence:
-    floor, variants = _floor(side, profiles), closing.scripts(side)[len(SCRIPTS[side]) :]
-    scripts = sorted(variants, key=lambda script: -profiles[script].own)[:N_STRANGERS]
-    strangers = [*(recipe.name for recipe in closing.strangers(side)), *scripts]
-    competent = [name for name in strangers if profiles[name].own > floor[1]]
-    if len(competent) < (fewest := (N_STRANGERS + 1) // 2):
-        raise UserError(
-            f"season: {closing.name} does not close: {len(competent)} of {len(strangers)} strangers of the "
-            f"{side} earn more than {floor[0]} ({floor[1]:.2f}), {fewest} are asked"
-        )
+    drawn = sorted(closing.scripts(side)[len(SCRIPTS[side]) :], key=lambda name: -profiles[name].own)
+    strangers = [*(recipe.name for recipe in closing.strangers(side)), *drawn[:N_STRANGERS]]
+    competent = _competent(closing, side, "strangers", strangers, profiles, (N_STRANGERS + 1) // 2)
     own = [profiles[member.name] for member in members]
     tables: dict[str, list[int]] = {}
     for row, entry in enumerate(closing.rival_entries(side)):
@@ -401,23 +409,18 @@ def _evidence(
         strangers=_columns(closing, side, [profiles[name].firsts for name in competent]),
         oracle=np.array([each.oracle for each in own]),
         earned={member.name: each.own for member, each in zip(members, own, strict=True)},
-        floor=floor,
+        floor=_floor(side, profiles),
     )
 
 
 def _select_members(
     closing: Closing, side: str, profiles: Mapping[str, _Profile]
 ) -> tuple[SeasonMember, ...]:
-    recipes = closing.recipes(side)
-    candidates, size = closing.numbers(side)
+    recipes, size = closing.recipes(side), closing.numbers(side).members
     if closing.number is not None:
-        script, floor = _floor(side, profiles)
-        recipes = [recipe for recipe in recipes if profiles[recipe.name].own > floor]
-        if len(recipes) < (fewest := min(size, FEWEST)):
-            raise UserError(
-                f"season: {closing.name} does not close: {len(recipes)} of {candidates} candidates "
-                f"of the {side} earn more than {script} ({floor:.2f}), {fewest} are asked; train more"
-            )
+        names = [recipe.name for recipe in recipes]
+        competent = _competent(closing, side, "candidates", names, profiles, min(size, FEWEST))
+        recipes = [recipe for recipe in recipes if recipe.name in competent]
     returns = _columns(closing, side, [profiles[recipe.name].means for recipe in recipes])
     select = select_diverse if closing.number is None else select_representative
     chosen = select(limit_influence(returns), min(size, len(recipes)))
