@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import random
 import re
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from typing import Annotated
@@ -187,12 +187,12 @@ def enter_response(board: str | Path, name: str, agent: Path, about: Mapping[str
         write_whole(folder / RESPONSE_ABOUT, yaml.safe_dump(content, sort_keys=False))
         response = read_response(folder, target)
         result = play_response(response)
+        _write(board, [*result_store(board).known().values(), result])
     except BaseException:
         remove(folder)
         with contextlib.suppress(OSError):
             folder.parent.rmdir()  # where it has no other response
         raise
-    result_store(board).add(result)
     return _describe(response, result)
 
 
@@ -245,7 +245,8 @@ def verify_responses(
             else:
                 wanted.append(each)
         known |= _CHECK.verify(wanted, known, work, verdicts, trusted=trusted, update=update, workers=workers)
-        write_results(board, known, responses)
+        keys = {response.name: response.key for response in responses}
+        _write(board, (each for each in known.values() if keys.get(each.name, each.key) == each.key))
     return verdicts.all()
 
 
@@ -273,15 +274,8 @@ def _read_responses(board: Path, names: Sequence[str], verdicts: Verdicts) -> li
     return responses
 
 
-def write_results(
-    board: Path, results: Mapping[Hashable, ResponseResult], responses: Iterable[Response]
-) -> None:
-    """Write results by name, without those of responses that are gone, or were others."""
-    keys = {response.name: response.key for response in responses}
-    left = [
-        each
-        for each in results.values()
-        if keys.get(each.name, each.key) == each.key and (board / "responses" / each.name).is_dir()
-    ]
+def _write(board: Path, results: Iterable[ResponseResult]) -> None:
+    """Write results by name, without those of responses that are gone."""
+    left = [each for each in results if (board / "responses" / each.name).is_dir()]
     if left or exploited_file(board).exists():
         result_store(board).write(sorted(left, key=lambda each: (each.name, each.key)))
