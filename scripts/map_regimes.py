@@ -43,8 +43,9 @@ from fpg_bench.players.tactics import draw_variants
 
 HOPS = (0.02, 0.1, 0.3, 0.5)  # hop time over dwell: the share of a step that a hop loses
 REACTIONS = ((3, 5), (1, 1), (1, 3), (12, 18))  # dwells from one check to the next; first that of link
-POWERS_DBM = (39.0, 33.0, 45.0)  # of the jammer, first that of link; the base station has 36 dBm
-MATCHES, CHOSEN_ON = 16, 1_000_000  # matches of a pair, and the first seed of those that choose variants
+POWERS_DBM = (39.0, 33.0, 45.0)  # of the jammer, first that of link
+BASE_DBM = preset("link").base_power_dbm
+MATCHES, CHOSEN_ON = 128, 1_000_000  # matches of a pair, and the first seed of those that choose variants
 SEARCHES, VARIANTS = 1, 8  # of variants of each side
 MOST = 3  # players of a side that a lever is measured with
 AGENTS = "ppo-stack8/seed_0"
@@ -68,11 +69,18 @@ ALLY_LEVERS: Mapping[str, Sequence[Values]] = {  # of several constants the best
 }
 TUNED: Values = {TUNING: 0.0, IN_BAND_GATE: -1.0}
 # Hop time and reaction of a follower of 1 ms, over the dwell; docs/results/regimes.md has the sources.
-RADIOS = {"B": (0.41, 1.6), "E": (0.06, 0.13), "C": (0.04, 0.3)}  # Bluetooth, ExpressLRS, CABELL V3
+RADIOS = {  # and the mark's side
+    "B": ("Bluetooth", 0.41, 1.6, "left"),
+    "E": ("ExpressLRS", 0.06, 0.13, "left"),
+    "C": ("CABELL V3", 0.04, 0.3, "right"),
+    "L": ("Link 16", 0.51, 77, "center"),
+}
 LEVERS = (*ALLY_LEVERS, "type", "tuning")
+ERROR = " error"  # standard error, over matches
+MEASURED = ("value", *LEVERS)
 COLUMNS = (
-    *("hop_dwell", "reaction_dwell", "power_dbm", "free", "idle", "value", "standard_error"),
-    *LEVERS,
+    *("hop_dwell", "reaction_dwell", "power_dbm", "free", "idle"),
+    *(name + end for name in MEASURED for end in ("", ERROR)),
     *("allies", "opponents", "seconds"),
 )
 Line = dict[str, str]
@@ -148,8 +156,7 @@ class Meetings:
         found = nash(-samples.mean(axis=2))
         earned = np.einsum("a,abm,b->m", found.rows, samples, found.columns)
         return Solution(
-            -found.value,
-            float(earned.std(ddof=1) / len(earned) ** 0.5),
+            earned,
             dict(zip(allies, found.rows.tolist(), strict=True)),
             dict(zip(opponents, found.columns.tolist(), strict=True)),
         )
@@ -157,10 +164,9 @@ class Meetings:
 
 @dataclass(frozen=True)
 class Solution:
-    """Value of a zero-sum game with its standard error, and the shares of both sides' players."""
+    """What the ally earns in each match at the equilibrium, ``(matches,)``, and the shares of both sides."""
 
-    value: float
-    error: float
+    earned: np.ndarray
     allies: Mapping[str, float]
     opponents: Mapping[str, float]
 
@@ -202,27 +208,29 @@ def measure(point: Point, seed: int) -> Line:
     others = shortlist(opponents, whole.opponents, -values.max(axis=0))
     own += [name for name in ("range",) if name not in own]
     others += [name for name in ("bayes",) if name not in others]
-    value = game.solve(own, others).value
+    free = game.solve(own, others).earned
     lost = {
-        name: value - max(Meetings(scenario, ally=frozen).solve(own, others).value for frozen in constants)
+        name: free
+        - max((Meetings(scenario, ally=one).solve(own, others).earned for one in constants), key=np.mean)
         for name, constants in ALLY_LEVERS.items()
     }
     of_type = []
     for kind, name in enumerate(JAMMING_TYPES):
         alike = [name, f"alternate(type={kind})", "bayes"]
-        of_type.append(Meetings(replace(scenario, jamming_types=(name,))).solve(own, alike).value)
-    lost["type"] = min(of_type) - value
-    lost["tuning"] = Meetings(scenario, opponent=TUNED).solve(own, others).value - value
+        of_type.append(Meetings(replace(scenario, jamming_types=(name,))).solve(own, alike).earned)
+    lost["type"] = min(of_type, key=np.mean) - free
+    lost["tuning"] = Meetings(scenario, opponent=TUNED).solve(own, others).earned - free
+    measured = {"value": whole.earned, **lost}
     silent = Meetings(replace(scenario, opponent_power_dbm=-100.0))
     figures = {
         "free": float(silent.rewards("range", "tone").mean()),
         "idle": float(values[allies.index("idle")].min()),
-        "value": whole.value,
-        "standard_error": whole.error,
+        **{name: float(earned.mean()) for name, earned in measured.items()},
+        **{name + ERROR: float(earned.std(ddof=1) / len(earned) ** 0.5) for name, earned in measured.items()},
     }
     return {
         **dict(zip(COLUMNS[:3], point.key, strict=True)),
-        **{name: f"{number:.3f}" for name, number in (figures | lost).items()},
+        **{name: f"{number:.3f}" for name, number in figures.items()},
         "allies": _mixture(whole.allies),
         "opponents": _mixture(whole.opponents),
         "seconds": f"{time.process_time() - began:.0f}",
@@ -245,26 +253,29 @@ def read_rows(path: Path) -> list[Line]:
 
 def table(rows: Sequence[Line]) -> str:
     """Return the map as Markdown: values, levers as shares of the value, and the equilibria."""
-    names = [
-        "hop / dwell",
-        "reaction / dwell",
-        "jammer dBm",
-        "value",
-        "idle / free",
-        *LEVERS,
-        "allies",
-        "opponents",
+    lines = [
+        [
+            "hop / dwell",
+            "reaction / dwell",
+            "jammer / base, dB",
+            "value",
+            "idle / free",
+            *LEVERS,
+            "allies",
+            "opponents",
+        ]
     ]
-    lines = [names]
-    for row in sorted(
-        rows, key=lambda row: [float(row[name]) for name in (COLUMNS[2], COLUMNS[1], COLUMNS[0])]
-    ):
-        value = float(row["value"])
-        shares = [f"{number(float(row[name]) / value, 100, 0)} %" for name in LEVERS]
+    for row in sorted(rows, key=lambda row: [float(row[name]) for name in reversed(COLUMNS[:3])]):
+        value, half = float(row["value"]), {name: 1.96 * float(row[name + ERROR]) for name in MEASURED}
+        shares = [
+            f"{number(float(row[name]) / value, 100, 0)} ± {number(half[name] / value, 100, 0)} %"
+            for name in LEVERS
+        ]
         idle = f"{float(row['idle']) / float(row['free']):.0%}"
-        worth = f"{value:.2f} ± {1.96 * float(row['standard_error']):.2f}"
-        key = [row[name] for name in COLUMNS[:3]]
-        lines.append([*key, worth, idle, *shares, row["allies"], row["opponents"]])
+        key = [row["hop_dwell"], row["reaction_dwell"], f"{float(row['power_dbm']) - BASE_DBM:+g}"]
+        lines.append(
+            [*key, f"{value:.2f} ± {half['value']:.2f}", idle, *shares, row["allies"], row["opponents"]]
+        )
     return markdown_table(lines)
 
 
@@ -280,8 +291,8 @@ def draw(rows: Sequence[Line]) -> Figure:
             [(of, POWERS_DBM[0]) for of in reactions],
         ),
         (
-            "jammer (dBm)",
-            [f"{of:g}" for of in sorted(POWERS_DBM)],
+            "jammer / base (dB)",
+            [f"{of - BASE_DBM:+g}".replace("-", "\u2212") for of in sorted(POWERS_DBM)],
             [(REACTIONS[0], of) for of in sorted(POWERS_DBM)],
         ),
     )
@@ -289,7 +300,7 @@ def draw(rows: Sequence[Line]) -> Figure:
         "value": ("value",),
         "hop %": ("hop",),
         "spread %": ("spread",),
-        "type, tuning %": ("type", "tuning"),
+        "type or tuning %": ("type", "tuning"),  # the greater one
     }
     figure = blank_figure(PAGE, 3.9)
     for axes_row, (label, names, others) in zip(figure.subplots(2, 4), planes, strict=True):
@@ -307,24 +318,23 @@ def draw(rows: Sequence[Line]) -> Figure:
             axes.set_xticks(range(len(HOPS)), [f"{hop:g}" for hop in HOPS])
             axes.set_yticks(range(len(names)), names if levers == ("value",) else [])
             axes.set_title(title)
-            at = names.index("4") if others[0][1] == others[-1][1] else names.index("39")
-            axes.plot(2, at, "s", ms=26, mfc="none", mec="black")
+            axes.plot(2, others.index((REACTIONS[0], POWERS_DBM[0])), "s", ms=26, mfc="none", mec="black")
             axes.set(xlim=(-0.5, len(HOPS) - 0.5), ylim=(-0.5, len(names) - 0.5))
             if others[0][1] == others[-1][1]:
                 _mark_radios(axes)
         axes_row[0].set_ylabel(label)
-    radios = "B Bluetooth, E ExpressLRS, C CABELL V3, under a follower of 1 ms"
-    figure.supxlabel(f"hop time / dwell; square: link; {radios}")
+    radios = ", ".join(f"{mark} {name}" for mark, (name, *_) in RADIOS.items())
+    figure.supxlabel(f"hop time / dwell; square: link; under a follower of 1 ms {radios}")
     return figure
 
 
 def _mark_radios(axes: Axes) -> None:
-    """Mark radios under a follower of 1 ms; below one dwell they lie on the lower edge."""
+    """Mark radios under a follower of 1 ms; those off the map lie on its edge."""
     rows = [sum(checks) / 2 for checks in sorted(REACTIONS)]
-    for name, (hop, reaction) in RADIOS.items():
+    for mark, (_, hop, reaction, side) in RADIOS.items():
         x, y = np.interp(hop, HOPS, range(len(HOPS))), np.interp(reaction, rows, range(len(rows)))
-        mark = {"weight": "bold", "color": OPPONENT, "ha": {"C": "right"}.get(name, "left"), "va": "center"}
-        axes.text(x, y if reaction >= rows[0] else -0.36, name, **mark)
+        y += 0.36 * ((reaction > rows[-1]) - (reaction < rows[0]))
+        axes.text(x, y, mark, weight="bold", color=OPPONENT, ha=side, va="center")
 
 
 def main() -> None:

@@ -13,7 +13,14 @@ import numpy as np
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.products.papers.learners import Strategies, fictitious_play, minimax_q, q_learning
-from fpg_bench.products.papers.reproduction import Paper, PaperClaim, PaperResults, differences, read_facts
+from fpg_bench.products.papers.reproduction import (
+    Paper,
+    PaperClaim,
+    PaperResults,
+    choice,
+    differences,
+    read_facts,
+)
 
 LEVELS, NOISE, SIGNAL, GREATEST = 20, 1.0, 100.0, 100.0
 RATES = np.log2(1 + SIGNAL / (NOISE + np.linspace(0, GREATEST, LEVELS + 1))) / 2
@@ -144,9 +151,9 @@ class RateEnv(gymnasium.Env[np.int64, np.int64]):
 
     def step(self, action: np.int64) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
         """Send a packet."""
-        level = self._level()
+        level, rate = self._level(), choice(action, self.action_space)
         self._packet += 1
-        reward = float(RATES[action]) if level <= action else 0.0
+        reward = float(RATES[rate]) if level <= rate else 0.0
         return level, reward, False, self._packet >= PACKETS, {}
 
     def _level(self) -> np.int64:

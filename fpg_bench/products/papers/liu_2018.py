@@ -14,7 +14,14 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from fpg_bench.common.checks import one_of
 from fpg_bench.evaluation.seeds import EVALUATION_START
 from fpg_bench.products.papers.learners import q_learning
-from fpg_bench.products.papers.reproduction import Paper, PaperClaim, PaperResults, differences, read_facts
+from fpg_bench.products.papers.reproduction import (
+    Paper,
+    PaperClaim,
+    PaperResults,
+    choice,
+    differences,
+    read_facts,
+)
 
 BAND_MHZ, BIN_MHZ, WIDTH_MHZ, STEP_MHZ, ROLL_OFF = 20.0, 0.1, 4.0, 2.0, 0.3
 SIGNAL_DBM, JAMMER_DBM, NOISE_DBM, THRESHOLD_DB = 0.0, 30.0, -80.0, 10.0
@@ -80,8 +87,9 @@ class WaterfallEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Send for a slot."""
-        hopped = int(action) != self.channel
-        throughput = self._play(int(action))
+        channel = choice(action, self.action_space)
+        hopped = channel != self.channel
+        throughput = self._play(channel)
         over = self._slot >= EPISODE + ROWS * ROW_MS // SLOT_MS
         reward = throughput - HOP_COST * hopped
         return self._waterfall(), reward, False, over, {"throughput": throughput, "hopped": hopped}

@@ -16,12 +16,13 @@ from fpg_bench.products.papers.reproduction import NOT_RUN, SEEDS, Paper, PaperR
 _LEARNING = "The learners in the course of their training"
 
 
-def write_page(paper: Paper, results: PaperResults, command: str, path: Path) -> list[Path]:
+def write_page(paper: Paper, results: PaperResults, share: float, command: str, path: Path) -> list[Path]:
     """Write the page and its figures, and return their paths.
 
     Args:
         paper: the paper.
         results: its runs.
+        share: length of their trainings as a share of the full one.
         command: command that repeats the runs.
         path: the page; the figures stand beside it.
     """
@@ -38,15 +39,19 @@ def write_page(paper: Paper, results: PaperResults, command: str, path: Path) ->
     minutes = sum(float(row["seconds"]) for row in rows) / 60
     first, *others = paper.measures
     what = {name: about.capitalize() for name, about in paper.measures.items()}
+    beside = ", ours and the paper's" if _has_values(paper) else ""
+    shortened = f"**Trainings have {100 * share:g} % of the full length.** Claims may fail for that alone."
     sections = [
         f"# {paper.facts.title}",
+        *([shortened] if share < 1 else []),
         f"{paper.facts.citation}\n\n{paper.facts.about}",
         f"## Side by side\n\n{what[first]}: mean over seeds with its 95 % interval, and "
         f"the paper's value ({paper.facts.published_in}).\n\n{_side_by_side(paper, results)}\n\n"
-        f"![{what[first]}, ours and the paper's]({figures[0].name})",
-        f"## Claims\n\n{_claims(paper, results)}\n\nA part is a mean of differences over seeds with its 95 % "
-        "interval by Student's t: it holds above zero, does not below, and is open where the interval has "
-        "zero in it. A claim holds if all its parts do.",
+        f"![{what[first]}{beside}]({figures[0].name})",
+        f"## Claims\n\n{_claims(paper, results)}\n\nThe margin of a part is by how much it holds: a "
+        "difference of two players, or a tolerance less what differs; mean over seeds with its 95 % interval "
+        "by Student's t. A part holds above zero, does not below, and is open where the interval has zero in "
+        "it. A claim holds if all its parts do.",
         *learning,
         *(f"## {what[name]}\n\n{_measure(paper, results, name)}" for name in others),
         f"## Where each number comes from\n\n{_numbers(paper)}",
@@ -85,7 +90,7 @@ def _own(results: PaperResults, player: str, condition: str, measure: str) -> st
 
 
 def _claims(paper: Paper, results: PaperResults) -> str:
-    lines = [["claim", "source", "part", "difference", "verdict"]]
+    lines = [["claim", "source", "part", "margin", "verdict"]]
     for claim in paper.claims:
         lines.append([f"**{claim.statement}**", claim.source, "", "", f"**{verdict(claim, results)}**"])
         for part, values in claim.parts(results).items():
@@ -98,6 +103,11 @@ def _claims(paper: Paper, results: PaperResults) -> str:
 def _numbers(paper: Paper) -> str:
     lines = [[each.name, each.value, each.source, each.where] for each in paper.facts.numbers]
     return markdown_table([["number or choice", "value", "source", "place, or reason"], *lines])
+
+
+def _has_values(paper: Paper) -> bool:
+    """Return whether the paper gives a value, and not words alone."""
+    return any(isinstance(each, float) for known in paper.facts.published.values() for each in known.values())
 
 
 @styled
@@ -117,7 +127,7 @@ def _draw(paper: Paper, results: PaperResults, path: Path) -> None:
         published = [known.get(condition) for condition in paper.conditions]
         shown = [each if isinstance(each, float) else np.nan for each in published]
         axes.plot(at + width / 3, shown, **style | {"ls": "", "mfc": "none"})
-    if any(isinstance(each, float) for known in paper.facts.published.values() for each in known.values()):
+    if _has_values(paper):
         axes.plot([], [], "o", color="black", mfc="none", label="the paper's value")
     axes.set_xticks(range(len(paper.conditions)), paper.conditions)
     axes.set_ylabel(first)

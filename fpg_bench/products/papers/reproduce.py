@@ -74,7 +74,9 @@ def reproduce(
         rows = {key: row for key, row in _read(file).items() if key[2] in seeds}
         command = f"fpg-bench reproduce {paper.facts.name} --budget {budget} --n-seeds {count}"
         command += f" --first-seed {first_seed}" if first_seed else ""
-        written = write_page(paper, PaperResults(rows), command, out / f"{paper.facts.name}-{budget}.md")
+        written = write_page(
+            paper, PaperResults(rows), share, command, out / f"{paper.facts.name}-{budget}.md"
+        )
         check_all_done(failed)
         return [file.path, *written]
 

@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import gymnasium
 import numpy as np
 
+from fpg_bench.common.errors import UserError, shown
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.statistics import Interval, mean_interval, student_half
 
-HOLDS, FAILS, OPEN, NOT_RUN = "holds", "does not hold", "open", "not run"
+HOLDS, FAILS, OPEN, ONE_SEED, NOT_RUN = "holds", "does not hold", "open", "one seed", "not run"
 SEEDS = "training seeds"
 
 
@@ -24,13 +26,13 @@ class Number(Strict):
     Attributes:
         name: what it is.
         value: the value, with its unit.
-        source: the paper's text, a public implementation, or an assumption.
+        source: the paper's text, the text as others quote it, a public implementation, or an assumption.
         where: the place, or why it was assumed.
     """
 
     name: str
     value: str
-    source: Literal["paper's text", "public implementation", "assumption"]
+    source: Literal["paper's text", "paper's text, quoted", "public implementation", "assumption"]
     where: str
 
 
@@ -138,10 +140,17 @@ class Paper:
     curve: Mapping[float, str] = field(default_factory=dict)
 
 
+def choice(action: object, space: gymnasium.spaces.Discrete) -> int:
+    """Return an action of a game; raises UserError if it is not in the space."""
+    if not space.contains(action):
+        raise UserError(f"action: expected an integer from 0 to {space.n - 1}, got {shown(action)}")
+    return int(action)  # type: ignore[call-overload]
+
+
 def verdict_of(values: np.ndarray) -> str:
     """Return whether the mean of values by seed is positive, as its 95 % interval says."""
     if len(values) < 2:
-        return NOT_RUN
+        return ONE_SEED if len(values) else NOT_RUN
     mean, half = float(values.mean()), student_half(values)
     return HOLDS if mean - half > 0 else FAILS if mean + half < 0 else OPEN
 
@@ -149,4 +158,4 @@ def verdict_of(values: np.ndarray) -> str:
 def verdict(claim: PaperClaim, results: PaperResults) -> str:
     """Return the verdict on a claim: it holds if all parts do, and does not if one part does not."""
     verdicts = [verdict_of(values) for values in claim.parts(results).values()]
-    return next((word for word in (NOT_RUN, FAILS, OPEN) if word in verdicts), HOLDS)
+    return next((word for word in (NOT_RUN, ONE_SEED, FAILS, OPEN) if word in verdicts), HOLDS)

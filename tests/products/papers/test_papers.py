@@ -29,6 +29,7 @@ from fpg_bench.products.papers.reproduction import (
     FAILS,
     HOLDS,
     NOT_RUN,
+    ONE_SEED,
     OPEN,
     Facts,
     Paper,
@@ -45,7 +46,6 @@ from tests.programs import ROOT
 
 PAPERS = (ali_2023.PAPER, firouzbakht_2013.PAPER, liu_2018.PAPER)
 NAMES = [paper.facts.name for paper in PAPERS]
-BUDGETS = ("tenth", "full", "full")
 COMMITTED = ROOT / "docs/results/papers"
 
 
@@ -82,6 +82,17 @@ def test_games_are_environments_of_gymnasium(name, jammers):
 def test_an_option_that_a_paper_lacks_is_refused(make, message):
     with pytest.raises(UserError, match=message):
         make()
+
+
+@pytest.mark.parametrize("action", [-1, 30, 1.5, np.array([0, 1]), None])
+@pytest.mark.parametrize(
+    "make", [ali_2023.ProactiveJammerEnv, firouzbakht_2013.RateEnv, liu_2018.WaterfallEnv]
+)
+def test_an_action_that_a_game_lacks_is_refused_and_earns_nothing(make, action):
+    env = make()
+    env.reset(seed=0)
+    with pytest.raises(UserError, match="action: expected an integer from 0 to"):
+        env.step(action)
 
 
 def received(channels, jammer):
@@ -352,7 +363,8 @@ def test_verdicts_follow_from_intervals():
     assert verdict_of(np.array([0.1, 0.2, 0.3])) == OPEN
     assert verdict_of(np.array([0.1, 0.11, 0.12])) == HOLDS
     assert verdict_of(np.array([-0.1, -0.11, -0.12])) == FAILS
-    assert verdict_of(np.array([0.1])) == NOT_RUN
+    assert verdict_of(np.array([0.1])) == ONE_SEED
+    assert verdict_of(np.array([])) == NOT_RUN
     parts = {"a": np.array([1.0, 1.1]), "b": np.array([-1.0, -1.1])}
     both = PaperClaim("both", "", lambda results: parts)
     assert verdict(both, PaperResults({})) == FAILS
@@ -406,6 +418,7 @@ def test_rows_are_kept_and_only_missing_ones_are_run(tmp_path):
     text = page.read_text()
     assert "| a | 0.801 ± 0.002 | 0.500 |" in text
     assert "| **a beats b** | text |  |  | **holds** |" in text
+    assert "**Trainings have 2 % of the full length.**" in text
     assert "`fpg-bench reproduce small --budget quick --n-seeds 3`: seeds 0, 1, 2" in text
     assert figure.stat().st_size > 1000
     assert all(json.loads(line)["versions"].startswith("fpg-bench") for line in rows.open())
@@ -429,9 +442,9 @@ def test_without_a_name_the_papers_are_listed(capsys):
     assert all(len(line) <= 80 for line in lines)
 
 
-@pytest.mark.parametrize(("paper", "budget"), [*zip(PAPERS, BUDGETS, strict=True)], ids=NAMES)
-def test_committed_pages_follow_from_committed_rows(paper, budget, tmp_path):
-    name = f"{paper.facts.name}-{budget}"
+@pytest.mark.parametrize("paper", PAPERS, ids=NAMES)
+def test_committed_pages_follow_from_committed_rows(paper, tmp_path):
+    name = f"{paper.facts.name}-full"
     rows = {
         (row["player"], row["condition"], row["seed"]): row
         for row in RowFile(COMMITTED / f"{name}.jsonl").read()
@@ -439,7 +452,7 @@ def test_committed_pages_follow_from_committed_rows(paper, budget, tmp_path):
     seeds = {seed for *_, seed in rows}
     assert len(rows) == len(paper.players) * len(paper.conditions) * len(seeds)
     assert len(seeds) >= 5
-    command = f"fpg-bench reproduce {paper.facts.name} --budget {budget} --n-seeds {len(seeds)}"
-    page, *figures = write_page(paper, PaperResults(rows), command, tmp_path / f"{name}.md")
+    command = f"fpg-bench reproduce {paper.facts.name} --budget full --n-seeds {len(seeds)}"
+    page, *figures = write_page(paper, PaperResults(rows), 1.0, command, tmp_path / f"{name}.md")
     assert page.read_text() == (COMMITTED / f"{name}.md").read_text()
     assert {each.name for each in figures} == {each.name for each in COMMITTED.glob(f"{name}.*svg")}
