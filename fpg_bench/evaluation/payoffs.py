@@ -23,8 +23,8 @@ class Payoffs:
     >>> payoffs = Payoffs(("tone", "sweep"), ("idle", "expert"), (tone, sweep))
     >>> payoffs.values.tolist()
     [[9.0, 2.0], [4.0, 6.0]]
-    >>> payoffs.worst("tone")[0], payoffs.best_answer("expert")[0]
-    ('expert', 'sweep')
+    >>> payoffs.worst("tone")[0]
+    'expert'
     >>> {name: round(share, 2) for name, share in payoffs.equilibrium().players.items()}
     {'tone': 0.22, 'sweep': 0.78}
 
@@ -81,12 +81,6 @@ class Payoffs:
         row = self.values[_index(player, self.players, "player")]
         rival = self.rivals[int(row.argmin())]
         return rival, self.interval(player, rival)
-
-    def best_answer(self, rivals: str | Mapping[str, float]) -> tuple[str, Interval]:
-        """Return the player that earns most from a rival or a mixture of rivals, and what it earns."""
-        earned = {player: self.interval(player, rivals) for player in self.players}
-        player = max(earned, key=lambda name: earned[name].value)
-        return player, earned[player]
 
     def equilibrium(self) -> Equilibrium:
         """Return the Nash equilibrium of the zero-sum game in which rivals lose what players earn."""

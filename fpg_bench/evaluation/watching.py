@@ -102,7 +102,7 @@ def watch(
         begin_round(match, seeds=seed if index == 0 else None)
         recordings.append(_print_round(match, names, every) if target is None else _record_round(match))
         measures.append(duel.measures(0))
-        print(_closing_line(recordings[-1], measures[-1]))
+        print(f"{_which(recordings[-1])}: {shown_measures(measures[-1])}")
     if target is not None:
         _write(recordings, target, names, every)
         print(f"wrote {target}")
@@ -201,10 +201,6 @@ def _step_line(frame: np.void, scenario: Scenario) -> str:
         f"{''.join(sign if on else '.' for on, sign in flags)}{check}"
         f"{frame['ally_reward']:9.2f}{frame['opponent_reward']:10.2f}"
     )
-
-
-def _closing_line(recording: Recording, measures: dict[str, float | None]) -> str:
-    return f"{_which(recording)}: {shown_measures(measures)}"
 
 
 def shown_measures(measures: dict[str, float | None]) -> str:

@@ -86,7 +86,8 @@ def _members(spec: str, side: str) -> list[str]:
     name = spec.removeprefix(SUITE)
     folder = _folder(name)
     if folder is None:
-        raise UserError(f"{side} {spec!r}: no such suite{nearest(name, _shipped())}")
+        shipped = [path.name for path in suites_folder().iterdir() if path.is_dir()]
+        raise UserError(f"{side} {spec!r}: no such suite{nearest(name, shipped)}")
     members = sorted(path.name for path in (folder / side).glob("*/"))
     if not members:
         raise UserError(f"{spec}: has no members that play the {side}")
@@ -97,8 +98,3 @@ def _folder(name: str) -> Path | None:
     """Return the folder of a suite; None if there is no such suite."""
     places = [suites_folder() / name, Path(name)] if name else []
     return next((place for place in places if any((place / side).is_dir() for side in SIDES)), None)
-
-
-def _shipped() -> list[str]:
-    """Return the names of the suites of the package."""
-    return [path.name for path in suites_folder().iterdir() if path.is_dir()]

@@ -34,11 +34,9 @@ def test_values_and_intervals_are_those_of_the_units():
     assert HAND.interval("script", "one").half == 0
 
 
-def test_the_worst_rival_and_the_best_answer_are_named_with_what_is_earned():
+def test_the_worst_rival_is_named_with_what_is_earned():
     assert HAND.worst("seeds") == ("one", HAND.interval("seeds", "one"))
-    assert HAND.best_answer("one") == ("script", HAND.interval("script", "one"))
-    player, earned = HAND.best_answer({"one": 0.25, "two": 0.75})
-    assert (player, earned.value) == ("script", 5.5)
+    assert HAND.interval("script", {"one": 0.25, "two": 0.75}).value == 5.5
     assert HAND.interval("seeds", {"one": 0.5, "two": 0.5}).half == pytest.approx(
         student_t(3) * np.std([4.5, 5.5, 3.5], ddof=1) / 3**0.5
     )
@@ -48,7 +46,7 @@ def test_an_unknown_name_is_refused():
     with pytest.raises(UserError, match=r"pay-offs: no player 'scripts'; did you mean 'script'\?"):
         HAND.worst("scripts")
     with pytest.raises(UserError, match="pay-offs: no rival 'three'"):
-        HAND.best_answer("three")
+        HAND.interval("script", "three")
 
 
 def test_matching_pennies_are_played_evenly_and_nobody_gains_by_another_answer():
@@ -62,7 +60,8 @@ def test_matching_pennies_are_played_evenly_and_nobody_gains_by_another_answer()
     assert found.players == pytest.approx({"a": 0.25, "b": 0.75})
     assert found.rivals == pytest.approx({"x": 0.5, "y": 0.5})
     assert found.value == pytest.approx(1.5)
-    assert uneven.best_answer(found.rivals)[1].value == pytest.approx(found.value)
+    earned = [uneven.interval(player, found.rivals).value for player in ("a", "b")]
+    assert earned == pytest.approx([found.value] * 2)
 
 
 @pytest.fixture(scope="module")

@@ -147,7 +147,7 @@ def download(name: str) -> Snapshot:
         home = Path(constants.HF_HOME) / "fpg-bench" / repository.replace("/", "--")
         latest = home / f"revision-{hashlib.sha256(revision.encode()).hexdigest()[:16]}"
         is_commit = _COMMIT.fullmatch(revision) is not None
-        if is_commit and _is_kept(home / revision):
+        if is_commit and all((home / revision / file).is_file() for file in AGENT_FILES):
             return Snapshot(repository, revision, revision, home / revision)
         commit, files = _finish(_receive(name, token), DEADLINE_S)
         for file, data in files.items():
@@ -161,10 +161,6 @@ def download(name: str) -> Snapshot:
     if not is_commit:
         write_whole(latest, commit)
     return Snapshot(repository, revision, commit, home / commit)
-
-
-def _is_kept(folder: Path) -> bool:
-    return all((folder / file).is_file() for file in AGENT_FILES)
 
 
 def _finish(work: Coroutine[Any, Any, _Result], deadline_s: float) -> _Result:

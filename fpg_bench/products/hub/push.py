@@ -20,7 +20,7 @@ from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
-from fpg_bench.evaluation.summary import Summary, TrainingCost, summarise
+from fpg_bench.evaluation.summary import TrainingCost, summarise
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.recording import Recording
 from fpg_bench.players.agent import agent_folder, load_agent
@@ -128,7 +128,10 @@ def agent_files(
         files["records.jsonl"] = "".join(f"{row}\n" for row in rows).encode()
     if run is not None and (curve := _curve(run)) is not None:
         files[CURVE] = curve
-    summaries = [_with_training(each, card) for suite, of in records for each in summarise(of, suite)]
+    training = TrainingCost(card.played_steps, card.seconds)
+    summaries = [
+        dataclasses.replace(each, training=training) for suite, of in records for each in summarise(of, suite)
+    ]
     files["README.md"] = model_card(card, repository, suite.name, summaries, files).encode()
     if benchmark is not None and summaries:
         files[EVAL_RESULTS] = results_yaml(benchmark, repository, summaries).encode()
@@ -174,10 +177,6 @@ def _records(
             for suite in map(load_suite, agent.group.suites):
                 if records := own(zoo.read_records(agent.group, suite)):
                     yield suite, records
-
-
-def _with_training(summary: Summary, card: AgentCard) -> Summary:
-    return dataclasses.replace(summary, training=TrainingCost(card.played_steps, card.seconds))
 
 
 def _replay(player: Player, side: str, suite: Suite, repository: str) -> bytes:

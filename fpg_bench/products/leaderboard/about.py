@@ -67,13 +67,9 @@ def _text(value: object, most: int, lines: bool = False, least: int = 1) -> str:
     for letter in value:
         if unicodedata.category(letter)[0] == "C" and not (lines and letter == "\n"):
             raise UserError(f"holds the control character U+{ord(letter):04X}; leave it out")
-        if _is_invisible(letter):
+        if any(first <= ord(letter) <= last for first, last in _INVISIBLE):
             raise UserError(f"holds U+{ord(letter):04X}, which cannot be seen; leave it out")
     return value
-
-
-def _is_invisible(letter: str) -> bool:
-    return any(first <= ord(letter) <= last for first, last in _INVISIBLE)
 
 
 def _named(value: object, most: int) -> str:

@@ -264,11 +264,6 @@ def _restrict(case: Case, drawn: set[tuple[str, Key]]) -> Case:
 # Verdicts
 
 
-def _played_parts(case: Case) -> list[PlayedPart]:
-    """Return the parts of a case as they were played, in the order of ``case.wanted``."""
-    return [read_part(case.work / part.name) for part, _ in case.wanted]
-
-
 def _judge(case: Case, played: Sequence[PlayedPart]) -> tuple[bool, str]:
     """Return the verdict on a case that was played; writes the result if there is none."""
     failure = next((part.failure for part in played if part.failure is not None), None)
@@ -468,7 +463,7 @@ class _Verification:
         if errors := [self.failed[name] for name in names if name in self.failed]:
             self.verdicts.give(case.name, False, errors[0])
             return
-        played = outcome_of(partial(_played_parts, case))
+        played = outcome_of(lambda: [read_part(case.work / part.name) for part, _ in case.wanted])
         judged = played if played.error is not None else outcome_of(partial(_judge, case, played.result))
         if played.error is None and judged.error is not None:  # a full disk, or a folder of somebody else's
             good, line = False, f"{judged.error}; what was played is kept, run it again"

@@ -20,9 +20,7 @@ from fpg_bench.products.papers.reproduction import Paper, PaperResults
 from fpg_bench.version import __version__
 
 # Length of the training as a share of the paper's, and the default number of seeds
-BUDGETS: Mapping[str, tuple[float, int]] = MappingProxyType(
-    {"quick": (0.02, 2), "tenth": (0.1, 5), "full": (1.0, 5)}
-)
+BUDGETS: Mapping[str, tuple[float, int]] = MappingProxyType({"quick": (0.02, 2), "full": (1.0, 5)})
 
 
 def reproduce(
@@ -41,7 +39,7 @@ def reproduce(
     Args:
         paper: the paper.
         out: folder of the files.
-        budget: ``quick``, ``tenth`` or ``full``.
+        budget: ``quick`` or ``full``.
         n_seeds: number of training seeds. None: the default of the budget.
         first_seed: first training seed.
         workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.

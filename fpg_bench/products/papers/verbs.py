@@ -37,7 +37,7 @@ def reproduce(
     budget: Annotated[
         str,
         typer.Option(
-            help=f"quick, a try; tenth; full, up to an hour ({YANG}: hours; it also has hundredth and paper).",
+            help=f"quick, a try, or full, up to an hour; {YANG} (hours) also has hundredth, tenth and paper.",
             rich_help_panel=TRAINING,
         ),
     ] = "quick",

@@ -52,7 +52,7 @@ def serve(inside: SandboxChild) -> None:
         starts = _array(reader, bool, count, 1)[:, 0] if flags & STARTS else None
         before = None if flags & FRESH else memory
         actions, memory = player.predict(seen, before, starts)
-        if _misshapen(memory, count, player.state_size):
+        if player.state_size and memory[0].shape != (count, player.state_size):  # not as it declares
             actions, memory = np.empty(0), None
         _send(connection, actions, count)
 
@@ -60,11 +60,6 @@ def serve(inside: SandboxChild) -> None:
 def _array(reader: MessageReader, dtype: DTypeLike, rows: int, columns: int) -> np.ndarray:
     data = reader.read(rows * columns * np.dtype(dtype).itemsize)
     return np.frombuffer(data, dtype).reshape(rows, columns)
-
-
-def _misshapen(memory: Memory, count: int, size: int) -> bool:
-    """Return whether the next state has another shape than the policy declares."""
-    return size > 0 and memory[0].shape != (count, size)
 
 
 def _send(connection: socket.socket, actions: np.ndarray, count: int) -> None:

@@ -123,7 +123,8 @@ def export_values(
         raise UserError(f"study {study.study_name!r} in {opened.where}: no trial is complete yet")
     seeds = range(FRESH_SEED, FRESH_SEED + n_seeds)
     values = {f"trial {trial.number}": from_params(task.space, trial.params) for trial in trials}
-    present = next((name for name, each in values.items() if _is_present(task, each)), _PRESENT)
+    begun = task.hyperparameters
+    present = next((name for name, each in values.items() if merge_values(begun, each) == begun), _PRESENT)
     candidates = values | ({} if present in values else {_PRESENT: {}})
     jobs = [
         Job(
@@ -183,11 +184,6 @@ def export_values(
     write_values(Path(file), best)
     _logger.info("written: %s, %s", file, task.game.id)
     return confirmed
-
-
-def _is_present(task: Task, values: Entry) -> bool:
-    """Return True if a trial has the values that the study began with."""
-    return merge_values(task.hyperparameters, values) == task.hyperparameters
 
 
 def _run_name(candidate: str, seed: int, steps: int) -> str:
