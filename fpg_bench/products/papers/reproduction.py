@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -140,11 +140,11 @@ class Paper:
     curve: Mapping[float, str] = field(default_factory=dict)
 
 
-def choice(action: object, space: gymnasium.spaces.Discrete) -> int:
+def choice(action: Any, space: gymnasium.Space[Any]) -> int:
     """Return an action of a game; raises UserError if it is not in the space."""
     if not space.contains(action):
-        raise UserError(f"action: expected an integer from 0 to {space.n - 1}, got {shown(action)}")
-    return int(action)  # type: ignore[call-overload]
+        raise UserError(f"action: expected one of {space}, got {shown(action)}")
+    return int(action)
 
 
 def verdict_of(values: np.ndarray) -> str:
