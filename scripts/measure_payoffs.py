@@ -135,11 +135,12 @@ def answers_note(payoffs: Payoffs) -> str:
     """Return a sentence on who is the best answer to how many single rivals, and what they earn there."""
     best = payoffs.values.argmax(axis=0)
     counts = Counter(payoffs.players[row] for row in best).most_common()
-    worst, least = payoffs.worst(counts[0][0])
+    first = counts[0][0]
+    worst, least = payoffs.worst(first)
     return (
         f"Best answers to the {len(best)} opponents: "
         f"{', '.join(f'{name} to {count}' for name, count in counts)}. "
-        f"The first earns least from {worst}: {least.value:.2f}."
+        f"{first} earns least from {worst}: {least.value:.2f}."
     )
 
 
