@@ -25,6 +25,7 @@ from lineage import fill
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from measure_payoffs import Frozen, Values
 
 from fpg_bench.common.canvas import OPPONENT, PAGE, blank_figure, styled, write_figure
@@ -333,8 +334,10 @@ def _mark_radios(axes: Axes) -> None:
     rows = [sum(checks) / 2 for checks in sorted(REACTIONS)]
     for mark, (_, hop, reaction, side) in RADIOS.items():
         x, y = np.interp(hop, HOPS, range(len(HOPS))), np.interp(reaction, rows, range(len(rows)))
+        x += 0.38 * (hop > HOPS[-1])
         y += 0.36 * ((reaction > rows[-1]) - (reaction < rows[0]))
-        axes.text(x, y, mark, weight="bold", color=OPPONENT, ha=side, va="center")
+        text = axes.text(x, y, mark, weight="bold", color=OPPONENT, ha=side, va="center")
+        text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
 def main() -> None:
