@@ -165,7 +165,7 @@ class Meetings:
 
 @dataclass(frozen=True)
 class Solution:
-    """What the ally earns in each match at the equilibrium, ``(matches,)``, and the shares of both sides."""
+    """The ally's reward per step in each match at the equilibrium, ``(matches,)``, and both sides' shares."""
 
     earned: np.ndarray
     allies: Mapping[str, float]

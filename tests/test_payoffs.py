@@ -44,7 +44,7 @@ def test_the_note_names_the_equilibrium_of_the_payoffs():
 def test_the_note_counts_whom_each_player_is_the_best_answer_to():
     rows = tuple(np.array([[row, row]]) for row in ([3.0, -1.0, 2.0], [-2.0, 1.0, 0.0]))
     note = answers_note(Payoffs(("a", "b"), ("x", "y", "z"), rows))
-    assert note == "Best answers to the 3 opponents: a to 2, b to 1. The first earns least from y: -1.00."
+    assert note == "Best answers to the 3 opponents: a to 2, b to 1. a earns least from y: -1.00."
 
 
 def test_the_committed_pay_offs_are_those_of_the_zoos_agents_and_its_best_have_the_levers():
