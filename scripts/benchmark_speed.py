@@ -252,14 +252,17 @@ def waiting(quick: bool) -> list[Figure]:
     seconds = {verb: float(np.median(of)) for verb, of in interleaved(repeats, **runs).items()}
     make = f"import fpg_bench; games = fpg_bench.make_sb3({ENV_ID!r})"
     play = ("-c", f"{make}; games.reset(); games.step(games.action_space.sample()[None])")
-    warm = child_seconds(*play)
-    with tempfile.TemporaryDirectory() as folder:
-        cold = child_seconds(*play, NUMBA_CACHE_DIR=folder)
+    compiling = []
+    if not quick:
+        warm = child_seconds(*play)
+        with tempfile.TemporaryDirectory() as folder:
+            cold = child_seconds(*play, NUMBA_CACHE_DIR=folder)
+        compiling = [Figure("CPU s of a first compilation of the game", cold - warm, 6, at_least=False)]
     bounds = {"zoo": 0.9, "players": 0.6, "suites": 0.6}
     return [
         *(Figure(f"CPU s of {floor}", seconds[floor], math.inf, False) for floor in floors),
         *(Figure(f"CPU s of fpg-bench {verb}", seconds[verb], bounds[verb], False) for verb in bounds),
-        Figure("CPU s of a first compilation of the game", cold - warm, 6, at_least=False),
+        *compiling,
     ]
 
 
@@ -331,7 +334,7 @@ def main() -> None:
     parser.add_argument(
         "--quick",
         action="store_true",
-        help="a minute: fewer repeats, so that speeds are shown without a verdict, and no whole training",
+        help="half a minute: fewer repeats, so that speeds are shown without a verdict, and nothing long",
     )
     quick = parser.parse_args().quick
     warnings.filterwarnings("ignore", module="stable_baselines3")
