@@ -217,8 +217,8 @@ def measure(point: Point, seed: int) -> Line:
     }
     of_type = []
     for kind, name in enumerate(JAMMING_TYPES):
-        alike = [name, f"alternate(type={kind})", "bayes"]
-        of_type.append(Meetings(replace(scenario, jamming_types=(name,))).solve(own, alike).earned)
+        pool = [*dict.fromkeys([*others, name, f"alternate(type={kind})"])]
+        of_type.append(Meetings(replace(scenario, jamming_types=(name,))).solve(own, pool).earned)
     lost["type"] = min(of_type, key=np.mean) - free
     lost["tuning"] = Meetings(scenario, opponent=TUNED).solve(own, others).earned - free
     measured = {"value": whole.earned, **lost}
