@@ -138,7 +138,7 @@ def payoff_table(payoffs: Payoffs) -> str:
     """Return the rewards of allies against each jammer, the worst and the mean."""
     lines = [["allies", *payoffs.rivals, "worst", "mean"]]
     for name, row in zip(payoffs.players, payoffs.values, strict=True):
-        label = f"{name} (sees a second ahead)" if name in BOUNDS else name
+        label = f"{name} (full state)" if name in BOUNDS else name
         lines.append([label, *(f"{value:.2f}" for value in (*row, row.min(), row.mean()))])
     return markdown_table(lines)
 

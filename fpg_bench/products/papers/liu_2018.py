@@ -243,7 +243,7 @@ PAPER = Paper(
         ),
         PaperClaim(
             "A deep network earns more than a table of states",
-            "not in the public text",
+            "not in what is quoted",
             _more_than("Q-learning"),
         ),
     ),

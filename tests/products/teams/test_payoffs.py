@@ -32,7 +32,7 @@ def test_pairs_are_played_once_and_kept(tmp_path, monkeypatch):
 def test_bounds_are_shown_and_stay_out_of_the_equilibrium():
     samples = tuple(np.array([[[reward, 1.0], [reward, 3.0]]]) for reward in (4.0, 6.0, 9.0))
     payoffs = Payoffs(("greedy", "cdma", "genie"), ("tone", "combs"), samples)
-    assert "| genie (sees a second ahead) | 9.00 | 2.00 | 2.00 | 5.50 |" in payoff_table(payoffs)
+    assert "| genie (full state) | 9.00 | 2.00 | 2.00 | 5.50 |" in payoff_table(payoffs)
     assert without_bounds(payoffs).players == ("greedy", "cdma")
 
 
