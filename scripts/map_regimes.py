@@ -35,6 +35,7 @@ from fpg_bench.common.output import csv_text, number
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.actions import HOP_GATE, IN_BAND_GATE, KNOWLEDGE_GATE, SPEED, SPREAD_GATE, TUNING
 from fpg_bench.game.names import JAMMING_TYPES
@@ -77,11 +78,11 @@ RADIOS = {  # and the mark's side
     "L": ("Link 16", 0.51, 77, "center"),
 }
 LEVERS = (*ALLY_LEVERS, "type", "tuning")
-ERROR = " error"  # standard error, over matches
+HALF = " half"  # of the 95 % interval over matches
 MEASURED = ("value", *LEVERS)
 COLUMNS = (
     *("hop_dwell", "reaction_dwell", "power_dbm", "free", "idle"),
-    *(name + end for name in MEASURED for end in ("", ERROR)),
+    *(name + end for name in MEASURED for end in ("", HALF)),
     *("allies", "opponents", "seconds"),
 )
 Line = dict[str, str]
@@ -209,9 +210,9 @@ def measure(point: Point, seed: int) -> Line:
     others = shortlist(opponents, whole.opponents, -values.max(axis=0))
     own += [name for name in ("range",) if name not in own]
     others += [name for name in ("bayes",) if name not in others]
-    free = game.solve(own, others).earned
+    kept = game.solve(own, others).earned
     lost = {
-        name: free
+        name: kept
         - max((Meetings(scenario, ally=one).solve(own, others).earned for one in constants), key=np.mean)
         for name, constants in ALLY_LEVERS.items()
     }
@@ -219,15 +220,15 @@ def measure(point: Point, seed: int) -> Line:
     for kind, name in enumerate(JAMMING_TYPES):
         pool = [*dict.fromkeys([*others, name, f"alternate(type={kind})"])]
         of_type.append(Meetings(replace(scenario, jamming_types=(name,))).solve(own, pool).earned)
-    lost["type"] = min(of_type, key=np.mean) - free
-    lost["tuning"] = Meetings(scenario, opponent=TUNED).solve(own, others).earned - free
+    lost["type"] = min(of_type, key=np.mean) - kept
+    lost["tuning"] = Meetings(scenario, opponent=TUNED).solve(own, others).earned - kept
     measured = {"value": whole.earned, **lost}
     silent = Meetings(replace(scenario, opponent_power_dbm=-100.0))
     figures = {
         "free": float(silent.rewards("range", "tone").mean()),
         "idle": float(values[allies.index("idle")].min()),
         **{name: float(earned.mean()) for name, earned in measured.items()},
-        **{name + ERROR: float(earned.std(ddof=1) / len(earned) ** 0.5) for name, earned in measured.items()},
+        **{name + HALF: student_half(earned) for name, earned in measured.items()},
     }
     return {
         **dict(zip(COLUMNS[:3], point.key, strict=True)),
@@ -245,11 +246,11 @@ def _mixture(shares: Mapping[str, float]) -> str:
 
 
 def read_rows(path: Path) -> list[Line]:
-    """Return the rows of a map that have been measured."""
+    """Return the rows of a map that have been measured, each point once: two runs may meet at one."""
     if not path.exists():
         return []
     with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+        return list({tuple(row[name] for name in COLUMNS[:3]): row for row in csv.DictReader(file)}.values())
 
 
 def table(rows: Sequence[Line]) -> str:
@@ -267,15 +268,22 @@ def table(rows: Sequence[Line]) -> str:
         ]
     ]
     for row in sorted(rows, key=lambda row: [float(row[name]) for name in reversed(COLUMNS[:3])]):
-        value, half = float(row["value"]), {name: 1.96 * float(row[name + ERROR]) for name in MEASURED}
+        value = float(row["value"])
         shares = [
-            f"{number(float(row[name]) / value, 100, 0)} ± {number(half[name] / value, 100, 0)} %"
+            " ± ".join(number(float(row[name + end]) / value, 100, 0) for end in ("", HALF)) + " %"
             for name in LEVERS
         ]
         idle = f"{float(row['idle']) / float(row['free']):.0%}"
         key = [row["hop_dwell"], row["reaction_dwell"], f"{float(row['power_dbm']) - BASE_DBM:+g}"]
         lines.append(
-            [*key, f"{value:.2f} ± {half['value']:.2f}", idle, *shares, row["allies"], row["opponents"]]
+            [
+                *key,
+                f"{value:.2f} ± {float(row['value' + HALF]):.2f}",
+                idle,
+                *shares,
+                row["allies"],
+                row["opponents"],
+            ]
         )
     return markdown_table(lines)
 

@@ -16,7 +16,7 @@ from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import EVALUATION_START
 from fpg_bench.products.papers.learners import DuelingPolicy, PrioritisedBuffer, VariantDQN
-from fpg_bench.products.papers.reproduction import Paper, PaperClaim, choice, differences, read_facts
+from fpg_bench.products.papers.reproduction import Paper, PaperClaim, checked_action, differences, read_facts
 
 CHANNELS = 8
 SLOTS = 100
@@ -71,7 +71,7 @@ class ProactiveJammerEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Send for a slot."""
-        channel = choice(action, self.action_space)
+        channel = checked_action(action, self.action_space)
         sent, hopped = channel != self._jammed, channel != self._channel
         reward = (1 - self.cost * hopped) * sent
         self._channel, self._slot = channel, self._slot + 1

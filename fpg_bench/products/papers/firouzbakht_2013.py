@@ -17,7 +17,7 @@ from fpg_bench.products.papers.reproduction import (
     Paper,
     PaperClaim,
     PaperResults,
-    choice,
+    checked_action,
     differences,
     read_facts,
 )
@@ -151,7 +151,7 @@ class RateEnv(gymnasium.Env[np.int64, np.int64]):
 
     def step(self, action: np.int64) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
         """Send a packet."""
-        level, rate = self._level(), choice(action, self.action_space)
+        level, rate = self._level(), checked_action(action, self.action_space)
         self._packet += 1
         reward = float(RATES[rate]) if level <= rate else 0.0
         return level, reward, False, self._packet >= PACKETS, {}

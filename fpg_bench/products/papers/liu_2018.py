@@ -18,7 +18,7 @@ from fpg_bench.products.papers.reproduction import (
     Paper,
     PaperClaim,
     PaperResults,
-    choice,
+    checked_action,
     differences,
     read_facts,
 )
@@ -87,7 +87,7 @@ class WaterfallEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Send for a slot."""
-        channel = choice(action, self.action_space)
+        channel = checked_action(action, self.action_space)
         hopped = channel != self.channel
         throughput = self._play(channel)
         over = self._slot >= EPISODE + ROWS * ROW_MS // SLOT_MS

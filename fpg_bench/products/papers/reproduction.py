@@ -140,7 +140,7 @@ class Paper:
     curve: Mapping[float, str] = field(default_factory=dict)
 
 
-def choice(action: Any, space: gymnasium.Space[Any]) -> int:
+def checked_action(action: Any, space: gymnasium.Space[Any]) -> int:
     """Return an action of a game; raises UserError if it is not in the space."""
     if not space.contains(action):
         raise UserError(f"action: expected one of {space}, got {shown(action)}")
