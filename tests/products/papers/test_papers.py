@@ -1,6 +1,8 @@
 """Reproductions of published results: their games, learners, claims, rows and pages."""
 
 import json
+import re
+from typing import get_type_hints
 
 import gymnasium
 import numpy as np
@@ -14,6 +16,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.products.paper import experiment as yang
 from fpg_bench.products.papers import ali_2023, firouzbakht_2013, liu_2018, verbs
 from fpg_bench.products.papers.firouzbakht_2013 import RateGame
 from fpg_bench.products.papers.learners import (
@@ -24,7 +27,7 @@ from fpg_bench.products.papers.learners import (
     q_learning,
 )
 from fpg_bench.products.papers.page import write_page
-from fpg_bench.products.papers.reproduce import reproduce
+from fpg_bench.products.papers.reproduce import BUDGETS, reproduce
 from fpg_bench.products.papers.reproduction import (
     FAILS,
     HOLDS,
@@ -442,6 +445,13 @@ def test_without_a_name_the_papers_are_listed(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == ["yang-2026", *NAMES]
     assert all(len(line) <= 80 for line in lines)
+
+
+def test_the_help_names_the_budgets_and_no_other():
+    (option,) = get_type_hints(reproduce_verb, include_extras=True)["budget"].__metadata__
+    of_all, of_yang = (re.findall(r"\w+", text) for text in option.help.split(verbs.YANG))
+    assert {*yang.BUDGETS} & {*of_all} == {*BUDGETS}
+    assert {*BUDGETS, *of_yang} >= {*yang.BUDGETS}
 
 
 @pytest.mark.parametrize("paper", PAPERS, ids=NAMES)
