@@ -90,6 +90,19 @@ def contradictory():
     return model(nodes, [*tensors, whole([0], "first"), whole([-1, 9], "shape")])
 
 
+def remembering(**attributes) -> bytes:
+    """An LSTM of four cells, with these attributes."""
+    nodes = [
+        node("Unsqueeze", ["observation", "first"], ["x"]),
+        node("LSTM", ["x", "W", "R"], ["", "h"], hidden_size=4, **attributes),
+        node("Squeeze", ["h", "first"], ["y"]),
+        node("Gemm", ["y", "v"], ["action"]),
+    ]
+    tensors = {"W": (1, 16, 15), "R": (1, 16, 4), "v": (4, 9)}
+    constants = [constant(np.full(shape, 0.1), name) for name, shape in tensors.items()]
+    return model(nodes, [*constants, whole([0], "first")])
+
+
 def over_rows():
     """A policy that is normalised over the games of a batch."""
     nodes = [

@@ -19,6 +19,7 @@ MAX_NOISE = 16
 _MODEL = ("producer_name", "producer_version", "domain", "model_version", "doc_string", "metadata_props")
 _GRAPH = ("doc_string", "metadata_props", "value_info", "quantization_annotation")
 _PART = ("doc_string", "metadata_props")
+_REDUCING = "L1 L2 LogSum LogSumExp Max Mean Min Prod Sum SumSquare"
 _NO_FILE = "is not an ONNX file, or is truncated"
 
 
@@ -86,6 +87,57 @@ def unplayable(model: ModelProto) -> Iterator[str]:
             yield f"{shown(value.name)}: expected float32, got {known.lower()}; cast it inside the policy"
 
 
+# Attributes that a policy's operators may have, in any value that is finite; with one value, in the second.
+ATTRIBUTES = {
+    **dict.fromkeys(("ArgMax", "ArgMin"), "axis keepdims"),
+    "Cast": "to",
+    "Constant": "value value_float value_floats value_int value_ints",
+    "Conv": "dilations group kernel_shape pads strides",
+    **dict.fromkeys(("Celu", "Elu", "LeakyRelu", "Swish", "ThresholdedRelu"), "alpha"),
+    **dict.fromkeys(("Concat", "Flatten", "Gather", "Hardmax", "LogSoftmax", "Softmax"), "axis"),
+    "GRU": "hidden_size linear_before_reset",
+    "Gelu": "approximate",
+    "Gemm": "alpha beta transB",
+    "HardSigmoid": "alpha beta",
+    **dict.fromkeys(("LSTM", "RNN"), "hidden_size"),
+    "LayerNormalization": "axis epsilon",
+    "Mod": "fmod",
+    **{f"Reduce{name}": "axes keepdims noop_with_empty_axes" for name in _REDUCING.split()},
+    "Reshape": "allowzero",
+    "Selu": "alpha gamma",
+    "Shrink": "bias lambd",
+    "Split": "axis num_outputs",
+    "Transpose": "perm",
+}
+DEFAULTS = {"auto_pad": "NOTSET", "direction": "forward", "input_forget": 0, "layout": 0, "saturate": 1}
+DEFAULTS |= {"select_last_index": 0, "stash_type": 1, "training_mode": 0, "transA": 0}
+
+
+def attributes_of(node: NodeProto) -> dict[str, Any]:
+    """Return the attributes of an operator by name; text as ``str``.
+
+    Raises:
+        UserError: one that is not part of a policy's form: of another name or value, or not finite.
+    """
+    from onnx.helper import get_attribute_value
+
+    attributes = {}
+    for attribute in node.attribute:
+        name, value = attribute.name, get_attribute_value(attribute)
+        value = value.decode(errors="replace") if isinstance(value, bytes) else value
+        place = f"operator {shown(node.op_type)}: its attribute {shown(name)}"
+        if name in DEFAULTS and name not in ATTRIBUTES.get(node.op_type, "").split():
+            if value != DEFAULTS[name]:
+                raise UserError(f"{place} is {shown(value)}, and only {DEFAULTS[name]!r} is played")
+        elif name not in ATTRIBUTES.get(node.op_type, name).split():
+            raise UserError(f"{place} is not played; export without it")
+        floats = [value] if isinstance(value, float) else value if attribute.type == attribute.FLOATS else []
+        if not all(map(math.isfinite, floats)):
+            raise UserError(f"{place} is not finite")
+        attributes[name] = value
+    return attributes
+
+
 def check_signature(
     inputs: dict[str, list[Any]], outputs: dict[str, list[Any]], size: int = OBSERVATION_SIZE
 ) -> None:
@@ -129,7 +181,6 @@ Floor Gelu Greater GreaterOrEqual HardSigmoid HardSwish Identity IsInf IsNaN Lea
 Max Mean Min Mish Mod Mul Neg Not Or PRelu Pow Reciprocal Relu Round Selu Shrink Sigmoid Sign Sin Sinh
 Softplus Softsign Sqrt Sub Sum Swish Tan Tanh ThresholdedRelu Where Xor
 """
-_REDUCING = "L1 L2 LogSum LogSumExp Max Mean Min Prod Sum SumSquare"
 Shape = tuple[int, ...]
 
 

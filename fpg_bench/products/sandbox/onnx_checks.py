@@ -30,7 +30,7 @@ from onnx.helper import get_attribute_value, make_tensor_type_proto
 
 from fpg_bench.common.errors import UserError, first_line, one_line, shown
 from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.players.onnx_file import check_signature, plain_model, unplayable
+from fpg_bench.players.onnx_file import attributes_of, check_signature, plain_model, unplayable
 from fpg_bench.products.sandbox.child import SandboxChild, rehearse
 from fpg_bench.products.sandbox.client import SIZE
 from fpg_bench.products.sandbox.process import MessageReader
@@ -157,8 +157,14 @@ def _node(node: NodeProto) -> Iterator[str]:
             yield from _tensor(attribute.t)
         if attribute.HasField("g") or attribute.graphs:
             yield f"operator {shown(node.op_type)}: holds a graph of its own, which is not allowed"
-        elif attribute.type not in _VALUES or attribute.ref_attr_name or attribute.tensors:
+            return
+        if attribute.type not in _VALUES or attribute.ref_attr_name or attribute.tensors:
             yield f"operator {shown(node.op_type)}: attribute {shown(attribute.name)} is not a plain value"
+            return
+    try:
+        attributes_of(node)
+    except UserError as error:
+        yield str(error)
 
 
 def _why_not(operator: str) -> str:

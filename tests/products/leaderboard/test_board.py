@@ -23,7 +23,7 @@ from fpg_bench.products.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED,
 from fpg_bench.products.leaderboard.verbs import build
 from fpg_bench.products.leaderboard.verification import load_case, verify
 from tests.logged import logged
-from tests.policies import model, node, weights
+from tests.policies import model, node, remembering, weights
 from tests.products.leaderboard.entering import SUITE, close_season, enter, write_suite, write_verified
 
 pytestmark = pytest.mark.slow
@@ -309,22 +309,36 @@ def test_the_verb_says_who_is_left_out_and_keeps_rounds_that_it_does_not_simulat
     assert rounds[0].name in (site / "entries/ally/wise.html").read_text()
 
 
+def of_the_page(entries, content):
+    """The policy of an entry on the page of games, if this were its file."""
+    (linear,) = (entry for entry in entries.verified if entry.slug == "linear")
+    policy = dataclasses.replace(linear.submission.policies[0], model=content)
+    changed = dataclasses.replace(
+        linear, submission=linear.submission.model_copy(update={"policies": (policy,)})
+    )
+    return submitted_policies(dataclasses.replace(entries, verified=[changed])).get(("ally", "linear"))
+
+
 def test_the_page_gets_the_first_policy_of_each_verified_entry_that_it_can_play(entered):
     entries = load_entries(entered)
-    (linear,) = (entry for entry in entries.verified if entry.slug == "linear")
-
-    def played(content):
-        policy = dataclasses.replace(linear.submission.policies[0], model=content)
-        submission = linear.submission.model_copy(update={"policies": (policy,)})
-        changed = dataclasses.replace(linear, submission=submission)
-        return submitted_policies(dataclasses.replace(entries, verified=[changed])).get(("ally", "linear"))
-
     assert submitted_policies(entries).keys() == {("ally", "linear"), ("ally", "few")}
     for last, is_played in (("Tanh", True), ("Erf", False)):
         layers = [node("Gemm", ["observation", "w"], ["raw"]), node(last, ["raw"], ["action"])]
         policy = model(layers, [weights()])
-        assert played(policy) == (policy_data(policy) if is_played else None)
-    assert played(b"no policy") is None
+        assert of_the_page(entries, policy) == (policy_data(policy) if is_played else None)
+    assert of_the_page(entries, remembering()) == policy_data(remembering())
+
+
+def test_a_policy_that_the_page_cannot_show_is_named_and_left_out(entered, messages):
+    entries = load_entries(entered)
+    odd = remembering(activations=["Sigmoid", "Tanh", "Tanh"])
+    assert of_the_page(entries, b"no policy") is None
+    assert of_the_page(entries, odd) is None
+    assert messages == [
+        "ally/linear: its policy is not on the page of games: is not an ONNX file, or is truncated",
+        "ally/linear: its policy is not on the page of games: operator 'LSTM': its attribute 'activations' "
+        "is not played; export without it",
+    ]
 
 
 def test_a_build_reads_each_submission_once_and_keeps_all_rounds(entered, tmp_path, monkeypatch, messages):

@@ -6,7 +6,7 @@ Parts of the board for comparing entries, statistics and cross-play; rules and p
 from __future__ import annotations
 
 import base64
-import contextlib
+import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -23,7 +23,7 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.players.agent import baselines_folder, read_card
-from fpg_bench.players.onnx_file import plain_model
+from fpg_bench.players.onnx_file import attributes_of, plain_model
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.products.leaderboard.entries import Entries
@@ -41,6 +41,7 @@ from fpg_bench.products.rendering.replay import scenario_data, script_json
 
 Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data
 Zoo = Mapping[str, tuple[Row, Row]]  # what is known of each agent, and its policy
+_logger = logging.getLogger(__name__)
 _MOST_UNITS = 201  # of a difference of scores; with more, Student's t hardly changes
 # Operators of static/game_policy.js.
 _OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
@@ -342,16 +343,11 @@ def policy_data(model: bytes) -> Row | None:
 
 
 def _node(node: Any) -> Row:
-    from onnx.helper import get_attribute_value
-
-    attributes = {attribute.name: get_attribute_value(attribute) for attribute in node.attribute}
     return {
         "op": node.op_type,
         "inputs": list(node.input),
         "outputs": list(node.output),
-        "attributes": {
-            name: value.decode() if isinstance(value, bytes) else value for name, value in attributes.items()
-        },
+        "attributes": attributes_of(node),
     }
 
 
@@ -365,12 +361,14 @@ def _weight(values: np.ndarray) -> Row:
 def submitted_policies(entries: Entries) -> dict[tuple[str, str], Row]:
     """Return the policies of verified, submitted entries that the page can play, by track and entry.
 
-    The first training seed plays.
+    The first training seed plays. One that the page cannot show is named in the log, and left out.
     """
     policies = {}
     for entry in entries.verified:
         if entry.submission.zoo is None and entry.submission.policies:
-            with contextlib.suppress(UserError):  # leaderboard verify names the problem
+            try:
                 if policy := policy_data(entry.submission.policies[0].model):
                     policies[entry.key] = policy
+            except UserError as error:
+                _logger.warning(f"{'/'.join(entry.key)}: its policy is not on the page of games: {error}")
     return policies
