@@ -174,9 +174,17 @@ def train_runs(
 
 def print_scores(run: RunFolder, head: str = "") -> None:
     """Print the last score of each side's policy in a run; print nothing if it was never evaluated."""
-    for side, score in run.last_scores().items():
+    if not (scores := run.last_scores()):
+        return
+    from fpg_bench.evaluation.suite import read_suite
+
+    about = run.read()
+    suites = [read_suite(name) for name in (about.suite or "").split(", ")]
+    other = {suite.side: suite.name for suite in suites if not suite.is_of(about.played)}
+    for side, score in scores.items():
         shown = "none" if score is None else f"{score:.1f}"
-        typer.echo(f"{head}{side}'s score at the end of training (few rounds, tuning seeds): {shown}")
+        what = f"return per step against {other[side]} in the run's scenario" if side in other else "score"
+        typer.echo(f"{head}{side}'s {what} at the end of training (few rounds, tuning seeds): {shown}")
 
 
 def export(

@@ -14,7 +14,6 @@ from fpg_bench.common import canvas
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.entry import distinct_names
-from fpg_bench.evaluation.policy_evaluator import in_scenario
 from fpg_bench.evaluation.run_description import MADE_BY, RunDescription
 from fpg_bench.evaluation.statistics import student_t
 from fpg_bench.evaluation.suite import Scale, read_suite
@@ -168,8 +167,8 @@ def levels_of(runs: Iterable[str | Path]) -> dict[str, float]:
     abouts = {about.scenario: about for about in _descriptions(folders).values()}
     levels = []
     for about in abouts.values():
-        scenario = None if about.scenario is None else Scenario.from_dict(about.scenario_fields)
-        levels.append(score_levels((about.suite or "").split(", "), scenario))
+        played = None if about.scenario is None else about.played
+        levels.append(score_levels((about.suite or "").split(", "), played))
     return {name: score for name, score in levels[0].items() if all(name in each for each in levels)}
 
 
@@ -186,7 +185,7 @@ def score_levels(suites: Iterable[str], scenario: Scenario | None = None) -> dic
             suite = read_suite(name)
         except UserError:
             continue
-        if scenario is not None and in_scenario(suite, scenario).hash != suite.hash:
+        if scenario is not None and not suite.is_of(scenario):
             continue
         if suite.scale != Scale():
             levels["random"] = suite.scale.score(suite.scale.zero)

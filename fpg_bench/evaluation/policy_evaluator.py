@@ -44,8 +44,8 @@ class PolicyEvaluator:
     Args:
         suite: a suite's name, file, or the suite itself.
         rounds: per rival, rounded up to whole matches.
-        scenario: replaces the suite's scenario, but for the rivals' paths. Scores are then returns per step,
-            as the suite's scale holds for its own game. None: the suite's scenario.
+        scenario: if it is not the suite's, see :meth:`fpg_bench.evaluation.suite.Suite.is_of`, it replaces
+            that of all rivals, but for their paths, and scores are returns per step. None: the suite's.
         side: the side that must be measured; None: the suite's.
         allow: the code and agents of the Hub that the suite's file may name; see
             :func:`fpg_bench.evaluation.suite.load_suite`.
@@ -139,17 +139,14 @@ def _count(counts: Sequence[HopCounts]) -> None:
 
 
 def in_scenario(suite: Suite, scenario: Scenario) -> Suite:
-    """Return the suite in another scenario, in which each rival keeps its path."""
-    if scenario.hash == suite.scenario.hash:
+    """Return the suite in a scenario; in one that is not its own, each rival keeps its path alone."""
+    if suite.is_of(scenario):
         return suite
     rivals = tuple(
         dataclasses.replace(rival, scenario=as_scenario(scenario, opponent_path=rival.scenario.opponent_path))
         for rival in suite.rivals
     )
-    pairs = zip(rivals, suite.rivals, strict=True)
-    is_same_game = all(new.scenario.hash == old.scenario.hash for new, old in pairs)
-    scale = suite.scale if is_same_game else Scale()
-    return dataclasses.replace(suite, scenario=scenario, rivals=rivals, scale=scale)
+    return dataclasses.replace(suite, scenario=scenario, rivals=rivals, scale=Scale())
 
 
 class _SharedPlayer:

@@ -11,6 +11,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.schema import NonNegativeInt, Strict, parse
 from fpg_bench.common.strict_json import JsonObject
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import Game, OfflineData
 
@@ -111,6 +112,11 @@ class RunDescription(Strict):
             if "lacks" in str(error):
                 raise UserError(f"{error}; it is no description of a run") from error
             raise
+
+    @property
+    def played(self) -> Scenario:
+        """The scenario."""
+        return Scenario.from_dict(self.scenario_fields)
 
     def write(self, run: Path) -> None:
         """Write ``run.json`` into a run's folder."""

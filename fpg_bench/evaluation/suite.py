@@ -170,6 +170,20 @@ class Suite:
         named = [(*c.players, *c.mates, c.planner or "") for c in self.rivals]
         return sorted(filter(is_code, {self.opponent, *(name for names in named for name in names)}))
 
+    def is_of(self, scenario: Scenario) -> bool:
+        """Return True if a scenario is the suite's but for the path and the rounds of a match."""
+        kept = {name: getattr(self.scenario, name) for name in ("opponent_path", "rounds_per_match")}
+        return as_scenario(scenario, **kept).hash == self.scenario.hash
+
+    def check_scenario(self, scenario: Scenario) -> None:
+        """Raise UserError for a scenario that is not the suite's."""
+        if not self.is_of(scenario):
+            own, other = (s.name or "a scenario of its own" for s in (self.scenario, scenario))
+            raise UserError(
+                f"suite {self.name}: plays {own}, the run {other}; name a suite of the run's scenario, or none: "
+                "then the public rivals play the run's"
+            )
+
     def as_player(self, spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         """Return a player of the suite's game; see :func:`seated_player`."""
         return seated_player(spec, side, scenario, self.game)

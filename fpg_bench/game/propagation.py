@@ -14,15 +14,20 @@ Grid = tuple[np.ndarray, np.ndarray, np.ndarray]  # a channel.Channel
 
 
 @compiled
-def channel_gain(
-    channel: Grid,
+def gain_over_free_space(
+    channel: Grid | None,
     place: np.ndarray,
     metres: float,
     frequency_mhz: float,
     rules: Record,
     radio: Record,
 ) -> float:
-    """Return the gain of a channel's grid at a place in it, trilinear in dB, over that of free space."""
+    """Return the gain from base station to a place over that of free space: 1 without a channel's grid.
+
+    The grid is read trilinearly in dB.
+    """
+    if channel is None:
+        return 1.0
     gain_db, origin, per_spacing = channel
     x, i = _in_grid(place[0], origin[0], per_spacing[0], gain_db.shape[0])
     y, j = _in_grid(place[1], origin[1], per_spacing[1], gain_db.shape[1])

@@ -23,7 +23,7 @@ from fpg_bench.game.flight import (
 from fpg_bench.game.hopping import choose_point, point_mhz
 from fpg_bench.game.jamming import choose_type, covers, tune_mhz
 from fpg_bench.game.link import transmit
-from fpg_bench.game.propagation import Grid, channel_gain
+from fpg_bench.game.propagation import Grid, gain_over_free_space
 from fpg_bench.game.radio import path_loss_db, snr_db
 from fpg_bench.game.rewards import reward
 from fpg_bench.game.sensing import (
@@ -186,10 +186,9 @@ def transmit_step(
             game.jamming_fading = faded_jamming(
                 game.jamming_fading, kept, game.flown_m, game.round_key, game.step, radio
             )
-        if channel is not None:
-            game.base_gain = channel_gain(
-                channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio
-            )
+        game.base_gain = gain_over_free_space(
+            channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio
+        )
         transmit(game, distance_to_base_m, rules, radio)
 
 
@@ -294,11 +293,9 @@ def begin_round(game: Record, channel: Grid | None, rules: Record, radio: Record
     game.airtime, game.flown_m = 1.0, 0.0
     distance_to_base_m = distance_m(game.ally_position, rules.base_station)
     if radio is not None:
-        game.base_gain = 1.0
-        if channel is not None:
-            game.base_gain = channel_gain(
-                channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio
-            )
+        game.base_gain = gain_over_free_space(
+            channel, game.ally_position, distance_to_base_m, game.frequency_mhz, rules, radio
+        )
         transmit(game, distance_to_base_m, rules, radio)
     else:
         signal = rules.base_power - path_loss_db(distance_to_base_m, game.frequency_mhz, rules)

@@ -40,7 +40,8 @@ class RunConfig:
             that of the hyper-parameters. It is rounded up to whole rollouts.
         hyperparams: hyper-parameters: a YAML file with an entry for the id, a shipped name such as
             ``ppo-fast``, or an entry as JSON; None: the shipped file. In Python also the entry itself.
-        suite: suite that scores the policy during training, on tuning seeds; None: that of the id.
+        suite: suite that scores the policy during training, on tuning seeds; None: that of the id, whose
+            rivals then play the run's scenario. A suite that is named must be of this scenario.
         start: folder of a finished run with the initial weights; ``ppo`` can also start from a run of ``bc``.
             It is of the same side, algorithm and networks; the new run has its optimizer and normalization,
             too, and skips imitation.
@@ -105,16 +106,17 @@ class RunConfig:
         """Return the suite that scores each side.
 
         Raises:
-            UserError: one suite is set for both sides, or there is no such suite.
+            UserError: one suite is set for both sides, is of another scenario, or does not exist.
         """
         from fpg_bench.evaluation.suite import read_suite, suite_of  # with all that reads suites
 
         if self.suite and self.spec.is_duel:
             raise UserError(f"suite: each side of {DUEL} is scored on its own suite; omit it")
-        if self.suite:
-            read_suite(self.suite)
-            return [self.suite]
-        return [suite_of(self.spec, side) for side in self.spec.sides]
+        usual = [suite_of(self.spec, side) for side in self.spec.sides]
+        if self.suite is None or self.suite in usual:
+            return usual
+        read_suite(self.suite).check_scenario(self.spec.resolve())
+        return [self.suite]
 
     def options(self) -> dict[str, object]:
         """Return the options beside those of the game: ``start``, and those of the planner."""

@@ -10,6 +10,7 @@ import torch
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from fpg_bench.cli.training import print_scores
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL
 from fpg_bench.common.rows import RowFile
@@ -20,6 +21,7 @@ from fpg_bench.game.state import TALLY
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training import callbacks
 from fpg_bench.training.config import RunConfig
+from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import parse_seeds, train_seeds
 from tests.logged import logged
 from tests.training.tiny import ALLY, EVALUATION_ROUNDS, SMALL, run_config, settings, train, train_tiny
@@ -46,6 +48,26 @@ def test_the_other_side_is_named_once_and_a_suite_follows_from_the_side():
     assert RunConfig("maddpg", DUEL).suites() == ["ally-v1", "opponent-v1"]
     assert run_config("ppo", POLICY, path="learned").suites() == ["opponent-learned-v1"]
     assert RunConfig("ppo", ALLY, suite="ally-v2").suites() == ["ally-v2"]
+    assert run_config("ppo", ALLY, path="circle", suite="ally-v2").suites() == ["ally-v2"]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "suite", "said"),
+    [("link", "ally-v2", "standard, the run link"), (None, "ally-link-v1", "link, the run standard")],
+)
+def test_a_suite_of_another_scenario_is_refused_by_name(scenario, suite, said):
+    said = f"suite {suite}: plays {said}; name a suite of the run's scenario"
+    with pytest.raises(UserError, match=said):
+        run_config("ppo", ALLY, scenario=scenario, suite=suite).suites()
+
+
+def test_a_score_in_a_scenario_of_ones_own_is_said_to_be_a_return(tmp_path, capsys):
+    (tmp_path / "my.yml").write_text("snr_cap_db: 10\n")
+    for scenario, what in (("standard", "score"), (tmp_path / "my.yml", "return per step against ally-v")):
+        out = tmp_path / what
+        train_tiny("ppo", out, scenario=str(scenario), evaluations=1)
+        print_scores(RunFolder(out))
+        assert capsys.readouterr().out.startswith(f"ally's {what}")
 
 
 def test_an_id_of_discrete_actions_is_the_plain_id_with_an_option():

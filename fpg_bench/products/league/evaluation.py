@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from functools import partial
 
@@ -43,8 +42,7 @@ def evaluate_against(
         UserError: no such player, or one of the wrong side.
     """
     public = side_suite(side, scenario)
-    same_path = dataclasses.replace(scenario, opponent_path=public.scenario.opponent_path)
-    scale = public.scale if same_path.hash == public.scenario.hash else Scale()
+    scale = public.scale if public.is_of(scenario) else Scale()
     rivals = tuple(Rival(name, (other,), scenario) for name, other in others.items())
     suite = Suite("league", side, scenario, matches, rivals, scale)
     records = Store().fill(pairings([player_entry(player)], suite), partial(play, seeds=seeds))

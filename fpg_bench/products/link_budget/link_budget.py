@@ -16,13 +16,15 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 from fpg_bench.game import link
 from fpg_bench.game.names import JAMMING_TYPES
+from fpg_bench.game.propagation import gain_over_free_space
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario
 
 DISTANCES_M = (100.0, 500.0, 1000.0)
+_AZIMUTHS = np.arange(0.0, 360.0, 10.0)  # of the places at a distance from the base station
 FORMULAS = """\
 path loss = {constant:g} + 20 log10 d + 20 log10 f dB, d in km and at least {least:g} m, f = {mhz:g} MHz
-received  = EIRP - path loss (dBm)
+{channel}received  = EIRP - path loss (dBm)
 noise     = {density:g} dBm/Hz + 10 log10 of the symbol rate, {symbols:g} MHz, or {spread:g} MHz while spread
 SNR       = received - noise (dB); without fading; the SINR of rows without jamming
 J/S       = jamming received - signal received (dB)
@@ -71,7 +73,9 @@ def link_budget(
 ) -> list[Row]:
     """Return the levels of the clean link at some distances, and of each type of jamming at these distances.
 
-    The ally is in the middle of the band, the jamming tuned to it.
+    The ally is in the middle of the band, the jamming tuned to it. With a channel, the link has its mean gain
+    in dB over the places at that distance and the middle of the ally's altitudes, and there is no row for a
+    distance beyond the box.
 
     Args:
         scenario: one of the model ``link``.
@@ -79,7 +83,7 @@ def link_budget(
         distances_m: distances of the base station, and of the jammer.
 
     Raises:
-        UserError: another model.
+        UserError: another model, or a channel and ``link_m`` beyond the box.
     """
     if scenario.snr_model != "link":
         raise UserError(f"link budget: for snr_model 'link' alone, got {scenario.snr_model!r}")
@@ -93,6 +97,11 @@ def _rows(scenario: Scenario, link_m: float, distances_m: Sequence[float]) -> It
     def received(power_mw: float, metres: float) -> float:
         return float(link.received_mw(power_mw, metres, f, rules, radio))
 
+    def signal_mw(metres: float) -> float:
+        return received(radio["base_mw"], metres) * _gain(scenario, metres, rules, radio)
+
+    if math.isnan(jammed_mw := signal_mw(link_m)):
+        raise UserError(f"link_m: no place of the box lies {link_m:g} m from the base station")
     for kind in (None, *range(len(JAMMING_TYPES))):
         if kind is not None and JAMMING_TYPES[kind] not in scenario.jamming_types:
             continue
@@ -102,10 +111,12 @@ def _rows(scenario: Scenario, link_m: float, distances_m: Sequence[float]) -> It
                 i = int(spreads)
                 noise, gain = _db(radio["noise_mw"][i]), _db(1 / radio["per_gain"][i])
                 if kind is None:
-                    eirp, signal = radio["base_mw"], received(radio["base_mw"], metres)
+                    eirp, signal = radio["base_mw"], signal_mw(metres)
+                    if math.isnan(signal):
+                        continue
                     level, js, passes, snr = _db(signal), None, None, _db(signal) - noise
                 else:
-                    eirp, signal = radio["jamming_mw"][kind], received(radio["base_mw"], link_m)
+                    eirp, signal = radio["jamming_mw"][kind], jammed_mw
                     jamming = received(eirp, metres)
                     share, density, centre = link.jamming_passed(kind, f, f, spreads, rules, radio)
                     notch = link.NO_NOTCH
@@ -130,6 +141,21 @@ def _rows(scenario: Scenario, link_m: float, distances_m: Sequence[float]) -> It
                 )
 
 
+def _gain(scenario: Scenario, metres: float, rules: np.void, radio: np.void) -> float:
+    """Return the gain of the link over free space at a distance: 1 without a channel, NaN beyond the box."""
+    if (grid := scenario.channel_grid) is None:
+        return 1.0
+    above = np.mean(scenario.ally_path_altitude_m) - scenario.base_station_m[2]
+    up = float(np.clip(above, -metres, metres))
+    across, angles = math.sqrt(metres * metres - up * up), np.radians(_AZIMUTHS)
+    offsets = np.stack([across * np.cos(angles), across * np.sin(angles), np.full(len(angles), up)], axis=1)
+    places = scenario.base_station_m + offsets
+    inside = places[((places >= 0) & (places <= scenario.box_m)).all(axis=1)]
+    f = rules["band_middle"]
+    gains = [_db(gain_over_free_space(grid, place, metres, f, rules, radio)) for place in inside]
+    return link.ratio(float(np.mean(gains))) if gains else math.nan
+
+
 def _db(ratio: float) -> float:
     return 10.0 * math.log10(ratio) + 0.0  # never -0.0
 
@@ -150,6 +176,7 @@ def formulas(scenario: Scenario) -> str:
         loss=s.rate_loss_db,
         top=s.rate_top_bit_s_hz,
         least_snr=s.snr_threshold_db,
+        channel="" if s.channel is None else f"{'':12}from the base station: mean gain of {s.channel} at d\n",
     )
 
 

@@ -126,8 +126,11 @@ def make_task(
     if not (parameters.n_timesteps or steps):
         raise UserError(f"steps: {registered.name} has no hyper-parameter file with a budget; give the steps")
     entry = parameters.entry() | {"n_timesteps": parameters.n_timesteps or steps}
-    name = suite or suite_of(game, sides[0])
+    usual = [suite_of(game, side) for side in sides]
+    name = suite or usual[0]
     scoring = load_suite(name, allow=allow)
+    if name not in usual:
+        scoring.check_scenario(game.resolve())
     if scoring.side not in sides:
         raise UserError(f"suite {name}: measures the {scoring.side}; in {game.id} the {sides[0]} learns")
     values = load_space(registered.search, Path(space) if space else None, game.action_mode)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.scenario import STANDARD, preset
+from fpg_bench.game.scenario import STANDARD, Scenario, preset
 from fpg_bench.products.link_budget.link_budget import draw_link_budget, link_budget
 from tests.game.playing import NARROWBAND, ally, begin, opponent, place, to_point
 from tests.programs import fpg
@@ -51,6 +51,35 @@ def test_a_budget_is_that_of_a_step_of_the_game():
     jam = opponent(NARROWBAND, in_band=True)
     batch.step(ally(hop=True, spread=True, preference=to_point(7)), jam)
     assert batch.games["snr_db"][0] == pytest.approx(row.snr_db)
+
+
+@pytest.mark.process
+def test_a_budget_reads_the_channel_as_the_game_does(tmp_path):
+    corners = [(x, y, z) for x in (0, 1500) for y in (0, 1500) for z in (0, 600)]
+    rows = [f"{x},{y},{z},{-49.8 - x / 100}" for x, y, z in corners]
+    (tmp_path / "my.csv").write_text("\n".join(["x,y,z,gain_db", *rows]))
+    file = tmp_path / "my.yml"
+    file.write_text("preset: link\nchannel: my.csv\nfading_sd_db: 0\n")
+    scenario = Scenario.from_yaml(file)
+    free, mine = (
+        {row[:3]: row for row in link_budget(s, distances_m=(100, 500, 2000))} for s in (LINK, scenario)
+    )
+    assert [key[2] for key in mine if key[0] == "-"] == [100, 100, 500, 500]  # none beyond the box
+    clean, jammed = mine["-", "unspread", 500], mine["narrowband", "unspread", 500]
+    assert clean.path_loss_db == pytest.approx(49.8 + 7.5)
+    lower = clean.received_dbm - free["-", "unspread", 500].received_dbm
+    assert jammed.js_db == pytest.approx(free["narrowband", "unspread", 500].js_db - lower)
+    shown = json.loads(fpg("scenario", "show", file, "--json").stdout)
+    assert shown[2]["received_dbm"] == pytest.approx(clean.received_dbm)
+    assert "from the base station: mean gain of" in fpg("scenario", "show", file).stdout
+
+    batch = begin(scenario)
+    batch.step(ally(), opponent())
+    place_x, noise = batch.games["ally_position"][0, 0], clean.received_dbm - clean.snr_db
+    assert batch.games["clean_snr_db"][0] == pytest.approx(36 - 49.8 - place_x / 100 - noise)
+    with pytest.raises(UserError, match="link_m: no place of the box lies 2000 m"):
+        link_budget(scenario, 2000)
+    draw_link_budget(scenario, tmp_path / "link.png")
 
 
 def test_types_that_are_not_allowed_have_no_rows_and_other_models_no_budget():

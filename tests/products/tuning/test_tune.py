@@ -118,6 +118,8 @@ def test_a_policy_is_scored_in_the_scenario_that_is_tuned_on(words, files):
     (files / "short.yml").write_text("steps_per_round: 50\n")
     task = make_task("ppo", ENV_ID, n_seeds=1, **words)
     other = task.model_copy(update={"game": GameSpec(ENV_ID, scenario=files / "short.yml")})
+    with pytest.raises(UserError, match="suite ally-v2: plays standard, the run link"):
+        make_task("ppo", GameSpec.of(ENV_ID, scenario="link"), n_seeds=1, suite="ally-v2")
     values = {"learning_rate": 0.002}
     assert len({Objective(t).train(values, [7]).value for t in (task, other)}) == 2
 
