@@ -180,7 +180,7 @@ class Suite:
         if not self.is_of(scenario):
             own, other = (s.name or "a scenario of its own" for s in (self.scenario, scenario))
             raise UserError(
-                f"suite {self.name}: plays {own}, the run {other}; name a suite of the run's scenario, or none: "
+                f"suite {self.name}: plays {own}, the run {other}; name one of its scenario, or none: "
                 "then the public rivals play the run's"
             )
 

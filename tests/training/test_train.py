@@ -56,7 +56,7 @@ def test_the_other_side_is_named_once_and_a_suite_follows_from_the_side():
     [("link", "ally-v2", "standard, the run link"), (None, "ally-link-v1", "link, the run standard")],
 )
 def test_a_suite_of_another_scenario_is_refused_by_name(scenario, suite, said):
-    said = f"suite {suite}: plays {said}; name a suite of the run's scenario"
+    said = f"suite {suite}: plays {said}; name one of its scenario"
     with pytest.raises(UserError, match=said):
         run_config("ppo", ALLY, scenario=scenario, suite=suite).suites()
 
