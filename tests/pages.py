@@ -27,7 +27,6 @@ BUDGETS = (
     (r"matches=\d+", "matches=1"),
     (r"tune run (?:ppo|dqn) .*", r"\g<0> --n-trials 2 --steps 2000 --rounds 2 --n-seeds 1"),
     (r"tune export .*", r"\g<0> --n-best 1 --n-seeds 1"),
-    (r"plan run .*", r"\g<0> --rounds 3"),
     (r"reproduce yang-2026 fig\d", "reproduce yang-2026 tables"),
     (r"fpg-bench submit run .*", ""),  # which has tests of its own
 )

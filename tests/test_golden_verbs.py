@@ -69,11 +69,9 @@ CASES = {
         "evaluate tone --suite opponent-v1 --matches 1 --out opponents", ("opponents/*.jsonl",)
     ),
     "table": Case("table results --wide", ("-", "results/*.csv")),
-    "plan-run": Case(
-        "plan run --planner hill-climb --ally reactive --rounds 2 --seed 5 --out match.jsonl",
-        ("match.jsonl", "match.html"),
+    "play-planned": Case(
+        "play --planner hill-climb --ally reactive --rounds 2 --seed 5 --out match.html", ("match.html",)
     ),
-    "plan-replay": Case("plan replay match.jsonl", ()),  # its status: the match is identical
     "plan-compare": Case(
         "plan compare circle pursuit --suite planner-v1 --matches 1 --out comparison",
         ("comparison/*.jsonl", "comparison/*.csv"),

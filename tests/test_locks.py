@@ -30,7 +30,6 @@ WRITERS = {
         "reproduced/figures-hundredth.jsonl.gz",
     ),
     "tune export": ("study best.yml", "study/export"),
-    "plan run": ("--planner circle --rounds 1 --out match.jsonl", "match.jsonl"),
     "plan compare": ("circle pursuit --suite planner-v1 --matches 1 --out plans", "plans/evaluation.json"),
     "dataset make": ("ally-random-v0 --steps 600 --out made", "made/fpg/ally-random-v0"),
     "hub pull": ("hf://owner/agent --out pulled", "pulled"),
@@ -45,7 +44,7 @@ WRITERS = {
 SHARED = {"tune run"}  # several machines work on one study
 SINGLE_FILES = {"play", "table", "curves", "scenario show"}  # each is replaced as a whole
 READERS = {
-    *("envs", "players", "suites", "zoo", "scenario check", "plan replay", "dataset list"),
+    *("envs", "players", "suites", "zoo", "scenario check", "dataset list"),
     *("dataset check", "hub push", "submit check"),
     "leaderboard season",
 }

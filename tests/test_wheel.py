@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 import fpg_bench
-from fpg_bench.products.planning.match import run_match
 from tests.environments import ROOT, environment, install_wheel, run
 from tests.test_cli import VERBS
 
@@ -108,7 +107,7 @@ EXTRAS = {
         (
             "play --every 100 --out round.gif",
             "play --every 100 --out round.mp4",
-            "plan run --rounds 1 --out flown",
+            "play --every 100 --out flown.svg",
             "gymnasium.make('FPG/AllyVsScripted-v0', render_mode='rgb_array').reset()",
         )
     ),
@@ -153,13 +152,12 @@ PLAYS = (
         "zoo",
         "play --every 100",
         "play --out round.html",
-        "plan replay match.jsonl",
         "scenario show link",
     ),
     f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
     "leaderboard init own",
 )
-REFUSES = ("scenario check match.jsonl",)
+REFUSES = ("scenario check nowhere.yml",)
 COMMANDS = [verb.removeprefix("fpg-bench ") for verb in VERBS]
 
 
@@ -210,7 +208,6 @@ def test_the_core_plays_and_names_the_extra_of_all_else(wheel, tmp_path):
     python = environment(tmp_path / "env", wheel)
     used = run(python, "-c", CORE, cwd=tmp_path)
     assert used.returncode == 0, used.stderr
-    run_match("circle", "expert", "adaptive", seed=1, rounds=2, out=tmp_path / "match.jsonl")
     helped = tuple(f"{verb} --help" for verb in COMMANDS)
     assert missing_on(None)
     check(python, tmp_path, Extra((*PLAYS, *helped), REFUSES), None)

@@ -24,6 +24,7 @@ from fpg_bench.cli.options import (
     WideOption,
     WorkersOption,
     game_options,
+    llm_options,
     print_json,
 )
 from fpg_bench.common.errors import printable
@@ -49,27 +50,26 @@ def play(
         ),
     ] = DUEL,
     seed: Annotated[int, typer.Option(help="Seed of the match.")] = 0,
+    rounds: Annotated[int, typer.Option(min=1, help="Number of consecutive rounds.")] = 1,
     every: Annotated[
         int, typer.Option(min=1, help="Print only every n-th step.", rich_help_panel=OUTPUT)
     ] = 10,
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Write a video (.gif, .mp4) or a page (.html; of teams a picture, .png) instead of text.",
+            help="Write a page (.html), a picture (.png, .svg, .pdf) or a film (.gif, .mp4), and no text.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
-    overwrite: Annotated[
-        bool, typer.Option(help="Replace an existing file.", rich_help_panel=OUTPUT)
-    ] = False,
+    llm: Annotated[Given, llm_options("play")],
 ) -> None:
-    """Play one round and show it as text, a video or an interactive page.
+    """Play rounds and show them as text, a picture, a video or an interactive page.
 
     Example: fpg-bench play --ally expert-spread --opponent adaptive --seed 12
     """
     from fpg_bench.evaluation.watching import watch
 
-    watch(ally, opponent, id=env_id, seed=seed, out=out, every=every, overwrite=overwrite, **game)
+    watch(ally, opponent, id=env_id, seed=seed, rounds=rounds, out=out, every=every, llm=llm, **game)
 
 
 def evaluate(

@@ -7,6 +7,7 @@ import errno
 import gc
 import os
 import pkgutil
+import re
 import signal
 import sys
 from collections import UserDict
@@ -45,6 +46,11 @@ _VERBS: dict[str, str | None] = dict.fromkeys(_ORDER.split())
 _VERBS |= {name: f"fpg_bench.cli.{module}:{name}" for module, names in _OWN.items() for name in names}
 _VERBS["scenario"] = "fpg_bench.cli.scenario:app"
 _VERBS |= offered("verb")
+_REMOVED = {  # verbs and options of earlier versions, and what does their work now
+    "plan run": "play --planner NAME --rounds 10",
+    "plan replay": "play --planner llm --transcript FILE",
+    "play --overwrite": "another --out",
+}
 
 
 class _Commands(UserDict[str, Any]):
@@ -153,6 +159,8 @@ def _run() -> None:
     except typer.TyperException as error:  # wrong arguments
         message = getattr(error, "format_message", error.__str__)()
         verb = getattr(getattr(error, "ctx", None), "command_path", _NAME)
+        if (instead := _instead_of(message, verb)) is not None:
+            _fail(instead, 2)
         _fail(f"{message} ({verb} --help)", 2)
     except (typer.Abort, KeyboardInterrupt) as error:
         cause = error.__cause__ or error.__context__
@@ -172,6 +180,13 @@ def _run() -> None:
         if _INTERRUPTED or _ENDED:  # an interrupted import of a C module raises an ImportError
             _fail(_KEPT, _ENDED or _STOPPED)
         _fail(f"{described(error)} (the traceback: fpg-bench --debug ...)", 1)
+
+
+def _instead_of(message: str, verb: str) -> str | None:
+    """Return what to use in place of a verb or option that was removed; None if the message names neither."""
+    word = re.match(r"No such (?:command|option:?) '?(--)?[\w-]+", message)
+    name = f"{verb} {word[0].split()[-1].strip(chr(39))}".removeprefix(f"{_NAME} ") if word else ""
+    return f"{name} was removed; use {_REMOVED[name]}" if name in _REMOVED else None
 
 
 def _heard_again(swallowed: Any) -> None:

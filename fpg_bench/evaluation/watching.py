@@ -1,16 +1,19 @@
-"""Watching a game of two players: as text, as an interactive page, or as a film."""
+"""Watching a game of two players: as text, an interactive page, a picture or a film."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from fpg_bench.common.canvas import FIGURES
 from fpg_bench.common.checks import integer, one_of
-from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.errors import UserError, nearest, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_target
 from fpg_bench.common.ids import DUEL
@@ -21,11 +24,13 @@ from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.game.spec import GameSpec, game_product, other_game
+from fpg_bench.players.planner import Plan, asks_language_model
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.players.registry import named_card, player_name, trained_game
 
 _logger = logging.getLogger(__name__)
-SUFFIXES = (".html", ".gif", ".mp4")
+FILMS = (".gif", ".mp4")
+SUFFIXES = (".html", *FIGURES, *FILMS)
 _HEADING = (
     " step  distance    ally    known  age  jamming        centre    SNR  clean  flags     ally  opponent",
     "    s         m     MHz      MHz    s                    MHz     dB     dB         reward    reward",
@@ -54,15 +59,16 @@ def watch(
     rounds: int = 1,
     out: str | Path | None = None,
     every: int = 1,
-    overwrite: bool = False,
+    llm: Mapping[str, Any] = MappingProxyType({}),
     **game: Any,
 ) -> list[dict[str, float | None]]:
     """Play a game of two players, or of two teams of them, and print or film it.
 
     Without ``out`` every step is printed as a line of text, and each round ends with a line of measures. With
-    it the rounds are written to a file: ``.html`` is an interactive replay, ``.gif`` and ``.mp4`` are films,
-    which need the extra ``video``. Then only the lines of measures and the file's name are printed. Teams are
-    shown for one round, also as a picture (``.png``, ``.svg``, ``.pdf``), and not as a page.
+    it the rounds are written to a file, and only the lines of measures and the file's name are printed:
+    ``.html`` is an interactive replay, ``.png``, ``.svg`` and ``.pdf`` are pictures of the paths, ``.gif``
+    and ``.mp4`` films; all but the first need the extra ``video``. Teams are shown for one round, and not as
+    a page.
 
     Args:
         ally, opponent: players, by the grammar of :func:`fpg_bench.players.registry.as_player`.
@@ -70,9 +76,12 @@ def watch(
             plays that game, whatever is given.
         seed: seed of the match, a whole number in [0, 2^63).
         rounds: number of consecutive rounds; a match's last round is followed by the next match of its seed.
+            With a planner they are the rounds of one match.
         out: the file to write, or None for text.
         every: show every n-th line or frame, and the last; a replay keeps all steps.
-        overwrite: allow an existing file to be replaced.
+        llm: options of a planner that asks a language model, by name: ``record`` keeps what it was asked and
+            answered in a file, ``transcript`` plays such a file again; see
+            :class:`fpg_bench.products.language_models.options.PlayOptions`.
         **game: ``scenario``, ``path``, ``planner``, ``knowledge``, ``jamming_types``: those of
             :func:`fpg_bench.envs.two_player.make_duel`; of a product's game, its options.
 
@@ -87,14 +96,19 @@ def watch(
     for name, value in (("rounds", rounds), ("every", every)):
         integer(value, name)
     one_of(id, "id", (DUEL, *offered("game")))
+    if llm:
+        game["planner"] = load("language model", "of play")(game.get("planner"), llm)
     home = trained_game(ally, "ally") or trained_game(opponent, "opponent")
     if other := other_game(GameSpec.of(home or id, **game)):
         if rounds > 1:
             raise UserError(f"rounds: {other.id} is shown for one round, got {rounds}")
         product = game_product(other.id)
-        return [product.watch(ally, opponent, out, game=other, seed=seed, every=every, overwrite=overwrite)]
-    target = None if out is None else checked_target(Path(out), overwrite)
-    duel = make_duel(game=_home(GameSpec.of(id, **game), ally, opponent))
+        return [product.watch(ally, opponent, out, game=other, seed=seed, every=every)]
+    target = None if out is None else checked_target(Path(out))
+    played = _home(GameSpec.of(id, **game), ally, opponent)
+    if played.planner is not None:
+        played = GameSpec.of(played, scenario=replace(played.resolve(), rounds_per_match=rounds))
+    duel = make_duel(game=played)
     names = {"ally": player_name(ally), "opponent": player_name(opponent)}
     match = make_match(duel, ally, opponent)
     recordings, measures = [], []
@@ -103,6 +117,8 @@ def watch(
         recordings.append(_print_round(match, names, every) if target is None else _record_round(match))
         measures.append(duel.measures(0))
         print(f"{_which(recordings[-1])}: {shown_measures(measures[-1])}")
+        if (plan := duel.plans[0]) is not None and asks_language_model(duel.planner):
+            print(f"    {_shown_plan(plan)}")
     if target is not None:
         _write(recordings, target, names, every)
         print(f"wrote {target}")
@@ -138,20 +154,17 @@ def _home(game: GameSpec, ally: PlayerSpec, opponent: PlayerSpec) -> GameSpec:
     return game
 
 
-def checked_target(path: Path, overwrite: bool, suffixes: Sequence[str] = SUFFIXES) -> Path:
+def checked_target(path: Path, suffixes: Sequence[str] = SUFFIXES) -> Path:
     """Return the path of a file to write; raise UserError if it cannot be written, nor drawn here."""
     suffix = path.suffix.lower()
     if suffix not in suffixes:
         raise UserError(f"out: unknown suffix {path.suffix!r} of {str(path)!r}{nearest(suffix, suffixes)}")
     check_target(path)
-    if path.exists() and not overwrite:
-        raise UserError(
-            f"out: {path} exists already; choose another name, or use --overwrite (overwrite=True)"
-        )
+    if path.exists():
+        raise UserError(f"out: {path} exists already; choose another name")
     if suffix != ".html":
         require_extra("video", "matplotlib", "PIL")
-    if suffix in SUFFIXES:
-        load("rendering", suffix)
+    load("rendering", suffix)
     if suffix == ".mp4":
         load("rendering", "check of .mp4")()
     return path
@@ -212,10 +225,13 @@ def shown_measures(measures: dict[str, float | None]) -> str:
     return ", ".join(values)
 
 
+def _shown_plan(plan: Plan) -> str:
+    """Return a language model's plan as a line of text: its status, its cost, and what is wrong with it."""
+    cost = f"{plan.source} flown, {plan.seconds:.3f} s, {plan.tokens or 0} tokens"
+    return printable(", ".join(filter(None, [f"plan {plan.status}", cost, plan.useless, plan.problem])))
+
+
 def _write(recordings: Sequence[Recording], path: Path, names: dict[str, str], every: int) -> None:
     title, suffix = _title(names), path.suffix.lower()
-    write = load("rendering", suffix)
-    if suffix == ".html":
-        write(recordings, path, title, names["ally"], names["opponent"])
-    else:
-        write(recordings, path, title, every)
+    more = (every,) if suffix in FILMS else (*names.values(),) if suffix == ".html" else ()
+    load("rendering", suffix)(recordings, path, title, *more)

@@ -342,7 +342,7 @@ class GameProduct(Protocol):
         """Return the :class:`fpg_bench.evaluation.rounds.MatchBatch` in which a player meets a rival."""
 
     def watch(
-        self, ally: Any, opponent: Any, out: Any, *, game: Any, seed: int, every: int, overwrite: bool
+        self, ally: Any, opponent: Any, out: Any, *, game: Any, seed: int, every: int
     ) -> dict[str, float | None]:
         """Play a round of two players, print or draw it, and return its measures."""
 

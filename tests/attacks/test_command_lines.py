@@ -93,7 +93,7 @@ WORKING = (
     "scenario show standard",
     "tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --rounds 1 --steps 1 --out out",
     "tune export nowhere best.yml",
-    "plan run --planner hill-climb",
+    "play --planner hill-climb --rounds 2",
     "plan compare circle --suite planner-v1",
     "dataset make ally-random-v0",
     "dataset check nowhere",

@@ -1,4 +1,4 @@
-"""Language models that plan in matches and comparisons: recorded, described and replayed."""
+"""Language models that plan in comparisons: recorded, described and replayed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import Any
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.common.schema import parse
-from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.seeds import SeasonKey, current_season
 from fpg_bench.evaluation.suite import Rival, Suite
@@ -25,7 +24,6 @@ from fpg_bench.products.language_models.options import LLMOptions
 from fpg_bench.products.language_models.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.products.language_models.servers import endpoint_from_environment
 from fpg_bench.products.language_models.transcript import Header, RunHeader, Transcript, chain_start
-from fpg_bench.products.planning.match import Match
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
 _SAMPLING = ("temperature", "sampling_seed")
@@ -37,12 +35,9 @@ def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, 
     """Return a language model whose answers are recorded in a folder; recorded answers are not asked again.
 
     Raises:
-        UserError: no endpoint, no such prompt, a control beside the planner's name, or a folder with
-            transcripts of another model or prompt.
+        UserError: no endpoint, no such prompt, or a folder with transcripts of another model or prompt.
     """
     llm = LLMOptions.of(options)
-    if llm.control is not None:
-        raise UserError(f"control: name one of the planners {', '.join(LLM_CONTROLS)}")
     control, endpoint = LLM_CONTROLS[name], endpoint_from_environment(llm.server)
     prompt, season = llm.prompt or endpoint.server.prompt, current_season()
     content = {
@@ -188,24 +183,6 @@ def transcript_file(folder: Path, ally: str) -> Path:
     return packed if packed.exists() and not plain.exists() else plain
 
 
-def replayed_planner(match: Match, path: Path) -> LLMPlanner:
-    """Return a language model's planner of a match that is replayed from its file; no server is asked.
-
-    Raises:
-        UserError: the file does not describe it completely.
-    """
-    description = match.llm or {}
-    try:
-        prompt, control = Prompt(**description["prompt"]), str(description["control"])
-        unchanged = prompt.hash == description["prompt_hash"]
-    except (TypeError, KeyError, ValueError) as error:
-        raise UserError(f"match {path}: lacks the prompt or the control of its planner") from error
-    if not unchanged:
-        raise UserError(f"match {path}: its prompt is not the one that was recorded")
-    header = parse(Header, {**description, "control": control}, f"match {path}: its planner")
-    return replaying(match.scenario, prompt, header, path)
-
-
 def replaying(
     scenario: Scenario,
     prompt: Prompt,
@@ -230,30 +207,3 @@ def replaying(
     )
     planner.transcript.check_header(header)
     return planner
-
-
-def match_planner(
-    name: str, scenario: Scenario, path: Path | None, options: Mapping[str, Any]
-) -> tuple[LLMPlanner, JsonObject]:
-    """Return a match's planner that asks a language model, and its description for the match's file.
-
-    Args:
-        name: one of :data:`LLM_CONTROLS`.
-        scenario: what is played.
-        path: the match's file, which is the transcript, too; None: it is not kept.
-        options: options of the planner, the attributes of :class:`LLMOptions`.
-    """
-    llm = LLMOptions.of(options)
-    endpoint = endpoint_from_environment(llm.server)
-    arguments = {"control": LLM_CONTROLS[name]} | llm.arguments()
-    planner = LLMPlanner(scenario, endpoint, transcript=path, **arguments)
-    prompt = planner.prompt
-    return planner, {
-        "model": endpoint.model,
-        "server": endpoint.server.name,
-        "control": planner.control,
-        **{key: arguments[key] for key in _SAMPLING if key in arguments},
-        "prompt": {"name": prompt.name, **prompt.model_dump()},
-        "prompt_hash": prompt.hash,
-        "parser": planner.parser,
-    }

@@ -1,4 +1,4 @@
-"""Options of a planner that asks a language model, the same in matches, comparisons and trainings."""
+"""Options of a planner that asks a language model, the same in play, comparisons and trainings."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from fpg_bench.cli.fields import Fields, Given
+from fpg_bench.common.checks import check_keys
 from fpg_bench.common.schema import parse
 
 PANEL = "Language model"
@@ -21,7 +22,6 @@ class LLMOptions:
 
     Attributes:
         prompt: the prompt: brief, paper, standard or a YAML file; None: the one set in the server profile.
-        control: control experiment: none, shuffled-rewards or no-history; None: that of the planner's name.
         server: the server profile, by name or as a YAML file.
         temperature: sampling temperature; None: the one set in the server profile.
         sampling_seed: seed of the sampling seeds sent to the server; None: 0.
@@ -33,7 +33,6 @@ class LLMOptions:
     """
 
     prompt: str | None = None
-    control: str | None = None
     server: str | None = None
     temperature: float | None = None
     sampling_seed: int | None = None
@@ -46,12 +45,15 @@ class LLMOptions:
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:
         """Return the options that are given by name; raises UserError for something else."""
-        return parse(cls, dict(given), "options of the language model")
+        check_keys(
+            given, [each.name for each in dataclasses.fields(cls)], where := "options of the language model"
+        )
+        return parse(cls, dict(given), where)
 
     def arguments(self) -> dict[str, Any]:
         """Return them as arguments of :class:`fpg_bench.products.language_models.llm_planner.LLMPlanner`."""
         named = dataclasses.asdict(self) | {"deadline_s": self.deadline}
-        others = ("server", "deadline", "transcript")
+        others = ("server", "deadline", "transcript", "record")
         return {k: v for k, v in named.items() if v is not None and k not in others}
 
 
@@ -66,15 +68,24 @@ class TrainingOptions(LLMOptions):
     transcript: str | Path | None = None
 
 
+@dataclass(frozen=True)
+class PlayOptions(TrainingOptions):
+    """Options of rounds with a language model.
+
+    Attributes:
+        record: file that keeps what the model was asked and answered; what it has is not asked again.
+    """
+
+    record: str | Path | None = None
+
+
 def _fields(*names: str) -> Fields:
     """Return the options of a verb, by name."""
     details: dict[str, Given] = {name: {"min": 1} for name in ("calls", "tokens", "concurrency")}
     details |= {name: {"min": 0} for name in ("sampling_seed", "seconds", "deadline")}
-    return Fields(
-        TrainingOptions, names, panel=PANEL, details=details | {"temperature": {"min": 0, "max": 2}}
-    )
+    return Fields(PlayOptions, names, panel=PANEL, details=details | {"temperature": {"min": 0, "max": 2}})
 
 
 OF_TRAIN = _fields("transcript", "prompt", "server", "calls", "tokens", "seconds", "deadline")
-OF_RUN = _fields("prompt", "control", *_ASKED)
+OF_PLAY = _fields("record", "transcript", "prompt", *_ASKED)
 OF_COMPARE = _fields("prompt", *_ASKED, "concurrency")

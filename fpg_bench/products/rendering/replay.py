@@ -13,7 +13,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from fpg_bench.common.files import write_whole
-from fpg_bench.common.strict_json import Json, JsonObject
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
@@ -58,7 +58,6 @@ def replay_data(
     title: str,
     ally: str = "ally",
     opponent: str = "opponent",
-    talks: Sequence[Json] = (),
 ) -> ReplayData:
     """Return the page's data, ready for JSON; lengths in m, frequencies in MHz, times in s, levels in dB.
 
@@ -70,8 +69,7 @@ def replay_data(
       ``ally`` and ``opponent`` [3], ``frequency``, ``known``, ``age``, ``type`` (index into ``jamming``,
       -1: none), ``centre``, ``distance``, ``snr``, ``clean_snr``, ``spreading`` (seconds without a break),
       ``hopped`` and ``covered`` (0 or 1), ``check`` (1 heard, -1 not heard, 0 no check in this step),
-      ``ally_reward``, ``opponent_reward``. Where ``talks`` has an entry for each round, it is added:
-      ``status`` of the plan, and ``talk``, a list of ``who`` and ``text`` in the order of the talk.
+      ``ally_reward``, ``opponent_reward``.
     """
     return {
         "format": FORMAT,
@@ -79,10 +77,7 @@ def replay_data(
         "ally": ally,
         "opponent": opponent,
         "scenario": scenario_data(recordings[0].scenario),
-        "rounds": [
-            _round_data(recording) | dict(talks[index] if talks else {})
-            for index, recording in enumerate(recordings)
-        ],
+        "rounds": [_round_data(recording) for recording in recordings],
     }
 
 
@@ -190,7 +185,6 @@ def write_replay(
     title: str,
     ally: str = "ally",
     opponent: str = "opponent",
-    talks: Sequence[Json] = (),
 ) -> None:
     """Write the replay of rounds of one scenario as one HTML file, atomically.
 
@@ -199,6 +193,5 @@ def write_replay(
         path: the file; it is replaced.
         title: the page's heading.
         ally, opponent: names of the players.
-        talks: see :func:`replay_data`.
     """
-    write_whole(Path(path), replay_page(replay_data(recordings, title, ally, opponent, talks)))
+    write_whole(Path(path), replay_page(replay_data(recordings, title, ally, opponent)))

@@ -25,20 +25,7 @@ function fpgReplay(root, keys) {
     byId("rounds").value = index;
     for (const [place, button] of [...byId("match").querySelectorAll("button")].entries()) button.setAttribute("aria-pressed", place === index);
     buildStory();
-    showTalk();
     goTo(events.find(({ step }) => step >= last / 3)?.step ?? 0, true);
-  }
-
-  /** What a language model was asked for this round's path, and what it answered. */
-  function showTalk() {
-    byId("talk").hidden = !(round.talk || []).length;
-    byId("talk").querySelector("summary").textContent = `what the planner was asked, and answered: ${round.status}`;
-    const list = byId("talk").querySelector("div");
-    list.replaceChildren();
-    for (const { who, text } of round.talk || []) {
-      list.appendChild(document.createElement("b")).textContent = who;
-      list.appendChild(document.createElement("pre")).textContent = text;
-    }
   }
 
   const now = () => Math.min(last, Math.floor(view.time + 1e-9));

@@ -55,7 +55,6 @@ class _Teams:
 
         options |= {"scenario": game.resolve(), "team": game.team}
         if out is None:
-            del options["overwrite"]
             return print_team([ally], [opponent], **options).measures
         recording = watch_team([ally], [opponent], out, **options)
         print(shown_measures(recording.measures), f"wrote {out}", sep="\n")

@@ -130,7 +130,6 @@ def watch_team(
     every: int = 1,
     scenario: Scenario | str = "link",
     team: TeamRules | None = None,
-    overwrite: bool = False,
 ) -> TeamRecording:
     """Play a round of two teams, and draw or film it.
 
@@ -151,7 +150,6 @@ def watch_team(
         every: a film shows every n-th step, and the last.
         scenario: the rules of the game.
         team: the rules of teams; None: three allies in convoy against two jammers.
-        overwrite: allow an existing file to be replaced.
 
     Returns:
         The round.
@@ -164,7 +162,7 @@ def watch_team(
     integer(every, "every")
     if step is not None and integer(step, "step") > scenario.steps_per_round:
         raise UserError(f"step: a round has {scenario.steps_per_round}, got {step}")
-    path, picture = checked_target(Path(out), overwrite, SUFFIXES), TeamPicture
+    path, picture = checked_target(Path(out), SUFFIXES), TeamPicture
     recording = record_team(allies, opponents, seed, scenario, team)
     title = f"{_names(allies)} against {_names(opponents)}"
     if path.suffix.lower() in FIGURES:

@@ -23,7 +23,6 @@ from fpg_bench.products.hub import pull
 from fpg_bench.products.hub import push as uploads
 from fpg_bench.products.hub.download import client, resolve
 from fpg_bench.products.leaderboard.site.dataset import benchmark_yaml
-from fpg_bench.products.planning.match import replay_match, run_match
 from fpg_bench.products.sandbox import process
 from fpg_bench.products.sandbox.agent import SandboxedAgent
 from fpg_bench.training.config import RunConfig
@@ -411,15 +410,6 @@ def test_a_run_against_an_agent_on_the_hub_records_its_commit_and_notices_when_i
     resolve.cache_clear()  # as in another program
     with pytest.raises(UserError, match="holds another run"):
         learn()
-
-
-@pytest.mark.slow
-def test_a_match_names_the_commit_of_its_players(hub, first, tmp_path):
-    run_match("circle", NAME, "adaptive", rounds=1, out=tmp_path / "match.jsonl")
-    with pytest.raises(UserError, match=f"would run {NAME}@{first}; if you trust"):
-        replay_match(tmp_path / "match.jsonl")
-    match, rounds = replay_match(tmp_path / "match.jsonl", allow=[f"{NAME}@{first}"])
-    assert (match.ally, len(rounds)) == (f"{NAME}@{first}", 1)
 
 
 def test_a_rival_of_a_suite_may_be_an_agent_on_the_hub(hub, first, tmp_path):

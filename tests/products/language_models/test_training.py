@@ -48,11 +48,11 @@ def test_options_of_a_language_model_belong_to_one(tmp_path):
     for options, message in (
         (
             {"planner_options": {"transcript": tmp_path / "x.jsonl"}},
-            "nothing to replay with the planner 'interceptor'",
+            "transcript: is for the planners llm",
         ),
         (
             {"planner_options": {"calls": 2}},
-            "calls: is for a language model, not for the planner 'interceptor'",
+            "calls: is for the planners llm",
         ),
     ):
         with pytest.raises(UserError, match=message):

@@ -1,5 +1,6 @@
 """The replay page, and watching a pairing as text or as a file."""
 
+import dataclasses
 import json
 import re
 
@@ -8,6 +9,7 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.two_player import make_duel
+from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.watching import watch
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.recording import Recording
@@ -86,8 +88,34 @@ def test_watching_can_leave_lines_out_and_a_seed_shows_the_same_game(capsys):
     assert printed[0] == printed[1]
 
 
+def test_with_a_planner_the_rounds_are_those_of_one_match(capsys):
+    measures = watch(scenario=SHORT, planner="circle", rounds=3, every=24, seed=5)
+    found = re.findall(r"^seed 5, match (\d), round (\d):", capsys.readouterr().out, re.MULTILINE)
+    assert found == [("0", "0"), ("0", "1"), ("0", "2")]
+    duel = make_duel(scenario=dataclasses.replace(SHORT, rounds_per_match=3), planner="circle")
+    match = make_match(duel, "expert", "adaptive")
+    for index, shown in enumerate(measures):
+        play_round(match, seeds=5 if index == 0 else None)
+        assert shown == duel.measures(0)
+
+
+def test_a_picture_has_a_panel_per_round_and_a_bound(tmp_path):
+    from matplotlib.image import imread
+
+    watch(scenario=SHORT, planner="circle", rounds=6, out=tmp_path / "paths.png")
+    height = imread(tmp_path / "paths.png").shape[0]
+    assert height == pytest.approx((2.25 * 2 + 0.7) * 200, abs=2)  # two rows
+
+
 @pytest.mark.parametrize(
-    ("suffix", "begins"), [(".html", b"<!DOCTYPE html>"), (".GIF", b"GIF89a"), (".mp4", b"\0\0\0")]
+    ("suffix", "begins"),
+    [
+        (".html", b"<!DOCTYPE html>"),
+        (".GIF", b"GIF89a"),
+        (".mp4", b"\0\0\0"),
+        (".svg", b"<?xml"),
+        (".pdf", b"%PDF"),
+    ],
 )
 def test_watching_writes_files(tmp_path, capsys, suffix, begins):
     if suffix == ".mp4":
@@ -105,8 +133,6 @@ def test_watching_spares_a_file_that_is_there(tmp_path):
     with pytest.raises(UserError, match="exists already"):
         watch(scenario=SHORT, out=out)
     assert out.read_text() == "mine"
-    watch(scenario=SHORT, out=out, overwrite=True)
-    assert out.read_text() != "mine"
 
 
 @pytest.mark.parametrize(
