@@ -33,7 +33,7 @@ LINES = (
     "best-response experd --out out",
     "double-oracle --side both --out out",
     "tabular-self-play --games 0 --out out",
-    "fictitious-self-play --algorithm pppo --out out",
+    "fictitious-self-play --out out",
     "export nowhere --out mine",
     "reproduce yang-2026 fig99",
     "envs FPG/AllyVsScripted-v9",

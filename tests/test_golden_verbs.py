@@ -99,10 +99,6 @@ CASES = {
         "best-response idle --steps @steps --n-seeds 1 --hyperparams tiny.yml --out exploited",
         ("exploited/*.json",),
     ),
-    "fictitious-self-play": Case(
-        "fictitious-self-play --generations 1 --steps @steps --hyperparams tiny.yml --n-evals 0 --out duels",
-        ("duels/ally/agent.json", "duels/opponent/agent.json"),
-    ),
     "submit-check": Case("submit check board/submissions/ally/idle"),
     "submit-run": Case("submit run board/submissions/opponent/tone", ("board/results/opponent/tone.jsonl",)),
     "leaderboard-verify": Case("leaderboard verify ally/idle --folder board --sample 1% --sample-seed 3"),

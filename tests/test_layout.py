@@ -34,7 +34,7 @@ FLOORS = {
     "products": 7,
 }
 # Lines of the core, and of all; to raise one is a decision, in a commit of its own
-MOST_CODE, MOST_IN_ALL = 12_871, 29_579
+MOST_CODE, MOST_IN_ALL = 12_872, 29_474
 HEAVY = ("numba", "torch", "stable_baselines3", "matplotlib", "onnxruntime")
 
 

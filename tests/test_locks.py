@@ -23,7 +23,6 @@ WRITERS = {
     "best-response": ("idle --hyperparams tiny.yml --out found", "found/best_responses.json"),
     "double-oracle": ("--hyperparams tiny.yml --out found", "found/search.json"),
     "tabular-self-play": ("--iterations 1 --games 2 --out tables", "tables/tabular_self_play.json"),
-    "fictitious-self-play": ("--hyperparams tiny.yml --out duels", "duels/fictitious_self_play.json"),
     "export": ("shipped --out mine/seed_0", "mine/seed_0"),
     "reproduce": (
         "yang-2026 fig7 --scenario figures --budget hundredth",

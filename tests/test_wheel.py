@@ -123,7 +123,6 @@ EXTRAS = {
             "reproduce yang-2026 tables --n-seeds 1 --out reproduced",
         ),
         (
-            "fictitious-self-play --generations 1 --out nowhere",
             "best-response nobody --out nowhere",
             "double-oracle --side nobody --out nowhere",
             "leaderboard close-season ../nothing --work nowhere --folder nowhere",

@@ -39,7 +39,7 @@ _OWN = {
 }
 _ORDER = (  # of --help, with those of products, which are there or not
     "play train offline evaluate table curves best-response double-oracle tabular-self-play "
-    "fictitious-self-play export reproduce envs players suites scenario zoo tune plan dataset hub submit "
+    "export reproduce envs players suites scenario zoo tune plan dataset hub submit "
     "leaderboard"
 )
 _VERBS: dict[str, str | None] = dict.fromkeys(_ORDER.split())
@@ -49,6 +49,7 @@ _VERBS |= offered("verb")
 _REMOVED = {  # verbs and options of earlier versions, and what does their work now
     "plan run": "play --planner NAME --rounds 10",
     "plan replay": "play --planner llm --transcript FILE",
+    "fictitious-self-play": "double-oracle or tabular-self-play",
     "play --overwrite": "another --out",
 }
 

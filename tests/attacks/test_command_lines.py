@@ -85,7 +85,6 @@ WORKING = (
     "best-response expert --steps 1 --n-seeds 1 --out out",
     "double-oracle --iterations 1 --steps 1 --out out",
     "tabular-self-play --iterations 1 --games 1 --out out",
-    "fictitious-self-play --generations 1 --steps 1 --n-evals 0 --out out",
     "export nowhere.zip --out out --algo ppo --id FPG/AllyVsScripted-v0 --scenario standard --seed 0",
     "reproduce yang-2026 fig3 --out out",
     "envs FPG/AllyVsScripted-v0",

@@ -21,8 +21,7 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
 from fpg_bench.products.league.best_responses import best_responses
 from fpg_bench.products.league.champions import load_champions
-from fpg_bench.products.league.config import BestResponseConfig, FictitiousSelfPlayConfig
-from fpg_bench.products.league.fictitious_self_play import fictitious_self_play
+from fpg_bench.products.league.config import BestResponseConfig
 from fpg_bench.products.planning.compare import compare
 from fpg_bench.products.tuning.export import export_values
 from fpg_bench.products.tuning.study import open_storage, open_study
@@ -112,7 +111,6 @@ def test_hyperparameters_run_no_code_that_is_not_allowed(entry, tmp_path, ran):
         lambda: load_hyperparameters("ppo", ALLY, file),
         lambda: train(RunConfig("ppo", ALLY, hyperparams=file), "run"),
         lambda: best_responses(BestResponseConfig(agent="expert", hyperparams=file), "responses"),
-        lambda: fictitious_self_play(FictitiousSelfPlayConfig(hyperparams=file), "self_play"),
         lambda: tune("ppo", ALLY, "study", hyperparams=file),
     ):
         with pytest.raises(UserError, match=REFUSED):

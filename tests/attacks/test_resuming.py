@@ -36,8 +36,6 @@ __all__ = ["hub"]
 VERBS = {
     "evaluate": "evaluate expert idle --suite ally-v1 --matches 2 --out FOLDER",
     "compare": "plan compare hold hill-climb --suite planner-v1 --matches 2 --out FOLDER",
-    "generations": "fictitious-self-play --generations 2 --steps 800 --hyperparams {scratch}/tiny.yml"
-    + " --out FOLDER",
     "reproduce": "reproduce yang-2026 fig4 --n-seeds 1 --n-jobs 1 --out FOLDER",
 }
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)

@@ -17,15 +17,12 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fpg_bench.common.errors import printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.strict_json import Json, read_plain
 from fpg_bench.products.language_models.servers import TOKEN_FIELDS, Endpoint
-
-if TYPE_CHECKING:
-    import httpx
 
 ERRORS = ("timeout", "http", "refused", "invalid")
 LONGEST_BODY = 1_000_000  # bytes of a body that are read
@@ -270,8 +267,8 @@ class _Question:
             http_client=http,
         )
 
-    async def _restrict(self, request: httpx.Request) -> None:
-        """Count a request, and keep to the headers that it needs."""
+    async def _restrict(self, request: Any) -> None:
+        """Count an ``httpx.Request``, and keep to the headers that it needs."""
         self.calls += 1
         for name in request.headers.keys() - _HEADERS:
             del request.headers[name]
@@ -280,8 +277,8 @@ class _Question:
         if self.client.endpoint.key:
             request.headers["Authorization"] = f"Bearer {self.client.endpoint.key}"
 
-    async def _read(self, response: httpx.Response) -> None:
-        """Read no more than ``LONGEST_BODY`` bytes of a response, and unpack nothing."""
+    async def _read(self, response: Any) -> None:
+        """Read no more than ``LONGEST_BODY`` bytes of an ``httpx.Response``, and unpack nothing."""
         self.status, data = response.status_code, bytearray()
         async for part in response.stream:
             data += part[: LONGEST_BODY - len(data)]

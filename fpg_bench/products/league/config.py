@@ -16,7 +16,7 @@ META_SOLVERS = ("weights", "nash")
 # Known words, and least values, of fields
 WORDS = {"side": SIDES, "meta_solver": META_SOLVERS}
 LEAST = dict.fromkeys(("seed", "n_evals"), 0) | dict.fromkeys(
-    ("steps", "response_steps", "n_seeds", "generations", "pool", "iterations", "weight", "patience"), 1
+    ("steps", "response_steps", "n_seeds", "iterations", "weight", "patience"), 1
 )
 
 
@@ -77,26 +77,6 @@ class BestResponseConfig(LeagueConfig):
     n_seeds: int = 3
     reward: str | None = None
     actions: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class FictitiousSelfPlayConfig(LeagueConfig):
-    """Self-play of both sides against past generations of each other.
-
-    Attributes:
-        generations: number of generations of each side.
-        steps: training budget of one generation of one side.
-        pool: maximum number of past generations of the other side to train against.
-        seed: seed of the draws and the trainings, ``1000 * seed + g`` for generation g.
-        n_evals: number of evaluations of each generation on its suite, besides the one at its start; 0 for
-            none.
-    """
-
-    verb = "fictitious-self-play"
-    generations: int = 10
-    pool: int = 5
-    seed: int = 0
-    n_evals: int = 1
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.player import Player
 
-MATCHES = 100  # against each player, in the evaluation of best responses and generations
+MATCHES = 100  # against each player, in the evaluation of best responses
 
 
 def evaluate_against(

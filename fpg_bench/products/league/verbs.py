@@ -21,7 +21,6 @@ from fpg_bench.products.league import config as league
 from fpg_bench.products.league.config import (
     BestResponseConfig,
     DoubleOracleConfig,
-    FictitiousSelfPlayConfig,
     TabularSelfPlayConfig,
 )
 from fpg_bench.training import require_libraries
@@ -121,21 +120,6 @@ def _search_response(search: str, agent: str, out: Path, budget: float, **option
 
 def _jamming(met: Row) -> str:
     return f"jamming success rate {100 * met['measures']['jamming_success_rate']:.0f} %"
-
-
-def fictitious_self_play(
-    out: OutOption, options: Annotated[Given, league_options(FictitiousSelfPlayConfig)], game: GameOptions
-) -> None:
-    """Train both sides alternately against past generations of each other; run it again to resume.
-
-    Example: fpg-bench fictitious-self-play --generations 10 --out runs/generations
-    """
-    check_writable(out)
-    require_libraries()
-    from fpg_bench.products.league.fictitious_self_play import fictitious_self_play as play
-
-    agents = play(FictitiousSelfPlayConfig(game=game, **options), out)
-    print_line(f"agents: {agents['ally']}, {agents['opponent']}")
 
 
 def tabular_self_play(

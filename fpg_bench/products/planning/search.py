@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fpg_bench.common.extras import require_extra
 from fpg_bench.players.planner import Array, Limits, Plan
 
 _REMEMBERED = 50  # rounds; the search flies near its best places again and again, so few suffice
@@ -52,6 +53,9 @@ class CMAES:
     """
 
     name, tier = "cma-es", "history"
+
+    def __init__(self) -> None:
+        require_extra("evaluate", "cmaes")
 
     def plan(self, history: Array, current_position: Array, limits: Limits, rng: np.random.Generator) -> Plan:
         """Return a path through one candidate per part."""

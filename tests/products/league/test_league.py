@@ -3,14 +3,13 @@
 import dataclasses
 import json
 import logging
-import shlex
 
 import pytest
 import train_champions
 import yaml
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTED, other_side
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
@@ -22,8 +21,7 @@ from fpg_bench.products.league import best_responses as responding
 from fpg_bench.products.league import champions as championing
 from fpg_bench.products.league import double_oracle as searching
 from fpg_bench.products.league import evaluation
-from fpg_bench.products.league import fictitious_self_play as playing
-from fpg_bench.products.league.config import BestResponseConfig, FictitiousSelfPlayConfig
+from fpg_bench.products.league.config import BestResponseConfig
 from fpg_bench.products.league.double_oracle import double_oracle
 from fpg_bench.products.league.verbs import best_response
 from fpg_bench.training.callbacks import GameMeasuresCallback
@@ -38,8 +36,7 @@ TINY = settings("ppo", normalize={"norm_obs": False})
 def few_matches():
     """Few matches in each evaluation."""
     with pytest.MonkeyPatch.context() as patched:
-        for module in (responding, playing):
-            patched.setattr(module, "MATCHES", 5)
+        patched.setattr(responding, "MATCHES", 5)
         yield
 
 
@@ -52,8 +49,7 @@ def trained(monkeypatch):
         runs.append(config)
         return real(config, out, **options)
 
-    for module in (responding, playing):
-        monkeypatch.setattr(module, "train", record)
+    monkeypatch.setattr(responding, "train", record)
     return runs
 
 
@@ -213,11 +209,8 @@ def test_an_interrupted_command_goes_on(ally, tmp_path, monkeypatch):
 
 def test_folders_of_others_are_refused_and_stay_as_they_are(tmp_path):
     (tmp_path / "thesis.tex").write_text("mine")
-    for make in (lambda: respond("expert", tmp_path), lambda: play_generations(tmp_path)):
-        with pytest.raises(
-            UserError, match=r"holds other files, but no (best resp|fictitious self).*; choose"
-        ):
-            make()
+    with pytest.raises(UserError, match=r"holds other files, but no best resp.*; choose"):
+        respond("expert", tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
@@ -285,131 +278,6 @@ def test_a_script_can_be_the_player_if_its_side_is_clear(tmp_path):
         with pytest.raises(UserError, match=message):
             respond("random", tmp_path / "out", **options)
     assert respond("random", tmp_path / "out", side="ally")["side"] == "ally"
-
-
-# Fictitious self-play
-
-
-def play_generations(out, generations=2, **options):
-    given = {"hyperparams": TINY, "steps": 400, "n_evals": 0, "generations": generations}
-    config = FictitiousSelfPlayConfig(**given | options)
-    return playing.fictitious_self_play(config, out, progress=False)
-
-
-def read_rows(out):
-    return RowFile(out / playing.ROWS).read()
-
-
-def read_run(out, side, generation):
-    return json.loads((out / "generations" / f"{side}_{generation}" / "run.json").read_text())
-
-
-@pytest.fixture(scope="module")
-def played(tmp_path_factory):
-    """Two generations, scored on their suites."""
-    out = tmp_path_factory.mktemp("generations") / "out"
-    agents = play_generations(out, n_evals=1, seed=3)
-    assert agents == {"ally": out / "ally", "opponent": out / "opponent"}
-    return out
-
-
-@pytest.mark.full
-@pytest.mark.slow
-def test_each_generation_has_a_row(played):
-    rows = read_rows(played)
-    generations = [(k, side) for k in (0, 1) for side in ("ally", "opponent")]
-    assert [(row["generation"], row["side"]) for row in rows] == generations
-    scripts = [list(SCRIPTED[side]) for side in ("opponent", "ally")]
-    assert [row["against"] for row in rows] == [*scripts, ["opponent_0"], ["ally_0"]]
-    for row in rows:
-        assert row["steps"] == 400 * (row["generation"] + 1)
-        assert list(row["returns"]) == row["against"]
-        assert row["return"] == pytest.approx(sum(row["returns"].values()) / len(row["returns"]), abs=2e-4)
-        scores = RowFile(played / f"generations/{row['side']}_{row['generation']}/evaluations.jsonl").read()
-        assert (row["suite"], row["suite_score"]) == (f"{row['side']}-v1", scores[-1]["score"])
-
-
-@pytest.mark.slow
-def test_a_generation_starts_from_the_one_before_against_the_other_side_s_past(played):
-    for side, other in (("ally", "opponent"), ("opponent", "ally")):
-        run = read_run(played, side, 1)
-        assert run["game"][other] == str(played / "generations" / f"{other}_0" / "agent")
-        assert run["options"]["start"] == str(played / "generations" / f"{side}_0")
-        scores = [RowFile(played / f"generations/{side}_{k}/evaluations.jsonl").read() for k in range(2)]
-        assert scores[1][0]["rivals"] == scores[0][-1]["rivals"]
-        assert [read_run(played, side, k)["training_seed"] for k in range(2)] == [3000, 3001]
-
-
-@pytest.mark.slow
-def test_the_last_generation_is_shipped_and_describes_the_self_play(played):
-    described = {"training_seed": 3, "training_steps": 800, "steps_done": 800, "options": {}}
-    command = ["fpg-bench", "fictitious-self-play", "--algorithm", "ppo", "--steps", "400"]
-    command += ["--hyperparams", json.dumps(TINY), "--generations", "2", "--pool", "5", "--seed", "3"]
-    command += ["--n-evals", "1"]
-    described["command"] = shlex.join([*command, "--out", played.name])
-    for side in ("ally", "opponent"):
-        agent = load_agent(played / side, side)
-        assert agent.model == load_agent(played / "generations" / f"{side}_1" / "agent").model
-        content = agent.card.to_dict()
-        assert {key: content[key] for key in described} == described
-        assert list(content["policies"]) == [f"generations/{other_side(side)}_0/agent"]
-
-
-def test_past_generations_are_drawn_uniformly_by_the_seed():
-    every = [playing.draw_past("ally", 8, 3, seed) for seed in range(60)]
-    assert every == [playing.draw_past("ally", 8, 3, seed) for seed in range(60)]
-    assert every != [playing.draw_past("opponent", 8, 3, seed) for seed in range(60)]
-    assert {len(set(past)) for past in every} == {3}
-    assert {past for drawn in every for past in drawn} == set(range(8))
-    assert playing.draw_past("ally", 2, 3, 0) == [0, 1]
-
-
-@pytest.mark.slow
-def test_finished_generations_are_kept_and_more_can_be_added(played, trained):
-    before = read_rows(played)
-    play_generations(played, n_evals=1, seed=3)
-    assert (read_rows(played), trained) == (before, [])
-    play_generations(played, 3, seed=3)
-    assert [(run.spec.sides, run.seed) for run in trained] == [(("ally",), 3002), (("opponent",), 3002)]
-    assert read_rows(played)[:4] == before
-    assert load_agent(played / "ally").card.training_steps == 1200
-    play_generations(played, 1, seed=3)  # fewer generations change nothing
-    assert load_agent(played / "ally").card.training_steps == 1200
-
-
-@pytest.mark.slow
-def test_self_play_goes_on_wherever_it_was_killed(tmp_path, monkeypatch):
-    """In a training, before a row, before an agent is shipped; nothing is saved on the way."""
-
-    def interrupted(owner, name):
-        with monkeypatch.context() as patched:
-            patched.setattr(owner, name, interrupt)
-            with pytest.raises(KeyboardInterrupt):
-                play_generations(tmp_path, 1)
-
-    interrupted(GameMeasuresCallback, "_on_rollout_end")
-    assert not read_rows(tmp_path)
-    interrupted(playing, "evaluate_against")
-    finished = read_run(tmp_path, "ally", 0)
-    assert (finished["finished"], finished["part"], finished["steps_done"]) == (True, 0, 400)
-    interrupted(playing, "export_agent")
-    assert len(read_rows(tmp_path)) == 2
-    play_generations(tmp_path, 1)
-    assert len(read_rows(tmp_path)) == 2
-    assert read_run(tmp_path, "ally", 0) == finished
-    load_agent(tmp_path / "ally", "ally")
-
-
-@pytest.mark.slow
-def test_another_self_play_needs_another_folder(played):
-    for changes, name in (
-        ({"steps": 800}, "steps"),
-        ({"seed": 4}, "seed"),
-        ({"game": {"path": "learned"}}, "scenario"),
-        ({"hyperparams": TINY | {"n_epochs": 2}}, "hyperparams"),
-    ):
-        with pytest.raises(UserError, match=f"holds a fictitious self-play with another {name}"):
-            play_generations(played, **({"seed": 3} | changes))
 
 
 # Champions
