@@ -16,7 +16,7 @@ from lineage import filled
 
 from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, LEARNERS, action_modes
+from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, action_modes
 from fpg_bench.common.rows import RowFile
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario
@@ -25,6 +25,7 @@ from fpg_bench.products.language_models.servers import SERVERS, load_server
 from fpg_bench.products.leaderboard.exploited import RESPONSE
 from fpg_bench.products.leaderboard.site.entry_page import entry_view
 from fpg_bench.products.leaderboard.site.views import track_view
+from fpg_bench.products.theory.learners import LEARNERS
 from tests.pages import Reader, blocks, broken_links, small, small_baselines
 from tests.products.language_models.fault_server import FaultServer, answer
 from tests.programs import ROOT

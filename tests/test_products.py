@@ -77,8 +77,8 @@ def test_the_core_names_no_module_of_a_product():
 
 def test_products_say_what_they_are_and_which_products_they_need():
     needed = {name: {owner(to) for of, to in crossings() if owner(of) == name} for name in products()}
-    assert {name: set(product.needs) for name, product in products().items()} == needed
-    assert all(product.summary.endswith(".") for product in products().values())
+    assert {name: set(product.manifest.needs) for name, product in products().items()} == needed
+    assert all(product.manifest.summary.endswith(".") for product in products().values())
     assert {path.name for path in PRODUCTS.iterdir() if path.is_dir() and path.name != "__pycache__"} == {
         *products()
     }
@@ -87,7 +87,8 @@ def test_products_say_what_they_are_and_which_products_they_need():
 def test_the_map_shows_the_products_and_names_what_there_is():
     page = (ROOT / "docs/project/map.md").read_text(encoding="utf-8")
     for name, product in products().items():
-        assert f"| `{name}` | {product.summary} | {', '.join(product.needs) or '-'} |" in page
+        summary, needs = product.manifest.summary, ", ".join(product.manifest.needs)
+        assert f"| `{name}` | {summary} | {needs or '-'} |" in page
     places = re.findall(r"`((?:fpg_bench|baselines|tests)/[\w./]+)`", page)
     assert not [place for place in places if not (ROOT / place).exists()]
     rows = [line for line in page.splitlines() if line.startswith("|")]
@@ -97,51 +98,114 @@ def test_the_map_shows_the_products_and_names_what_there_is():
             assert not [name for name in re.findall(r"\w+", names) if name not in text], place
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "planner tier"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_what_products_offer_is_theirs_and_is_there(kind):
     assert offered(kind)
     for name, product in products().items():
-        for place in product.offers.get(kind, {}).values():
-            assert owner(place.partition(":")[0]) == name
-            assert pkgutil.resolve_name(place) is not None
+        for offer in product.offers(kind).values():
+            assert owner(offer.place.partition(":")[0]) == name
+            assert pkgutil.resolve_name(offer.place) is not None
 
 
 @pytest.mark.parametrize("name", offered("planner"))
 def test_the_tier_of_a_planner_is_that_of_its_class(name):
-    assert load("planner", name).tier == offered("planner tier")[name]
+    made = load("planner", name)
+    assert getattr(made, "func", made).tier == offered("planner")[name].tier
+
+
+def forget():
+    products.cache_clear()
+    offered.cache_clear()
 
 
 @pytest.fixture
 def none_installed(monkeypatch, tmp_path):
     """Without products of the package."""
     monkeypatch.setattr("fpg_bench.common.products._PRODUCTS", tmp_path / "products")
-    products.cache_clear()
-    offered.cache_clear()
+    forget()
     yield tmp_path
-    products.cache_clear()
-    offered.cache_clear()
+    forget()
 
 
 def test_without_products_nothing_is_offered_and_the_message_says_so(none_installed):
-    assert not any(map(offered, KINDS))
+    with_core = [kind for kind in KINDS if offered(kind)]
+    assert with_core == ["verb", "ally", "opponent", "planner", "algorithm"]
     with pytest.raises(UserError, match=r"planner 'llm': no product of this copy of fpg-bench offers it"):
         load("planner", "llm")
 
 
-def test_a_package_of_another_distribution_is_a_product_by_its_entry_point(none_installed, monkeypatch):
-    package = none_installed / "their_package"
+def install(folder, name, manifest, entry=None):
+    """Install a package of another distribution, ``their-NAME``, which fails where it is imported."""
+    package = folder / name
     package.mkdir()
     (package / "__init__.py").write_text("raise RuntimeError('imported before it is used')")
-    (package / "product.toml").write_text(
-        'summary = "Theirs."\n[planner]\nzigzag = "their_package.own:Plan"\n'
-    )
-    distribution = none_installed / "their_package-1.0.dist-info"
+    if manifest is not None:
+        (package / "product.toml").write_text(manifest)
+    distribution = folder / f"their_{name}-1.0.dist-info"
     distribution.mkdir()
-    (distribution / "METADATA").write_text("Metadata-Version: 2.1\nName: their-package\nVersion: 1.0\n")
-    (distribution / "entry_points.txt").write_text("[fpg_bench.products]\nzigzag = their_package\n")
+    (distribution / "METADATA").write_text(f"Metadata-Version: 2.1\nName: their-{name}\nVersion: 1.0\n")
+    (distribution / "entry_points.txt").write_text(f"[fpg_bench.products]\n{name} = {entry or name}\n")
+
+
+def test_a_package_of_another_distribution_is_a_product_by_its_entry_point(none_installed, monkeypatch):
+    text = 'summary = "Theirs."\n[planner]\nzigzag = { place = "winding.own:Plan", tier = "history" }\n'
+    install(none_installed, "winding", text)
     monkeypatch.syspath_prepend(none_installed)
-    assert offered("planner") == {"zigzag": "their_package.own:Plan"}
-    assert products()["their_package"].summary == "Theirs."
+    assert offered("planner")["zigzag"].place == "winding.own:Plan"
+    assert products()["winding"].manifest.summary == "Theirs."
+    with pytest.raises(UserError, match=r"planner 'zigzag' of distribution their-winding: .*imported before"):
+        load("planner", "zigzag")
+
+
+FAULTS = {  # a package, its manifest and entry point, and what the warning says
+    "syntax": ("mine", "summary = ", None, "Invalid value"),
+    "kind": ("mine", '[actor]\na = "b:c"', None, "unknown key 'actor'"),
+    "needs": ("mine", "needs = 3", None, "needs: expected a list, got 3"),
+    "verbs": ("mine", 'verb = "x"', None, "verb: expected a mapping, got 'x'"),
+    "place": ("mine", "[verb]\nx = 'os.getcwd'", None, "expected package.module:object, got 'os.getcwd'"),
+    "tier": ("mine", "[planner]\nx = 'a:b'", None, "planner.x: lacks tier"),
+    "name": ("mine", "[ally]\n'a/b' = 'a:b'", None, "expected a word such as my-name, got 'a/b'"),
+    "parent": ("mine", "", "nowhere.mine", "No module named 'nowhere'"),
+    "module": ("mine", "", "mine:Product", "no package 'mine:Product'"),
+    "none": ("mine", None, None, "No such file"),
+    "raises": ("mine", "", "mine.inner", "imported before it is used"),
+    "verb": ("mine", "[verb]\ntrain = 'a:b'", None, "offers the verb 'train', as the core does"),
+    "player": ("mine", "[ally]\nucb = 'a:b'", None, "offers the ally 'ucb', as theory does"),
+    "oracle": ("mine", "[opponent]\noracle = 'a:b'", None, "offers the opponent 'oracle', as the core does"),
+    "package": ("teams", "", None, "another product is called 'teams'; rename the package"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_a_package_of_others_costs_one_warning_that_names_its_distribution(
+    fault, monkeypatch, tmp_path, caplog
+):
+    package, manifest, entry, message = FAULTS[fault]
+    install(tmp_path, package, manifest, entry)
+    with monkeypatch.context() as patch:
+        before = {kind: {**offered(kind)} for kind in KINDS}
+        patch.syspath_prepend(tmp_path)
+        forget()
+        assert {kind: {**offered(kind)} for kind in KINDS} == before
+    forget()
+    (line,) = caplog.messages
+    assert f"distribution their-{package}: " in line
+    assert message in line
+    assert line.endswith("; it is left out")
+
+
+@pytest.mark.process
+def test_a_verb_of_others_that_fails_ends_no_other_verb(tmp_path):
+    install(tmp_path, "mine", '[verb]\nbroken = "mine:verb"\n')
+    own = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(tmp_path)])}
+    for words, status, text in (
+        (["--help"], 0, "broken"),
+        (["broken"], 2, "fpg-bench: verb 'broken' of distribution their-mine: RuntimeError: imported before"),
+    ):
+        ran = subprocess.run(
+            [sys.executable, "-m", "fpg_bench", *words], env=own, capture_output=True, text=True
+        )
+        assert (ran.returncode, text in ran.stdout + ran.stderr) == (status, True), ran.stderr
 
 
 def test_a_product_whose_needs_are_not_installed_offers_nothing(none_installed):
@@ -150,20 +214,17 @@ def test_a_product_whose_needs_are_not_installed_offers_nothing(none_installed):
         text = f'summary = "One."\nneeds = {needs}\n[verb]\n{name} = "{name}:verb"\n'
         (none_installed / "products" / name / "product.toml").write_text(text)
     assert list(products()) == ["alone"]
-    assert offered("verb") == {"alone": "alone:verb"}
+    assert "alone" in offered("verb")
+    assert not {"first", "second"} & offered("verb").keys()
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [("summary = ", "Invalid value"), ("[actor]\na = 'b:c'", "offers 'actor'; expected verb")],
-)
-def test_a_product_with_a_wrong_manifest_is_left_out_with_a_line(none_installed, text, message, caplog):
-    for name, content in (("mine", text), ("other", 'summary = "Another."')):
+def test_a_shipped_product_with_a_wrong_manifest_is_left_out_with_a_line(none_installed, caplog):
+    for name, content in (("mine", "summary = "), ("other", 'summary = "Another."')):
         (none_installed / "products" / name).mkdir(parents=True)
         (none_installed / "products" / name / "product.toml").write_text(content)
     assert list(products()) == ["other"]
     (line,) = caplog.messages
-    assert re.search(rf"mine.product\.toml: {message}.*; it is left out$", line)
+    assert re.search(r"mine: Invalid value.*; it is left out$", line)
 
 
 @pytest.fixture
@@ -188,13 +249,13 @@ def run(folder, *words):
 
 
 def verbs_in(folder):
-    code = "from fpg_bench.cli.main import _VERBS as verbs; print(*(name for name in verbs if verbs[name]))"
+    code = "from fpg_bench.common.products import offered; print(*offered('verb'))"
     return set(run(folder, "-c", code).split())
 
 
 def needing(name):
     """A product and all that need it."""
-    others = [other for other, product in products().items() if name in product.needs]
+    others = [other for other, product in products().items() if name in product.manifest.needs]
     return {name}.union(*map(needing, others))
 
 
@@ -206,7 +267,7 @@ def test_without_a_product_the_command_line_lacks_its_verbs_alone(copy):
     assert known == {verb.split()[1] for verb in VERBS}
     for name in products():
         (copy / "fpg_bench/products" / name).rename(copy / "away")
-        lacking = [verb for each in needing(name) for verb in products()[each].offers.get("verb", ())]
+        lacking = [verb for each in needing(name) for verb in products()[each].offers("verb")]
         assert verbs_in(copy) == known - set(lacking)
         (copy / "away").rename(copy / "fpg_bench/products" / name)
 

@@ -13,7 +13,7 @@ from fpg_bench.cli.options import JsonOption, game_options, name_all, print_json
 from fpg_bench.common.documentation import page
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import number
-from fpg_bench.common.products import load, offered
+from fpg_bench.common.products import offered
 from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
@@ -161,26 +161,24 @@ def players() -> None:
 
     Example: fpg-bench players
     """
-    from fpg_bench.common.ids import BELIEF, LEARNERS, SCRIPTS
     from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.names import PATHS
     from fpg_bench.players.player import SIDES
 
     members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:
-        name_all(f"scripts, {side}", SCRIPTS[side])
-        if side == "ally":
-            name_all("plans by a belief, ally", [BELIEF])
-            name_all("learn within a round, ally", LEARNERS)
+        for group, names in _grouped(side, "group").items():
+            if group != "oracle":
+                name_all(f"{group}, {side}", names)
         name_all(f"agents, {side}", _agents(member for member in members if member.group.side == side))
         name_all(f"champions, {side}", _champions(side))
         name_all(f"populations, {side}", _populations(side))
     name_all("either side", ["oracle: sees the full state, so it is in no suite"])
-    for tier, names in _planners().items():
+    for tier, names in _grouped("planner", "tier").items():
         name_all(f"planners, tier {tier}", names)
     name_all("paths", PATHS)
     print_wrapped("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
-    if "hf://" in offered("player"):
+    if "hf://" in offered("agent"):
         typer.echo("On the Hugging Face Hub: hf://owner/name, or hf://owner/name@revision")
 
 
@@ -238,11 +236,9 @@ def _populations(side: str) -> list[str]:
     return [f"suite:{name}" for name in sorted(folders)]
 
 
-def _planners() -> dict[str, list[str]]:
-    """Return the planners by tier."""
-    from fpg_bench.game.names import PATTERNS
-
-    by_tier, tiers = {"none": [*PATTERNS]}, offered("planner tier")
-    for name in offered("planner"):
-        by_tier.setdefault(tiers.get(name) or load("planner", name).tier, []).append(name)
-    return by_tier
+def _grouped(kind: str, key: str) -> dict[str, list[str]]:
+    """Return the names of what is offered of a kind, by an attribute of the offers."""
+    groups: dict[str, list[str]] = {}
+    for name, offer in offered(kind).items():
+        groups.setdefault(getattr(offer, key), []).append(name)
+    return groups

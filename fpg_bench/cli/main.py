@@ -6,11 +6,11 @@ import atexit
 import errno
 import gc
 import os
-import pkgutil
 import re
 import signal
 import sys
 from collections import UserDict
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
@@ -21,7 +21,7 @@ from fpg_bench.cli.fields import with_fields
 from fpg_bench.common.errors import UserError, bounded
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
-from fpg_bench.common.products import offered
+from fpg_bench.common.products import load, offered
 
 _display_type = TyperOption.display_type_rich
 
@@ -32,20 +32,6 @@ def _shown_type(option: TyperOption, ctx: Any) -> str | None:
 
 
 TyperOption.display_type_rich = _shown_type  # type: ignore[method-assign, assignment]
-_OWN = {
-    "evaluation": ("play", "evaluate", "table", "curves"),
-    "listing": ("envs", "players", "suites", "zoo"),
-    "training": ("train", "export"),
-}
-_ORDER = (  # of --help, with those of products, which are there or not
-    "play train offline evaluate table curves best-response double-oracle tabular-self-play "
-    "export reproduce envs players suites scenario zoo tune plan dataset hub submit "
-    "leaderboard"
-)
-_VERBS: dict[str, str | None] = dict.fromkeys(_ORDER.split())
-_VERBS |= {name: f"fpg_bench.cli.{module}:{name}" for module, names in _OWN.items() for name in names}
-_VERBS["scenario"] = "fpg_bench.cli.scenario:app"
-_VERBS |= offered("verb")
 _REMOVED = {  # verbs and options of earlier versions, and what does their work now
     "plan run": "play --planner NAME --rounds 10",
     "plan replay": "play --planner llm --transcript FILE",
@@ -58,8 +44,11 @@ class _Commands(UserDict[str, Any]):
     """Commands by name, imported when they are asked for: all together take longer than most of them run."""
 
     def __getitem__(self, name: str) -> Any:
-        if isinstance(place := self.data[name], str):
-            verb = pkgutil.resolve_name(place)
+        if self.data[name] is None:
+            try:
+                verb = load("verb", name)
+            except UserError as error:  # of another distribution
+                verb = _failing(error)
             if isinstance(verb, typer.Typer):
                 self.data[name] = get_group(verb)
             else:
@@ -69,10 +58,21 @@ class _Commands(UserDict[str, Any]):
         return self.data[name]
 
 
+def _failing(error: UserError) -> Callable[[], None]:
+    """Return a verb that stands for one that cannot be imported."""
+
+    def fail() -> None:
+        raise error
+
+    fail.__doc__ = f"Not available: {error}"
+    return fail
+
+
 class _Group(TyperGroup):
     def __init__(self, **options: Any) -> None:
-        verbs = {name: place for name, place in _VERBS.items() if place}
-        super().__init__(**options | {"commands": _Commands(verbs | options["commands"])})
+        super().__init__(
+            **options | {"commands": _Commands(dict.fromkeys(offered("verb")) | options["commands"])}
+        )
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names, without importing the verbs."""

@@ -24,7 +24,7 @@ from fpg_bench.training.config import RunConfig
 
 # Panels of long lists of options, in the order in which they are shown.
 GAME = "Game"
-TEAMS = "Teams"
+OTHER_GAMES = "Other games"
 TRAINING = "Training"
 EVALUATION = "Evaluation"
 OUTPUT = "Output"
@@ -74,11 +74,11 @@ def game_options(*names: str) -> Fields:
     return Fields(GameSpec, names or option_names(), LISTS, GAME, details)
 
 
-def team_options() -> Fields:
+def other_game_options() -> Fields:
     """Return the options that games of products add to those of other games; none without these products."""
-    kind = next(map(kind_of, offered("game")), GameSpec)
-    names = set(option_names(kind)) - set(option_names())
-    return Fields(kind, (*names,), panel=TEAMS)
+    kinds = tuple(map(kind_of, offered("game")))
+    every = dataclasses.dataclass(frozen=True)(type("Options", kinds or (GameSpec,), {}))
+    return Fields(every, tuple(set(option_names(every)) - set(option_names())), panel=OTHER_GAMES)
 
 
 def run_options(*names: str) -> Fields:
@@ -114,7 +114,7 @@ LocalWorkersOption = Annotated[Workers, dataclasses.replace(_WORKERS, names=("n_
 
 def llm_options(verb: str) -> Fields:
     """Return the options of language models for a verb; none without the product that has them."""
-    kind, name, none = "language model", f"options of {verb}", Fields(GameSpec, ())
+    kind, name, none = "language_model", f"options of {verb}", Fields(GameSpec, ())
     added: Fields = load(kind, name) if name in offered(kind) else none
     return added
 

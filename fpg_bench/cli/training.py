@@ -23,8 +23,8 @@ from fpg_bench.cli.options import (
     game_options,
     listed,
     llm_options,
+    other_game_options,
     run_options,
-    team_options,
 )
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
@@ -98,7 +98,7 @@ def train(
     *,
     run: Annotated[Given, run_options("steps", "hyperparams", "start", "suite", "allow")],
     game: Annotated[Given, game_options()],
-    team: Annotated[Given, team_options()],
+    team: Annotated[Given, other_game_options()],
     workers: WorkersOption = Workers(2),
     planner_options: Annotated[Given, llm_options("train")],
 ) -> None:
@@ -245,7 +245,7 @@ def export(
             check_free(out)
             if game and env_id is None:
                 raise UserError(f"{next(iter(game))}: is of the game of --id, which is not given")
-            export_zip = load("player", ".zip")
+            export_zip = load("agent", ".zip")
             spec = None if env_id is None else GameSpec.of(env_id, **game)
             exported = {out: export_zip(source, out, algo, spec, seed, is_plain=not_normalized)}
     for agent, difference in exported.items():

@@ -1,4 +1,4 @@
-"""Environment ids and their defaults, and the names of scripts. Importing this module is cheap."""
+"""Environment ids and their defaults, and the names of players. Importing this module is cheap."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from fpg_bench.common.errors import UserError, nearest
+from fpg_bench.common.products import offered
 
 
 def other_side(side: str) -> str:
@@ -115,17 +116,15 @@ TACTICS = {
 }  # with constants to change
 LATER_TACTICS = {"ally": ("evidence", "clock", "range"), "opponent": ("hunter",)}  # newer than all-scripted
 ALL_TACTICS = {side: (*TACTICS[side], *LATER_TACTICS[side]) for side in TACTICS}
-LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")  # allies that learn within a round
 # What all-scripted stands for, and what searches and self-play begin with: frozen, as results name them.
 SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}
-BAYES, BELIEF = "bayes", "belief"  # the jammer and the planning ally of theory
 ORACLES = ("oracle",)  # of either side; they see the full state, and tables tell them apart
+# All players that are offered by name but oracles, and the scripts among them.
+NAMED = {side: tuple(name for name in offered(side) if name not in ORACLES) for side in SCRIPTED}
 SCRIPTS = {
-    "ally": (*SCRIPTED["ally"], *LATER_TACTICS["ally"]),
-    "opponent": (*SCRIPTED["opponent"], *LATER_TACTICS["opponent"], BAYES),
+    side: tuple(name for name in names if offered(side)[name].group == "scripts")
+    for side, names in NAMED.items()
 }
-# All players of the package without a policy.
-NAMED = {"ally": (*SCRIPTS["ally"], BELIEF, *LEARNERS), "opponent": SCRIPTS["opponent"]}
 
 
 def policy_env(side: str) -> EnvConfig:

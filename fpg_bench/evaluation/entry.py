@@ -15,6 +15,7 @@ from fpg_bench.common.checks import title
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import NAMED, ORACLES, SCRIPTED
 from fpg_bench.common.imports import code_fingerprint, is_code
+from fpg_bench.common.products import code_of
 from fpg_bench.common.schema import Word, parse
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.rounds import Players
@@ -275,7 +276,7 @@ def _entry(spec: PlayerSpec, player: Player, name: str, suite: Suite) -> Evaluat
     card = card_of(player)
     if card is None:
         is_named = isinstance(spec, str | os.PathLike)
-        code = player_name(spec) if is_named else f"{_NAMELESS}{id(spec)}"
+        code = code_of(suite.side, player_name(spec)) if is_named else f"{_NAMELESS}{id(spec)}"
         return EvaluatedPlayer(name, None, code_fingerprint(code), FixedPlayer(spec), is_code=is_code(code))
     # An agent itself is sent to workers, as other machines may lack its files; other players by their names.
     made = MADE + hashlib.sha256(_made_by(spec, player).encode()).hexdigest()[:16]

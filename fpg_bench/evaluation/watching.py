@@ -97,7 +97,7 @@ def watch(
         integer(value, name)
     one_of(id, "id", (DUEL, *offered("game")))
     if llm:
-        game["planner"] = load("language model", "of play")(game.get("planner"), llm)
+        game["planner"] = load("language_model", "of play")(game.get("planner"), llm)
     home = trained_game(ally, "ally") or trained_game(opponent, "opponent")
     if other := other_game(GameSpec.of(home or id, **game)):
         if rounds > 1:

@@ -5,7 +5,6 @@ from __future__ import annotations
 JAMMING_TYPES = ("tone", "narrowband", "broadband", "comb")
 PATHS = ("circle", "triangle", "rectangle", "pursuit", "learned", "waypoints")
 PATROLS = ("circle", "triangle", "rectangle")
-PATTERNS = (*PATROLS, "hold", "random")  # planners that see nothing
 SNR_MODELS = ("sinr", "paper", "link")
 MOST_PATHS = 16  # that a round may draw from
 DETECTIONS = ("emission", "link", "off", "radiometer")

@@ -11,9 +11,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NoReturn, Protocol
 
-from fpg_bench.common.checks import mapping, one_of
+from fpg_bench.common.checks import check_keys, mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
-from fpg_bench.common.ids import ACTION_MODES, DUEL, EnvConfig, action_modes, find_env, plain_id
+from fpg_bench.common.ids import ACTION_MODES, DUEL, SCRIPTED, EnvConfig, action_modes, find_env, plain_id
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.strict_json import JsonObject
@@ -281,24 +281,20 @@ class OtherGame(GameSpec, abc.ABC):
     """Specification of a game of another kind than the duel, which a product offers.
 
     The core trains, evaluates and registers such a game by what this class and :class:`GameProduct` declare.
+    Its options are the fields of the class, also on the command line.
 
     Attributes:
-        sees: what its players have as attribute ``sees``; the duel refuses such players.
+        sees: what its players have as attribute ``sees``, which the duel refuses; empty: players of the duel.
         samples: whether exported agents draw their actions; else they play their mode.
+        observation_size: size of a player's observation.
+        scripts: the scripts of each side that ``all-scripted`` stands for.
+        skills: games that an agent trained in this game can play, as its card describes them.
     """
 
-    sees: ClassVar[str]
-    samples: ClassVar[bool]
-
-    @property
-    @abc.abstractmethod
-    def observation_size(self) -> int:
-        """Size of a player's observation."""
-
-    @property
-    @abc.abstractmethod
-    def scripts(self) -> Mapping[str, tuple[str, ...]]:
-        """The scripts of each side that ``all-scripted`` stands for."""
+    sees: ClassVar[str] = ""
+    samples: ClassVar[bool] = False
+    observation_size: ClassVar[int] = OBSERVATION_SIZE
+    scripts: ClassVar[Mapping[str, tuple[str, ...]]] = SCRIPTED
 
     @property
     @abc.abstractmethod
@@ -306,18 +302,18 @@ class OtherGame(GameSpec, abc.ABC):
         """Name of the public suite that the caller's side is measured on."""
 
     @property
-    @abc.abstractmethod
     def skills(self) -> JsonObject:
         """Games that an agent trained in this game can play, as its card describes them."""
+        return {}
 
     @classmethod
-    @abc.abstractmethod
     def check_skills(cls, skills: JsonObject) -> None:
         """Raise UserError if a card's ``skills`` are not such as this game's agents have."""
+        check_keys(skills, (), "skills")
 
-    @abc.abstractmethod
     def like(self, other: GameSpec) -> OtherGame:
         """Return the game with the sizes of another one of its kind, as a suite plays it for a training."""
+        return self
 
 
 class GameProduct(Protocol):

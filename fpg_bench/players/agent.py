@@ -192,7 +192,7 @@ def load_agent(
     try:
         if trusted:
             return OnnxPlayer(model, card)
-        sandboxed: AgentPlayer = load("player", "untrusted")(model, card)
+        sandboxed: AgentPlayer = load("agent", "untrusted")(model, card)
         return sandboxed
     except UserError as error:
         raise UserError(f"{where}: {error}") from error

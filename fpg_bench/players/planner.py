@@ -9,10 +9,10 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType, UnionType
+from types import UnionType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.imports import has_any, import_object, ready, reason
 from fpg_bench.common.products import load, offered
-from fpg_bench.game import names
 from fpg_bench.game.flight import place_on_patrol
 from fpg_bench.game.names import PATHS, PATROLS
 from fpg_bench.game.rules import rules_record
@@ -277,10 +276,8 @@ class Random(BatchPlanner):
         return [Plan(r.rng.uniform(0, r.limits.box_m, (r.limits.waypoints, 3)), self.name) for r in requests]
 
 
-PATTERNS: Mapping[str, Callable[..., BatchPlanner]] = MappingProxyType(
-    dict(zip(names.PATTERNS, (*(partial(Patrol, name) for name in PATROLS), Hold, Random), strict=True))
-)
-PLANNERS = (*PATTERNS, *offered("planner"))
+circle, triangle, rectangle = (partial(Patrol, name) for name in PATROLS)
+PLANNERS = tuple(offered("planner"))
 _METHODS = ("plan", "plan_batch")
 
 
@@ -313,8 +310,7 @@ def resolve(spec: object, scenario: Scenario) -> Any:
     if isinstance(spec, str):
         if spec not in PLANNERS:
             raise UserError(f"unknown planner {spec!r}{nearest(spec, PLANNERS)}")
-        maker = PATTERNS.get(spec) or load("planner", spec)
-        return ready(maker, f"planner {spec!r}", _METHODS, scenario)
+        return ready(load("planner", spec), f"planner {spec!r}", _METHODS, scenario)
     if not (callable(spec) or has_any(spec, _METHODS)):
         raise UserError(f"planner: expected a name or an object with plan, got {spec!r}")
     return ready(spec, f"planner {planner_name(spec)}", _METHODS, scenario)

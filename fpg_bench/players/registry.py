@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import os
 import re
+from functools import partial
 
 import numpy as np
 from gymnasium import spaces
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.common.ids import ALL_TACTICS, BAYES, BELIEF, NAMED, ORACLES, SCRIPTS, action_modes, other_side
-from fpg_bench.common.imports import import_object, names_object
+from fpg_bench.common.ids import ALL_TACTICS, NAMED, ORACLES, action_modes, other_side
+from fpg_bench.common.imports import import_object, names_object, ready
+from fpg_bench.common.products import load, offered
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import OtherGame, other_game
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
-from fpg_bench.players.belief import BeliefAlly
 from fpg_bench.players.card import AgentCard
-from fpg_bench.players.learners import Learner
 from fpg_bench.players.player import Memory, Player, PlayerSpec, Prediction
 from fpg_bench.players.preprocessing import (
     Preprocessing,
@@ -33,10 +33,9 @@ from fpg_bench.players.preprocessing import (
     unknown,
 )
 from fpg_bench.players.remote import is_remote
-from fpg_bench.players.scripted import OracleAlly, OracleOpponent, Scripted, player_noise
+from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.seeded import Seeded
 from fpg_bench.players.tactics import Tactic
-from fpg_bench.players.theory import BayesJammer, OracleLinkAlly
 
 _VARIANT = re.compile(r"([a-z-]+)\((.*)\)")
 
@@ -74,20 +73,10 @@ def any_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
     name = os.fspath(spec)
     if variant := _VARIANT.fullmatch(name):
         return _script_with(variant[1], variant[2], side, scenario)
-    if name in ALL_TACTICS[side]:
-        return Tactic(side, name, scenario)
-    if name == BAYES and side == "opponent":
-        return BayesJammer(scenario)
-    if name == BELIEF and side == "ally":
-        return BeliefAlly(scenario)
-    if name in SCRIPTS[side]:
-        return Scripted(side, name, scenario)
-    if name in NAMED[side]:
-        return Learner(name, scenario)
-    if name in ORACLES and scenario.snr_model == "link":
-        return OracleLinkAlly(scenario) if side == "ally" else BayesJammer(scenario, is_oracle=True)
-    if name in ORACLES:
-        return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
+    if name in offered(side):
+        make = partial(load(side, name), side, name)
+        offer: Player = ready(make, f"{side} {name!r}", ("predict",), scenario)
+        return offer
     if name.startswith("suite:"):
         from fpg_bench.players.population import load_member
 

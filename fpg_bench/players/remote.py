@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 from fpg_bench.common.products import load, offered
 
-_SCHEMES = tuple(name for name in offered("player") if name.endswith("://"))
+_SCHEMES = tuple(name for name in offered("agent") if name.endswith("://"))
 Spec = TypeVar("Spec")
 
 
@@ -37,7 +37,7 @@ def fetch(name: str) -> Fetched:
     Raises:
         UserError: it cannot be fetched; see :func:`fpg_bench.products.hub.download.download`.
     """
-    fetched: Fetched = load("player", next(filter(name.startswith, _SCHEMES)))(name)
+    fetched: Fetched = load("agent", next(filter(name.startswith, _SCHEMES)))(name)
     return fetched
 
 

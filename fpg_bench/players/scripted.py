@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from fpg_bench.common.ids import ALLIES, OPPONENTS
+from fpg_bench.common.products import load
 from fpg_bench.game import rng
 from fpg_bench.game.actions import (
     HOP_GATE,
@@ -319,6 +320,14 @@ class OracleOpponent(Batched):
         away = _away(seen, OPPONENT, self._box)
         actions[:, VELOCITY:] = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), PURSUIT_M)
         return actions, None
+
+
+def oracle(side: str, name: str, scenario: Scenario) -> Batched:
+    """Make the oracle of a side, where the scenario's SNR model has one of its own that one."""
+    if scenario.snr_model == "link":
+        own: Batched = load("oracle", scenario.snr_model)(side, name, scenario)
+        return own
+    return OracleAlly(scenario) if side == "ally" else OracleOpponent(scenario)
 
 
 @compiled

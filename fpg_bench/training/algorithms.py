@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pkgutil
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,45 +10,13 @@ from typing import Any
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import DUEL
 from fpg_bench.common.imports import imported
-from fpg_bench.common.products import offered
+from fpg_bench.common.products import load, offered
 
-
-@dataclass(frozen=True)
-class _Row:
-    """Row of the table of algorithms.
-
-    Attributes:
-        place: its class, as ``module:Class``.
-        base: the algorithm of which it is a variant, with hyper-parameters of its own; None: it is none.
-        search: the algorithm whose search space it has; None: its own.
-        stacks: it may see stacked frames, as ``ppo-stack8``.
-        joint: it trains both sides at once.
-        offline: it learns from a data set.
-    """
-
-    place: str
-    base: str | None = None
-    search: str | None = None
-    stacks: bool = True
-    joint: bool = False
-    offline: bool = False
-
-
-_TABLE = {
-    "ppo": _Row("stable_baselines3:PPO"),
-    "ppo-fast": _Row("fpg_bench.training.fast_ppo:FastPPO", base="ppo", stacks=False),  # soonest at a score
-    "recurrent-ppo": _Row("sb3_contrib:RecurrentPPO", search="ppo", stacks=False),
-    "maskable-ppo": _Row("sb3_contrib:MaskablePPO", search="ppo"),
-    "sac": _Row("stable_baselines3:SAC"),
-    "td3": _Row("stable_baselines3:TD3"),
-    "dqn": _Row("stable_baselines3:DQN"),
-    "qr-dqn": _Row("sb3_contrib:QRDQN", search="dqn"),
-}
-_TABLE |= {name: _Row(place) for name, place in offered("algorithm").items()}
-ALGORITHMS = (*_TABLE, "ppo-stack8")  # of one side, that learn by playing; of stacked frames an example
-JOINT, OFFLINE = tuple(offered("joint algorithm")), tuple(offered("offline algorithm"))
-_TABLE |= {name: _Row(place, stacks=False, joint=True) for name, place in offered("joint algorithm").items()}
-_TABLE |= {name: _Row(place, offline=True) for name, place in offered("offline algorithm").items()}
+_ONE, JOINT, OFFLINE = (
+    tuple(name for name, offer in offered("algorithm").items() if offer.trains == what)
+    for what in ("one", "both", "data")
+)
+ALGORITHMS = (*_ONE, "ppo-stack8")  # of one side, that learn by playing; of stacked frames an example
 _STACKED = re.compile(r"(.+)-stack([1-9]\d*)")
 
 
@@ -102,17 +69,17 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
         return _custom(name, imported(name, "algorithm"))
     stacked = _STACKED.fullmatch(name)
     root = stacked[1] if stacked else name
-    row = _TABLE.get(root)
-    if row is None or (stacked and not row.stacks):
-        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*_TABLE, *ALGORITHMS))}")
+    offer = offered("algorithm").get(root)
+    if offer is None or (stacked and not offer.stacks):
+        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, *JOINT, *OFFLINE))}")
     return Algorithm(
         name,
-        row.base or root,
-        pkgutil.resolve_name(row.place),  # unlike a user's own, not searched for in the current folder
+        offer.base or root,
+        load("algorithm", root),  # unlike a user's own, not searched for in the current folder
         int(stacked[2]) if stacked else None,
-        search=row.search or row.base or root,
-        joint=row.joint,
-        offline=row.offline,
+        search=offer.search or offer.base or root,
+        joint=offer.trains == "both",
+        offline=offer.trains == "data",
     )
 
 

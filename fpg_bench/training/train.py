@@ -343,7 +343,7 @@ class _Run:
         config = self.config
         planner = config.planner
         if asks_language_model(planner) or config.planner_options:
-            make_planner = load("language model", "of a training")
+            make_planner = load("language_model", "of a training")
             planner = make_planner(planner, self.folder.path, config.planner_options)
         game = dataclasses.replace(config.spec, planner=planner)
         first_seed = training_seed(config.seed)

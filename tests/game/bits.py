@@ -11,7 +11,7 @@ import json
 
 import numpy as np
 
-from fpg_bench.common.ids import LEARNERS, SCRIPTED
+from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.record import HASHED_TALLIES
 from fpg_bench.evaluation.rounds import make_match, play_round
@@ -19,6 +19,7 @@ from fpg_bench.game.scenario import PRESETS, Scenario, preset
 from fpg_bench.players.planner import as_planner
 
 PATHS = ("circle", "triangle", "rectangle", "pursuit", "learned")
+LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")
 PLANNERS = ("circle", "interceptor", "optimised", "random")
 
 

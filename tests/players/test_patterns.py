@@ -10,7 +10,7 @@ import pytest
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import PATROLS
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.players.planner import PATTERNS, Limits, as_planner
+from fpg_bench.players.planner import Limits, as_planner
 
 SMALL = dataclasses.replace(STANDARD, waypoints=4, steps_per_round=40, box_m=(1200, 1200, 600))
 LIMITS = Limits.of(STANDARD)
@@ -28,7 +28,7 @@ def test_waypoints_are_due_evenly_and_the_last_at_the_end():
 
 
 @pytest.mark.parametrize("scenario", [STANDARD, SMALL], ids=["standard", "small"])
-@pytest.mark.parametrize("name", PATTERNS)
+@pytest.mark.parametrize("name", [*PATROLS, "hold", "random"])
 def test_a_plan_says_where_it_came_from_and_stays_in_the_box(name, scenario):
     plan = planned(name, limits=Limits.of(scenario), scenario=scenario)
     assert (plan.source, plan.status) == (name, "ok")

@@ -71,7 +71,7 @@ def compare(
     entries = []
     for spec in specs:
         if isinstance(spec, str) and asks_language_model(spec):
-            recorded = load("language model", "of a comparison")
+            recorded = load("language_model", "of a comparison")
             entries.append(recorded(spec, played, out / TRANSCRIPTS / spec, llm))
         else:
             entries.append(planner_entry(spec, played))
@@ -80,7 +80,7 @@ def compare(
         models = ", ".join(name for name in PLANNERS if name not in silent)
         raise UserError(f"{given}: is for the planners {models}; name one of them")
     if transcripts is not None:
-        replayed = load("language model", "of transcripts")
+        replayed = load("language_model", "of transcripts")
         entries += replayed(Path(transcripts), played, [entry.name for entry in entries])
     return play_into(out, suite, played, entries, progress, reuse=reuse)
 

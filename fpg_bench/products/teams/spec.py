@@ -75,6 +75,8 @@ class TeamSpec(TeamRules, OtherGame):
 
     sees = "team"
     samples = True  # equal policies that play their mode choose equal points
+    observation_size = TEAM_OBSERVATION_SIZE
+    scripts = TEAM_SCRIPTS
 
     id: str = TEAM_ID
     scenario: Scenario | str = "link"
@@ -151,16 +153,6 @@ class TeamSpec(TeamRules, OtherGame):
     def action_mode(self) -> str:
         """The action mode of the caller's side: that of the allies where it plays both."""
         return self.of_side("actions", self.side or "ally")
-
-    @property
-    def observation_size(self) -> int:
-        """Size of a seat's observation."""
-        return TEAM_OBSERVATION_SIZE
-
-    @property
-    def scripts(self) -> Mapping[str, tuple[str, ...]]:
-        """The scripts of each side that ``all-scripted`` stands for."""
-        return TEAM_SCRIPTS
 
     def like(self, other: GameSpec) -> TeamSpec:
         """Return the game with the rules of teams of another one, as a suite plays it for a training."""

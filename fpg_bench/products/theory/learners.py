@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 
-from fpg_bench.common.ids import LEARNERS
 from fpg_bench.game import rng
 from fpg_bench.game.actions import HOP_GATE, KNOWLEDGE_GATE, PREFERENCE, SPEED, SPREAD_GATE
 from fpg_bench.game.compiling import compiled
@@ -25,6 +24,7 @@ from fpg_bench.players.player import Memory, Prediction
 from fpg_bench.players.scripted import ally_speed, scenario_scales
 from fpg_bench.players.seeded import SeededPolicy
 
+LEARNERS = ("epsilon-greedy", "ucb", "thompson", "q-learning")
 EPSILON_GREEDY, UCB, THOMPSON, Q_LEARNING = range(len(LEARNERS))
 
 EPSILON = 0.1  # of epsilon-greedy and Q-learning
@@ -182,7 +182,7 @@ class Learner(SeededPolicy):
     at random or by the knowledge base.
 
     Args:
-        name: one of ``fpg_bench.common.ids.LEARNERS``.
+        name: one of ``LEARNERS``.
         scenario: the rules, with the scales of observations and the costs.
     """
 

@@ -31,7 +31,7 @@ from fpg_bench.players.player import Memory, Prediction
 from fpg_bench.players.scripted import away_m, draw
 from fpg_bench.players.seeded import SeededPolicy, fresh_memory
 from fpg_bench.players.tactics import ALLY_MEMORY, CRUISE_M_S, SPRINT_M, range_speed
-from fpg_bench.players.theory import STICKY, SURE, Kernel, cases, jam_point
+from fpg_bench.products.theory.bayes import STICKY, SURE, Kernel, cases, jam_point
 
 LONGEST_S = 8  # to the next check; a longer time is taken for this one
 STATES = 2 * LONGEST_S  # seconds to the next check, and whether the jammer knows the ally's point

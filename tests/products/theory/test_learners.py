@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import LEARNERS
 from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.players.learners import EPSILON_GREEDY, Q_LEARNING, SPREAD, STAY, THOMPSON, UCB, Learner
 from fpg_bench.players.registry import as_player
+from fpg_bench.products.theory.learners import (
+    EPSILON_GREEDY,
+    LEARNERS,
+    Q_LEARNING,
+    SPREAD,
+    STAY,
+    THOMPSON,
+    UCB,
+    Learner,
+)
 
 NOTHING_SENSED = [0, 0, 0, 0, -1]
 

@@ -8,14 +8,13 @@ import pytest
 from fpg_bench.game.full_state import FULL_STATE_SIZE, OPPONENT
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, preset
-from fpg_bench.players import belief as belief_module
-from fpg_bench.players.belief import BeliefAlly
 from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.tactics import Tactic
-from fpg_bench.players.theory import HAZARDS, SURE, BayesJammer, OracleLinkAlly
-
-from .playing import ally_sees, mean, opponent_sees
+from fpg_bench.products.theory import belief as belief_module
+from fpg_bench.products.theory.bayes import HAZARDS, SURE, BayesJammer, OracleLinkAlly
+from fpg_bench.products.theory.belief import BeliefAlly
+from tests.players.playing import ally_sees, mean, opponent_sees
 
 LINK = preset("link")
 TONE, NARROWBAND, BROADBAND = range(3)
