@@ -77,7 +77,7 @@ def game_options(*names: str) -> Fields:
 def other_game_options() -> Fields:
     """Return the options that games of products add to those of other games; none without these products."""
     kinds = tuple(map(kind_of, offered("game")))
-    every = dataclasses.dataclass(frozen=True)(type("Options", kinds or (GameSpec,), {}))
+    every: type[GameSpec] = dataclasses.dataclass(frozen=True)(type("Options", kinds or (GameSpec,), {}))
     return Fields(every, tuple(set(option_names(every)) - set(option_names())), panel=OTHER_GAMES)
 
 
