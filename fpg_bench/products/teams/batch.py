@@ -51,7 +51,6 @@ class TeamBatch:
         games: number of games, G.
         mates: what seats observe of their mates: ``none``, ``place`` (where they are) or ``full`` (also what
             they do and know), or a mapping from ``ally`` and ``opponent`` to one each.
-        has_credits: compute the jammers' rewards ``difference``, which takes time.
 
     Attributes:
         games: ``(G,)`` records of dtype ``state.GAME``, those of the first allies: seeds, rounds and steps.
@@ -75,7 +74,6 @@ class TeamBatch:
         team: TeamRules | None = None,
         games: int = 1,
         mates: str | dict[str, str] = "full",
-        has_credits: bool = False,
     ) -> None:
         check_playable(scenario)
         self.scenario, self.team = scenario, TeamRules() if team is None else team
@@ -94,7 +92,6 @@ class TeamBatch:
         self.histograms = np.zeros((self.count, n, 2, scenario.frequency_points), np.int32)
         shapes = ((self.count, seats, TEAM_OBSERVATION_SIZE) for seats in (n, m))
         self._observations = tuple(np.zeros(each, np.float32) for each in shapes)
-        self._has_credits, self._credits = has_credits, np.zeros((self.count, m))
         self._ally_actions = np.zeros((self.count, n, ACTION_SIZE), np.float32)
         self._opponent_actions = np.zeros((self.count, m, ACTION_SIZE), np.float32)
         self._records = (
@@ -126,7 +123,7 @@ class TeamBatch:
         for records in (self.opponents, self.sensed, self.found):
             records[mask] = np.zeros((), records.dtype)
         self.tallies[mask] = np.zeros((), TALLY)
-        self.histograms[mask], self._credits[mask] = 0, 0
+        self.histograms[mask] = 0
         self._begun = True
         kernel.begin(mask, self.counts, self._seats, self._observations, self._mates, self._records)
 
@@ -150,8 +147,6 @@ class TeamBatch:
             self._seats,
             self.tallies,
             self.histograms,
-            self._credits,
-            self._has_credits,
             (self._ally_actions, self._opponent_actions),
             self._observations,
             self._mates,
@@ -174,14 +169,11 @@ class TeamBatch:
         Args:
             side: ``ally`` or ``opponent``.
             reward: ``own``: an ally's, or that of a jammer's duel with its rival. ``team``: the mean of the
-                allies', or of what jammers took of each of them. ``difference``, of jammers alone: what the
-                allies would have got, on average, without this jammer.
+                allies', or of what jammers took of each of them.
         """
         own = self.allies["ally_reward"] if side == "ally" else self.opponents["opponent_reward"]
         if reward == "own":
             return own.copy()
-        if reward == "difference":
-            return self._credits.copy()
         mean = self.allies[f"{side}_reward"].sum(axis=1) / self.counts[:, 0]
         return np.where(self.playing(side), mean[:, None], 0.0)
 

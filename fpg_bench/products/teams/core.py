@@ -59,8 +59,7 @@ class TeamGame:
         game_spec.check_trusted()
         self.game_spec, self.scenario = game_spec, game_spec.resolve()
         mates = {side: game_spec.of_side("mates", side) for side in SIDES}
-        has_credits = game_spec.of_side("reward", "opponent") == "difference"
-        self.batch = TeamBatch(self.scenario, game_spec.team, games, mates, has_credits)
+        self.batch = TeamBatch(self.scenario, game_spec.team, games, mates)
         self.count = self.batch.count
         self.seats = dict(zip(SIDES, game_spec.team.most, strict=True))
         self.choices = {
@@ -186,7 +185,7 @@ def make_team(games: int = 1, *, game: str | TeamSpec = TEAM_ID, **options: Any)
         **options: the attributes of :class:`TeamSpec` and of
             :class:`fpg_bench.products.teams.rules.TeamRules`: ``scenario``, ``path``, ``actions``, ``mates``,
             ``reward``, ``side``, ``rivals``, ``allies``, ``jammers``, ``formation``, ``spacing_m``,
-            ``code_orthogonality``, ``share_findings`` and ``share_power``.
+            ``code_orthogonality`` and ``share_power``.
 
     Raises:
         UserError: an unknown option, a value out of range, or options that exclude each other.

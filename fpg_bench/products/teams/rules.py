@@ -17,7 +17,7 @@ FORMATIONS = ("convoy", "separate")
 MATES = ("none", "place", "full")
 TEAM_ID = "FPG/team_v0"
 SIDES = ("ally", "opponent")
-TEAM_REWARDS = {"ally": ("own", "team"), "opponent": ("own", "team", "difference")}
+TEAM_REWARDS = ("own", "team")
 ALLIES_OF_TEAMS = (
     "random-hops", "allotment", "listen", "cdma", "greedy-blind", "greedy", "greedy-own-points"
 )  # fmt: skip
@@ -51,7 +51,6 @@ TEAM = np.dtype(
         ("convoy", "b1"),
         ("spacing", "f8"),
         ("overlap_of_codes", "f8"),  # share of a mate's power that orthogonal codes let through
-        ("share_findings", "b1"),
         ("share_power", "b1"),
     ],
     align=True,
@@ -73,7 +72,6 @@ class TeamRules:
         code_orthogonality: share of a mate's power that a despreader removes if both spread at one point,
             0 to 1. Codes of one mast are orthogonal but for what arrives late, by echoes; the default, as
             of one echo 12 dB below a path in line of sight, is an assumption.
-        share_findings: whether a jammer tells its mates what its radiometer finds.
         share_power: whether mates whose beams overlap share the power of one beam, in equal parts.
 
     Raises:
@@ -85,7 +83,6 @@ class TeamRules:
     formation: str = "convoy"
     spacing_m: float = 40.0
     code_orthogonality: float = 0.94
-    share_findings: bool = False
     share_power: bool = True
 
     def __post_init__(self) -> None:
@@ -94,8 +91,7 @@ class TeamRules:
         one_of(self.formation, "formation", FORMATIONS)
         for name, high in (("spacing_m", 1e4), ("code_orthogonality", 1.0)):
             object.__setattr__(self, name, _checked_number(name, getattr(self, name), high))
-        for name in ("share_findings", "share_power"):
-            flag(getattr(self, name), name)
+        flag(self.share_power, "share_power")
 
     @property
     def counts(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -118,7 +114,7 @@ class TeamRules:
         row["allies"], row["jammers"] = self.counts
         row["convoy"], row["spacing"] = self.formation == "convoy", self.spacing_m
         row["overlap_of_codes"] = 1 - self.code_orthogonality
-        row["share_findings"], row["share_power"] = self.share_findings, self.share_power
+        row["share_power"] = self.share_power
         return team
 
 

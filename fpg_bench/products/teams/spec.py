@@ -99,7 +99,7 @@ class TeamSpec(TeamRules, OtherGame):
         elif self.ally is not None or self.opponent is not None:
             raise self._sideless()
         for side in SIDES:
-            known = {"actions": action_modes(side), "mates": MATES, "reward": TEAM_REWARDS[side]}
+            known = {"actions": action_modes(side), "mates": MATES, "reward": TEAM_REWARDS}
             for name, words in known.items():
                 one_of(self.of_side(name, side), f"{name} of the {side}", words)
         return {}

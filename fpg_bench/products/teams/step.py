@@ -68,8 +68,6 @@ def play(
     every: Seats,
     tallies: np.ndarray,
     histograms: np.ndarray,
-    credits: np.ndarray,
-    has_credits: bool,
     actions: tuple[np.ndarray, np.ndarray],
     observations: tuple[np.ndarray, np.ndarray],
     mates: np.ndarray,
@@ -103,14 +101,11 @@ def play(
         for i in range(n):
             _fade_and_sense(i, seats, book)
         silent = checking if radio.look_through > 0.0 else 0
-        for j in range(m):
-            credits[g, j] = 0.0
         for i in range(n):
-            _transmit(i, silent, credits[g], has_credits, seats, book)
+            _transmit(i, silent, seats, book)
         for j in range(m):
             near = rules.distance_reward if work.distance[rivals[j], j] < rules.distance_reward_m else 0.0
             opponents[j].opponent_reward = near + work.drop[rivals[j]]
-            credits[g, j] += near
         _check(checking, silent, seats, book)
         for i in range(n):
             ally = allies[i]
@@ -166,8 +161,8 @@ def _fade_and_sense(i: int, seats: Seats, book: Book) -> None:
 
 
 @compiled
-def _transmit(i: int, silent: int, credits: np.ndarray, has_credits: bool, seats: Seats, book: Book) -> None:
-    """Compute ally i's SNR, rate and rewards, and what each jammer took of them.
+def _transmit(i: int, silent: int, seats: Seats, book: Book) -> None:
+    """Compute ally i's SNR, rate and rewards.
 
     Jammers of the bits ``silent`` look through in this step: a part of it is played without them.
     """
@@ -195,14 +190,6 @@ def _transmit(i: int, silent: int, credits: np.ndarray, has_credits: bool, seats
         jammer = seats.opponents[j]
         kind, mhz = jammer.jamming_type, jammer.jamming_mhz
         ally.covered |= covers(kind, mhz, ally.frequency_mhz, ally.spreading, rules, radio)
-        if has_credits:
-            others = everyone & ~(1 << j)
-            _, _, without = link_under(signal, others, m, ally.spreading, book)
-            if silent & others:
-                _, _, worth = link_under(signal, others & ~silent, m, ally.spreading, book)
-                without += radio.look_through * (worth - without)
-            lost = rules.snr_drop_weight * (airtime * (without - value))
-            credits[j] += lost / seats.allies.shape[0]
     strongest = seats.opponents[nearest]
     ally.jamming_type, ally.jamming_mhz = strongest.jamming_type, strongest.jamming_mhz
 
@@ -221,13 +208,11 @@ def nearest_jammer(i: int, seats: Seats, book: Book) -> int:
 def _check(checking: int, silent: int, seats: Seats, book: Book) -> None:
     """Run the checks that are due, of the jammers of the bits ``checking``.
 
-    A jammer knows the frequency of its strongest find. If finds are shared, its mates that found nothing in
-    this step know that of the strongest one of all.
+    A jammer knows the frequency of its strongest find.
     """
-    rules, radio, team, _ = book
+    rules, radio, _, _ = book
     allies, opponents, _, found, rivals = seats
     n, m = allies.shape[0], opponents.shape[0]
-    best, shared = -1, 0.0
     for i in range(n):
         allies[i].checked = checking > 0
         allies[i].last_check = -1 if checking else allies[i].last_check
@@ -248,24 +233,15 @@ def _check(checking: int, silent: int, seats: Seats, book: Book) -> None:
                 continue
             excess = level / noise
             allies[i].last_check = 1
-            for k in range(m):
-                if k == j or team.share_findings:
-                    here = found[k, i]
-                    here.level_db, here.mhz, here.age_s = DB * log(excess), allies[i].frequency_mhz, 0
+            here = found[j, i]
+            here.level_db, here.mhz, here.age_s = DB * log(excess), allies[i].frequency_mhz, 0
             if excess > strongest:
                 strongest = excess
                 rivals[j], jammer.known_mhz = i, allies[i].frequency_mhz
                 jammer.age_s, jammer.last_check = 0, 1
-            if excess > shared:
-                best, shared = i, excess
         low, high = rules.check_interval[0], rules.check_interval[1]
         draw = rng.integer(jammer.round_key, jammer.step, rng.CHECK_INTERVAL, high - low + 1)
         jammer.next_check += low + draw
-    if team.share_findings and best >= 0:
-        for j in range(m):
-            if not (opponents[j].checked and opponents[j].last_check == 1):
-                rivals[j], opponents[j].known_mhz = best, allies[best].frequency_mhz
-                opponents[j].age_s = 0
 
 
 @compiled

@@ -196,7 +196,6 @@ class ReferenceTeams:
         cost = s.flight_cost_per_w * (rotary_wing_w(ally.speed_m_s) - 126.00272188808806)
         ally.ally_reward = on_air * worth - cost
         ally.opponent_reward = on_air * (ally._worth(ally.clean_snr_db) - worth)
-        ally.taken = [on_air * (self._worth(i, everyone - {j}) - worth) for j in sorted(everyone)]
 
     def _check(self) -> None:
         s, k = self.s, self.step_number
@@ -215,17 +214,15 @@ class ReferenceTeams:
                 excess = max(levels[other] for other in there) / self._noise_mw(i, j, silent)
                 if excess >= wall:
                     finds.append((excess, i))
-                    for knowing in range(len(self.jammers)) if self.team.share_findings else (j,):
-                        self.found[knowing][i] = 10 * math.log10(excess), ally.frequency_mhz, 0
+                    self.found[j][i] = 10 * math.log10(excess), ally.frequency_mhz, 0
             jammer.last_check = 1 if finds else -1
             if finds:
                 heard[j] = max(finds, key=lambda find: (find[0], -find[1]))
             low, high = s.check_interval_s
             jammer.next_check += low + jammer.chance.whole(k, rng.CHECK_INTERVAL, high - low + 1)
         for j, jammer in enumerate(self.jammers):
-            told = [heard[j]] if j in heard else list(heard.values()) if self.team.share_findings else []
-            if told:
-                self.rivals[j] = max(told)[1]
+            if j in heard:
+                self.rivals[j] = heard[j][1]
                 jammer.known_mhz, jammer.age_s = self.allies[self.rivals[j]].frequency_mhz, 0
 
     def _level_mw(self, i: int, j: int) -> float:

@@ -93,8 +93,8 @@ def test_masks_are_what_the_action_spaces_sample_with(actions):
 
 def test_agents_are_the_seats_of_the_batch():
     env, team = (
-        registered("parallel", reward={"opponent": "difference"}),
-        make_team(1, scenario=SHORT, reward={"opponent": "difference"}),
+        registered("parallel", reward={"opponent": "own"}),
+        make_team(1, scenario=SHORT, reward={"opponent": "own"}),
     )
     observations, _ = env.reset(seed=3)
     team.reset(seeds=3)
@@ -186,8 +186,8 @@ def test_a_shipped_agent_plays_any_seat():
 
 def test_rows_of_a_vec_env_are_seats():
     env, team = (
-        make_sb3_team(3, seed=7, scenario=SHORT, side="opponent", rivals="expert", reward="difference"),
-        make_team(3, scenario=SHORT, side="opponent", rivals="expert", reward="difference"),
+        make_sb3_team(3, seed=7, scenario=SHORT, side="opponent", rivals="expert", reward="own"),
+        make_team(3, scenario=SHORT, side="opponent", rivals="expert", reward="own"),
     )
     assert env.num_envs == 6
     observations = env.reset()
