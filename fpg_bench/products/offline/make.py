@@ -23,7 +23,6 @@ from fpg_bench.common.files import check_own_folder, check_writable, read_json, 
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.common.strict_json import JsonObject
-from fpg_bench.products.offline.croissant import croissant
 from fpg_bench.products.offline.rounds import play_rounds
 from fpg_bench.products.offline.spec import NAMESPACE, DatasetSpec
 from fpg_bench.products.offline.storage import BYTES_PER_STEP, link_parts, part_digests, part_path, write_part
@@ -109,7 +108,6 @@ def make_dataset(
         ]
         check_all_done(run_jobs(jobs, workers, level=logging.DEBUG))
         _finish(data, spec, [end - first for first, end in pairwise(cuts)])
-        write_json(unfinished / "croissant.json", croissant(spec, unfinished))
         os.rename(unfinished, folder)
         return folder
 
