@@ -23,7 +23,7 @@ from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlan
 from fpg_bench.products.language_models.options import LLMOptions
 from fpg_bench.products.language_models.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.products.language_models.servers import endpoint_from_environment
-from fpg_bench.products.language_models.transcript import Header, RunHeader, Transcript, chain_start
+from fpg_bench.products.language_models.transcript import Header, RunHeader, Transcript
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
 _SAMPLING = ("temperature", "sampling_seed")
@@ -69,7 +69,6 @@ def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, 
             endpoint,
             transcript=folder / transcript_name(ally.name),
             mode="record",
-            chain=chain_start(header.to_dict(), transcript_name(ally.name)),
             parser=header.parser,
             **arguments | {"prompt": prompt, "control": control},
         )
@@ -104,8 +103,7 @@ def _replayed_entry(folder: Path, suite: Suite) -> EvaluatedPlayer:
         raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
 
     def make(ally: Rival) -> LLMPlanner:
-        chain = chain_start(about.to_dict(), transcript_name(ally.name))
-        return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name), chain)
+        return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name))
 
     return EvaluatedPlayer(folder.name, None, _fingerprint(about), make)
 
@@ -188,7 +186,6 @@ def replaying(
     prompt: Prompt,
     header: Header,
     transcript: Path,
-    chain: str | None = None,
 ) -> LLMPlanner:
     """Return a language model's planner that takes its answers from a transcript; no server is asked.
 
@@ -197,13 +194,12 @@ def replaying(
         prompt: the prompt that was recorded.
         header: that with which every attempt must have been made.
         transcript: the file.
-        chain: the first hash of its chain of hashes; None: no chain.
 
     Raises:
         UserError: an attempt was made with another model, prompt, control or parser.
     """
     planner = LLMPlanner(
-        scenario, prompt=prompt, control=header.control, transcript=transcript, mode="replay", chain=chain
+        scenario, prompt=prompt, control=header.control, transcript=transcript, mode="replay"
     )
     planner.transcript.check_header(header)
     return planner

@@ -78,7 +78,6 @@ class LLMPlanner(BatchPlanner):
             :class:`fpg_bench.products.language_models.budget.CallBudget`.
         deadline_s: time for each call; None: 30 s.
         concurrency: number of games asked for at once. Calls under way may exceed the caps.
-        chain: the start of the transcript's chain of hashes; None: no chain.
         temperature: sampling temperature; None: that of the server's profile.
         sampling_seed: determines the seeds that are sent to the server.
         parser: the version of the parser that reads new answers; None: that of the transcript's first
@@ -109,7 +108,6 @@ class LLMPlanner(BatchPlanner):
         seconds: float = SECONDS,
         deadline_s: float | None = None,
         concurrency: int = 1,
-        chain: str | None = None,
         temperature: float | None = None,
         sampling_seed: int = 0,
         parser: int | None = None,
@@ -125,7 +123,7 @@ class LLMPlanner(BatchPlanner):
         self.name = "llm" if control == "none" else f"llm-{control}"
         self.control = control
         mode = mode or ("live" if transcript is None else "record")
-        self.transcript = Transcript(transcript, mode, chain)
+        self.transcript = Transcript(transcript, mode)
         self.budget = CallBudget(calls, tokens, seconds)
         self.concurrency, self.sampling_seed = concurrency, integer(sampling_seed, "sampling_seed", 0)
         if parser not in (None, *PARSERS):

@@ -3,9 +3,7 @@
 Files are append-only. Rows have a ``kind``: ``attempt`` (a request with its answer) or ``flown`` (the plan
 that a round flew, where planning runs beside the game); rows of other kinds are left as they are.
 
-A transcript may hold a chain of hashes: each row has a hash of itself and of the hash before it. A row cannot
-be changed, left out or inserted later without a new hash in every row after it, and rows of two runs do not
-go together. The chain does not prove authorship: a complete transcript can always be chained anew.
+Nothing in a file proves who answered: it shows what was changed by accident, not what was made up.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ import logging
 import operator
 import re
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -37,7 +35,6 @@ MODES = ("live", "record", "replay")
 UNANSWERED = ("timeout", "http", "budget")  # errors without any answer of the model
 FIRST, LAST = 0, 1  # the two attempts at a plan: the second one names the rule that the first broke
 TOLERANCE = 0.02  # numbers in a prompt: another machine's last bits may round a reward the other way
-KEY = "chain"  # a row's hash in the chain
 
 # Bounds on transcripts of others
 MOST_BYTES = 16_000_000  # of one transcript, unpacked; that of 4 matches is about 0.3 MB
@@ -160,7 +157,7 @@ class Attempt(Strict, extra="ignore"):
 
 
 class Header(Strict, extra="allow"):
-    """Settings that all attempts of a run share; further keys are kept, since the chain hashes them all.
+    """Settings that all attempts of a run share; further keys are kept.
 
     Attributes:
         model: name of the model that was asked.
@@ -254,40 +251,6 @@ def agree(asked: object, recorded: object) -> bool:
     return all(a == b or abs(float(a) - float(b)) <= TOLERANCE for a, b in pairs)
 
 
-# The chain of hashes
-
-
-def chain_start(header: Mapping[str, object], name: str) -> str:
-    """Return the hash at which a transcript's chain begins: of its run's header and its own name."""
-    return _digest([dict(header), name])
-
-
-def linked(before: str, row: Row) -> Row:
-    """Return a row with its hash in the chain.
-
-    Args:
-        before: the hash of the row before, or the chain's start.
-        row: to be written; a hash that it holds already does not count.
-    """
-    content = {name: value for name, value in row.items() if name != KEY}
-    return content | {KEY: _digest([before, content])}
-
-
-def follows(before: str, row: Row, where: str) -> str:
-    """Return the hash of a row that was read.
-
-    Raises:
-        UserError: the row does not follow from the one before; ``where`` begins the message.
-    """
-    link = linked(before, row)[KEY]
-    if row.get(KEY) != link:
-        raise UserError(
-            f"{where} does not follow from the lines before it: one was changed, left out or put in, or the "
-            "lines are of several runs"
-        )
-    return str(link)
-
-
 def _digest(content: object) -> str:
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
@@ -335,14 +298,13 @@ class Transcript:
         path: the file; None in mode ``live``, and only there. One that is packed (``.gz``) can be replayed.
         mode: ``live``; ``record``: attempts in the file are used, all others are made and appended;
             ``replay``: all must be in the file.
-        chain: the start of its chain of hashes; None: no chain.
 
     Raises:
         UserError: an unknown mode, a path in mode ``live`` or none in another; on first use: no such
             file to replay, another process writes it, or a line is broken.
     """
 
-    def __init__(self, path: str | Path | None = None, mode: str = "live", chain: str | None = None) -> None:
+    def __init__(self, path: str | Path | None = None, mode: str = "live") -> None:
         if mode not in MODES:
             raise UserError(f"transcript: mode is {mode!r}; choose one of {', '.join(MODES)}")
         if (path is None) != (mode == "live"):
@@ -351,8 +313,7 @@ class Transcript:
         self.path = None if path is None else Path(path)
         if mode == "record" and self._is_packed:
             raise UserError(f"transcript {path}: is packed, and can only be replayed; unpack it to go on")
-        self.mode, self.chain = mode, chain
-        self._link = chain  # of the last row
+        self.mode = mode
         self._attempts: dict[Where, Attempt] | None = None
         self._flown: dict[Place, Flown] = {}
         self._held = contextlib.ExitStack()
@@ -366,7 +327,7 @@ class Transcript:
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Transcript, (self.path, self.mode, self.chain)
+        return Transcript, (self.path, self.mode)
 
     def close(self) -> None:
         """Release the file for other processes; it is read again when it is next needed."""
@@ -444,7 +405,7 @@ class Transcript:
             elif attempt.where in attempts:
                 return attempts[attempt.where]
             else:
-                self._append(self.path, [{**attempt.row(), **extra}])
+                RowFile(self.path).append([{**attempt.row(), **extra}])
                 attempts[attempt.where] = attempt
             return attempt
 
@@ -477,7 +438,7 @@ class Transcript:
         with self._lock:
             self._read()
             if self.path is not None and plans:
-                self._append(self.path, [{"kind": "flown", **plan.model_dump()} for plan in plans])
+                RowFile(self.path).append([{"kind": "flown", **plan.model_dump()} for plan in plans])
                 self._flown |= {(plan.seed, plan.match, plan.round): plan for plan in plans}
 
     def complaint(self, where: Sequence[int], problem: str) -> str:
@@ -497,16 +458,6 @@ class Transcript:
                 self._attempts = {} if self.path is None else self._load(self.path)
             return self._attempts
 
-    def _append(self, path: Path, rows: Sequence[Row]) -> None:
-        """Write rows; the chain goes on once they are written."""
-        link, chained = self._link, list(rows)
-        for index, row in enumerate(rows):
-            if link is not None:
-                chained[index] = linked(link, row)
-                link = chained[index][KEY]
-        RowFile(path).append(chained)
-        self._link = link
-
     def _load(self, path: Path) -> dict[Where, Attempt]:
         if self.mode == "record":
             self._held.enter_context(RowFile(path).locked())
@@ -514,11 +465,8 @@ class Transcript:
             raise UserError(f"transcript {path}: no such file to replay")
         attempts: dict[Where, Attempt] = {}
         rows = packed_rows(path) if self._is_packed else RowFile(path).read()
-        self._link = self.chain
         for number, row in enumerate(rows, 1):
             where = f"transcript {path}: line {number}"
-            if self._link is not None:
-                self._link = follows(self._link, row, where)
             if row.get("kind") == "flown":
                 plan = parse(Flown, row, f"{where} is not a valid round")
                 self._flown[plan.seed, plan.match, plan.round] = plan
