@@ -26,7 +26,7 @@ LINES = (
     "train ppo FPG/AllyVsScripted-v9 --out run",
     "train ppo FPG/AllyVsScripted-v0 --opponent tonee --out run",
     "offline bc nowhere --out run",
-    "evaluate experd --suite ally-v1",
+    "evaluate experd --suite ally-v2",
     "evaluate expert --suite ally-v9",
     "table nowhere",
     "curves nowhere",

@@ -24,7 +24,7 @@ def log_evaluation(
     steps: int,
     seconds: float,
     *,
-    suite: str = "ally-v1",
+    suite: str = "ally-v2",
     algorithm: str | None = None,
     training_seed: int | None = None,
     rounds: int = MATCHES,

@@ -28,7 +28,7 @@ class RunConfig:
 
     >>> config = RunConfig("ppo", GameSpec("FPG/AllyVsScripted-v0", path="circle"), steps=100_000)
     >>> config.spec.path, config.suites()
-    (('circle',), ['ally-v1'])
+    (('circle',), ['ally-v2'])
 
     Attributes:
         algorithm: one of :data:`fpg_bench.training.algorithms.ALGORITHMS` and the like,

@@ -16,7 +16,7 @@ from tests.training.making import make_agent, make_zoo
 
 @pytest.fixture(scope="module")
 def suite():
-    return load_suite("ally-v1")
+    return load_suite("ally-v2")
 
 
 @pytest.fixture

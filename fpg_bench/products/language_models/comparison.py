@@ -13,7 +13,7 @@ from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.entry import EvaluatedPlayer
-from fpg_bench.evaluation.seeds import SeasonKey, current_season
+from fpg_bench.evaluation.seeds import current_season
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.planner import PLANNERS
@@ -58,7 +58,7 @@ def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, 
     }
     about = parse(RunHeader, content, f"planner {name}")
     if season is not None:
-        about = about.model_copy(update={"nonce": nonce_of(about, season)})
+        about = about.model_copy(update={"nonce": nonce_of(about, season.seed)})
     arguments = llm.arguments()
     budget = _budget(folder, {cap: arguments.pop(cap) for cap in _CAPS if cap in arguments})
 
@@ -108,9 +108,9 @@ def _replayed_entry(folder: Path, suite: Suite) -> EvaluatedPlayer:
     return EvaluatedPlayer(folder.name, None, _fingerprint(about), make)
 
 
-def nonce_of(about: RunHeader, season: SeasonKey) -> str:
+def nonce_of(about: RunHeader, season_seed: str) -> str:
     """Return a hash of a season's seed and of a run's description, which nobody knew before the season."""
-    words = [season.seed, about.model, about.control, about.prompt_hash, about.suite_hash]
+    words = [season_seed, about.model, about.control, about.prompt_hash, about.suite_hash]
     return hashlib.sha256("/".join(words).encode()).hexdigest()
 
 

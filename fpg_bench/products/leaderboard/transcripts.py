@@ -14,7 +14,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_json
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import parse
-from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
+from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_seed
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.players.planner import Limits
 from fpg_bench.products.language_models.comparison import (
@@ -147,7 +147,7 @@ def _check_nonce(file: Path, about: RunHeader) -> None:
         return
     if number is None or current is None or not 1 <= number <= current.number:
         raise UserError(f"{file}: season: expected the number of a closed one, got {number!r:.40}")
-    if about.nonce != nonce_of(about, season_key(number)):
+    if about.nonce != nonce_of(about, season_seed(number)):
         raise UserError(f"{file}: nonce: does not follow from the seed of season {number} and what was asked")
 
 
