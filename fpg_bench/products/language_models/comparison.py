@@ -17,7 +17,6 @@ from fpg_bench.evaluation.seeds import current_season
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.planner import PLANNERS
-from fpg_bench.products.language_models.answers import PARSER
 from fpg_bench.products.language_models.budget import CallBudget
 from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlanner
 from fpg_bench.products.language_models.options import LLMOptions
@@ -48,7 +47,6 @@ def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, 
         "prompt_hash": load_prompt(prompt).hash,
         "temperature": endpoint.server.temperature if llm.temperature is None else llm.temperature,
         "sampling_seed": llm.sampling_seed or 0,
-        "parser": PARSER,
         "suite": suite.name,
         "suite_hash": suite.hash,
         "matches": suite.matches,
@@ -63,13 +61,12 @@ def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, 
     budget = _budget(folder, {cap: arguments.pop(cap) for cap in _CAPS if cap in arguments})
 
     def make(ally: Rival) -> LLMPlanner:
-        header = _claim(folder, about, suite)
+        _claim(folder, about, suite)
         planner = LLMPlanner(
             suite.scenario,
             endpoint,
             transcript=folder / transcript_name(ally.name),
             mode="record",
-            parser=header.parser,
             **arguments | {"prompt": prompt, "control": control},
         )
         planner.budget = budget
@@ -114,12 +111,8 @@ def nonce_of(about: RunHeader, season_seed: str) -> str:
     return hashlib.sha256("/".join(words).encode()).hexdigest()
 
 
-def _claim(folder: Path, about: RunHeader, suite: Suite) -> RunHeader:
-    """Write the description and the prompt beside transcripts; refuse those of another planner.
-
-    Returns:
-        The description in the folder, written when the run was begun.
-    """
+def _claim(folder: Path, about: RunHeader, suite: Suite) -> None:
+    """Write the description and the prompt beside transcripts; refuse those of another planner."""
     if any(path.stat().st_size for path in folder.glob("*.jsonl")):
         known = read_header(folder)
         _check_suite(folder, known, suite)
@@ -129,14 +122,13 @@ def _claim(folder: Path, about: RunHeader, suite: Suite) -> RunHeader:
                 raise other_content(
                     f"transcripts {folder}", f"answers recorded with {key} {before}, not {now}"
                 )
-        return known
+        return
     if (folder / ABOUT).exists():  # the run was begun with another ally, and nothing was answered yet
         known = read_header(folder)
-        if all(getattr(known, key) == getattr(about, key) for key in (*_DECIDING, "parser", "suite_hash")):
-            return known
+        if all(getattr(known, key) == getattr(about, key) for key in (*_DECIDING, "suite_hash")):
+            return
     write_whole(folder / PROMPT, prompt_file(about.prompt).read_bytes())
     write_json(folder / ABOUT, about.to_dict())
-    return about
 
 
 def _check_suite(folder: Path, about: RunHeader, suite: Suite) -> None:
@@ -156,7 +148,7 @@ def read_header(folder: Path) -> RunHeader:
 
 def _fingerprint(about: RunHeader) -> str:
     given = about.to_dict()
-    values = [given[key] for key in (*_DECIDING, "parser") if key in given]
+    values = [given[key] for key in _DECIDING if key in given]
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
@@ -196,7 +188,7 @@ def replaying(
         transcript: the file.
 
     Raises:
-        UserError: an attempt was made with another model, prompt, control or parser.
+        UserError: an attempt was made with another model, prompt or control.
     """
     planner = LLMPlanner(
         scenario, prompt=prompt, control=header.control, transcript=transcript, mode="replay"

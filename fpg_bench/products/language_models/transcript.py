@@ -27,7 +27,7 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Expected, Strict, parse
 from fpg_bench.common.strict_json import JsonObject, read_object
 from fpg_bench.players.planner import Limits, Request
-from fpg_bench.products.language_models.answers import PARSER, read_answer
+from fpg_bench.products.language_models.answers import read_answer
 from fpg_bench.products.language_models.client import read_completion
 from fpg_bench.products.language_models.prompts import PROMPTS
 
@@ -59,7 +59,6 @@ Line = Annotated[
     AfterValidator(_printable),
     Expected("a line of at most 1000 characters"),
 ]
-_Version = Annotated[int, Field(ge=1, le=PARSER), Expected(f"a whole number from 1 to {PARSER}")]
 Body = JsonObject  # a request without headers
 Where = tuple[int, int, int, int]  # seed, match, round, attempt
 Place = tuple[int, int, int]  # seed, match, round
@@ -83,7 +82,6 @@ class Attempt(Strict, extra="ignore"):
         seconds: duration of the calls.
         tokens_in, tokens_out: as the server counts them; None: it does not.
         model: the model that answered, as the server reports it; the one asked for is in the request.
-        parser: the version of the parser that read the text; rows without it were read by the first.
     """
 
     seed: int
@@ -105,7 +103,6 @@ class Attempt(Strict, extra="ignore"):
     tokens_in: int | None
     tokens_out: int | None
     model: str | None
-    parser: _Version = 1
 
     def messages(self) -> Iterator[tuple[str, str]]:
         """Yield who says what: the messages of the request, then the answer or the error."""
@@ -164,7 +161,6 @@ class Header(Strict, extra="allow"):
         control: what was withheld from it; ``none``: nothing.
         prompt_hash: hash of the prompt.
         temperature, sampling_seed: of sampling; runs of early versions do not say.
-        parser: the version of the parser that read the answers; runs without it were read by the first.
     """
 
     model: Line
@@ -172,7 +168,6 @@ class Header(Strict, extra="allow"):
     prompt_hash: Line
     temperature: int | float | None = None
     sampling_seed: int = 0
-    parser: _Version = 1
 
     def to_dict(self) -> dict[str, object]:
         """Return the keys that it was read from or made with."""
@@ -224,18 +219,17 @@ class Judged(NamedTuple):
     status: str
 
 
-def judge(text: str | None, error: str | None, limits: Limits, parser: int = PARSER) -> Judged:
+def judge(text: str | None, error: str | None, limits: Limits) -> Judged:
     """Return the waypoints, rung and status of an attempt with this reply.
 
     Args:
         text, error: of the reply.
         limits: of the path that was asked for.
-        parser: the version of the parser; see :func:`fpg_bench.products.language_models.answers.read_answer`.
     """
     if error is not None or text is None:
         status = error if error in (*UNANSWERED, "refused") else "invalid"
         return Judged(None, "none", status)
-    answer = read_answer(text, limits, parser)
+    answer = read_answer(text, limits)
     if answer.waypoints is None:
         return Judged(None, answer.rung, "refused" if answer.refused else "invalid")
     status = "repaired" if answer.repaired else "ok"
@@ -345,12 +339,8 @@ class Transcript:
         name = next((attempt.prompt for attempt in self.attempts()), None)
         return name if name in PROMPTS else "standard"
 
-    def first_parser(self) -> int:
-        """Return the version of the parser that read the first attempt; the newest without attempts."""
-        return next((attempt.parser for attempt in self.attempts()), PARSER)
-
     def check_header(self, header: Header) -> None:
-        """Check that every attempt was made with the model, prompt, control and parser of the run's header.
+        """Check that every attempt was made with the model, prompt and control of the run's header.
 
         Raises:
             UserError: the first attempt that was not.
@@ -358,7 +348,7 @@ class Transcript:
         for attempt in self.attempts():
             model = header.model if attempt.request is None else attempt.request.get("model")
             used = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
-            for name, value in {**used, "parser": attempt.parser}.items():
+            for name, value in used.items():
                 if value != (stated := getattr(header, name)):
                     problem = f"was recorded with {name} {value}, and not {stated} as its header says"
                     raise UserError(self.complaint(attempt.where, problem))

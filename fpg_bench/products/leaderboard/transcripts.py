@@ -260,7 +260,7 @@ def _check_made(attempt: Attempt, row: Row, about: RunHeader, where: str) -> Non
         raise UserError(f"{where} does not show the model and messages of its request")
     model = about.model if attempt.request is None else attempt.request["model"]
     made = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
-    for name, value in {**made, "parser": attempt.parser}.items():
+    for name, value in made.items():
         if value != (stated := getattr(about, name)):
             raise UserError(f"{where} was made with {name} {value!r:.60}, and not {stated!r:.60}")
     raw = row.get("raw")

@@ -211,15 +211,6 @@ def test_attempts_that_are_not_those_of_the_matches(entry, check, change, messag
     assert line.startswith("transcript transcripts/idle.jsonl: ")
 
 
-def test_a_run_has_one_parser_which_its_description_names(entry, check):
-    file = entry / "transcripts" / "expert.jsonl"
-    rows = rows_of(file)
-    assert {row["parser"] for row in rows} == {2}
-    del rows[-1]["parser"]
-    write_rows(file, rows)
-    assert "was made with parser 1, and not 2" in only(check())
-
-
 def test_a_key_that_is_not_its_request_s(entry, check):
     file = entry / "transcripts" / "idle.jsonl"
     file.write_text(file.read_text().replace('"temperature":0.7', '"temperature":0.1'))
