@@ -33,6 +33,8 @@ def test_a_folder_keeps_the_scores_of_one_training(tmp_path):
     before = (tmp_path / "own/evaluations.jsonl").read_bytes()
     with pytest.raises(UserError, match="has a score of 100 steps already"):
         fpg_bench.log_evaluation(tmp_path / "own", Still(), 100, 1.0, rounds=1)
+    with pytest.raises(UserError, match="seconds: expected a finite number, 0 or more, got nan"):
+        fpg_bench.log_evaluation(tmp_path / "late", Still(), 1, float("nan"))
     with pytest.raises(UserError, match="training of another algorithm; choose another folder"):
         fpg_bench.log_evaluation(tmp_path / "own", Still(), 200, 1.0, rounds=1, algorithm="other")
     assert (tmp_path / "own/evaluations.jsonl").read_bytes() == before
