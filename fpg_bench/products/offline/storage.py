@@ -66,15 +66,13 @@ def part_digests(path: Path) -> bytes:
 def check_sizes(folder: Path, most: int) -> None:
     """Raise ValueError for an array of more than so many numbers, which a file may declare and not hold."""
 
-    def check(name: bytes, found: h5py.h5o.ObjInfo) -> None:
-        if found.type != h5py.h5o.TYPE_DATASET or name == _DIGESTS.encode():
-            return
-        if (size := h5d.open(file.id, name).get_space().get_simple_extent_npoints()) > most:
-            raise ValueError(f"{name.decode()} declares {size:,} numbers, a round has {most:,} at most")
+    def check(name: str, found: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(found, h5py.Dataset) and name != _DIGESTS and found.size > most:
+            raise ValueError(f"{name} declares {found.size:,} numbers, a round has {most:,} at most")
 
     for path in sorted(folder.glob("*.hdf5")):
         with h5py.File(path) as file:
-            h5py.h5o.visit(file.id, check, info=True)
+            file.visititems(check)
 
 
 def link_parts(folder: Path, sizes: Sequence[int]) -> None:
