@@ -107,7 +107,7 @@ def over_rows():
     """A policy that is normalised over the games of a batch."""
     nodes = [
         node("MatMul", ["observation", "w"], ["x"]),
-        node("RMSNormalization", ["x", "scale"], ["action"], axis=0),
+        node("LayerNormalization", ["x", "scale"], ["action"], axis=0),
     ]
     return model(nodes, [weights(), constant([1], "scale")], opsets=[("", 23)])
 

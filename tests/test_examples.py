@@ -72,7 +72,6 @@ def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
     if name in DISCRETE:
         rows = Choices("ally", "discrete", STANDARD).lists[0].rows
         assert agent.card.game.actions == "discrete"
-        assert agent.row_wise
         assert (actions[:, None] == rows).all(2).any(1).all()
 
 

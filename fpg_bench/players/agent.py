@@ -12,14 +12,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fpg_bench.common.errors import UserError, first_line, meant, one_line
+from fpg_bench.common.errors import UserError, first_line, one_line
 from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_bounded, read_json
 from fpg_bench.common.products import load
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.spec import GameSpec, OtherGame, kind_of, observation_size, option_names
 from fpg_bench.players.card import FILE, AgentCard
-from fpg_bench.players.onnx_file import check_signature, plain_model, row_wise, unplayable
+from fpg_bench.players.onnx_file import check_signature, plain_model, read_form, unplayable
 from fpg_bench.players.player import SIDES, Memory, Player, Prediction
 from fpg_bench.players.remote import fetch, is_remote
 from fpg_bench.players.seeded import SeededPolicy
@@ -45,8 +45,9 @@ class AgentPlayer(Player, Protocol):
 class OnnxPlayer(SeededPolicy):
     """Plays a policy through onnxruntime on one thread, with the same bits for any batch size.
 
-    If the operators do not show that games are independent of each other, the policy is called for one game
-    at a time. The same holds if ``onnx`` (extra ``evaluate``), which reads the operators, is not installed.
+    The operators must show that games are independent of each other; see
+    :mod:`fpg_bench.players.onnx_file`. Without ``onnx`` (extra ``evaluate``), which reads them, a file is
+    played as it is.
 
     Inputs ``observation`` (n, 15), of a seat of a team as many as its game has, optional ``state`` (n, S),
     optional ``noise`` (n, k), standard normal numbers of the round's own stream; outputs ``action`` (n, 9)
@@ -59,10 +60,10 @@ class OnnxPlayer(SeededPolicy):
 
     Attributes:
         state_size, noise_size: 0 where the policy has none.
-        row_wise: True if one call plays all games; see :func:`fpg_bench.players.onnx_file.row_wise`.
 
     Raises:
-        UserError: not an ONNX file, one that onnxruntime cannot read, or one with other inputs or outputs.
+        UserError: not an ONNX file, one in another form or that onnxruntime cannot read, or one with other
+            inputs or outputs.
     """
 
     def __init__(self, model: bytes, card: AgentCard | None = None, size: int | None = None) -> None:
@@ -72,7 +73,7 @@ class OnnxPlayer(SeededPolicy):
         self.size = size or observation_size(None if card is None else card.game)
         if card is not None and isinstance(card.game, OtherGame):
             self.sees, self.skills = card.game.sees, card.skills
-        read, self.row_wise = _read(model) if has("onnx") else (model, False)
+        read = _read(model) if has("onnx") else model
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4
@@ -100,7 +101,7 @@ class OnnxPlayer(SeededPolicy):
         if self.noise_size:
             steps = steps.copy() if starts is None else np.where(starts, 0, steps)
             feeds["noise"] = self._noise(steps)
-        actions, *memory = self.run(feeds) if self.row_wise else self._one_by_one(feeds)
+        actions, *memory = self.run(feeds)
         if not self.state_size and not self.noise_size:
             return actions, None
         return actions, (memory[0] if self.state_size else None, steps + 1)
@@ -108,13 +109,6 @@ class OnnxPlayer(SeededPolicy):
     def run(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
         """Return the outputs of one call of the policy by the names of its inputs."""
         return list(self._session.run(self._outputs, feeds))
-
-    def _one_by_one(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
-        """Run each row in a batch of its own; outputs with more rows keep their wrong shape."""
-        count = len(feeds["observation"])
-        rows = [self.run({name: of[k : k + 1] for name, of in feeds.items()}) for k in range(count)]
-        stacked = [np.stack(output) for output in zip(*rows, strict=True)]
-        return [of[:, 0] if of.shape[1:2] == (1,) else of for of in stacked]
 
     def check_answers(self) -> None:
         """Answer drawn observations in one batch and one by one, over a few steps.
@@ -130,15 +124,13 @@ class OnnxPlayer(SeededPolicy):
             if self.noise_size:
                 feeds["noise"] = rng.standard_normal((_ROWS, self.noise_size), np.float32)
             try:
-                together, alone = self.run(feeds), self._one_by_one(feeds)
+                together = self.run(feeds)
+                alone = [self.run({name: of[k : k + 1] for name, of in feeds.items()}) for k in range(_ROWS)]
             except Exception as error:  # onnxruntime's, of any kind
                 raise UserError(f"policy.onnx: fails in play: {one_line(error)}") from error
-            for one, other in zip(together, alone, strict=True):
-                if one.shape != other.shape or not np.allclose(one, other, _NEAR, _NEAR, equal_nan=True):
-                    raise UserError(
-                        "policy.onnx: its answer to one game depends on the other games of a batch; let each "
-                        "row of the outputs follow from the same row of the inputs"
-                    )
+            for answers, other in zip(together, zip(*alone, strict=True), strict=True):
+                if not np.allclose(answers, np.concatenate(other), _NEAR, _NEAR, equal_nan=True):
+                    raise UserError("policy.onnx: its answer to one game depends on the batch that it is in")
             feeds |= {"state": together[1]} if self.state_size else {}
 
     def _noise(self, steps: np.ndarray) -> np.ndarray:
@@ -238,13 +230,8 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
                 f"{home}/{groups[0]} for instance"
             )
         if folder.is_dir():
-            if not (folder / FILE).exists():
-                raise UserError(f"agent {os.fspath(name)!r}: the folder holds none; is its run finished?")
             return folder
-    agents = baselines_folder() / "agents"
-    seeds = [path.parent.relative_to(agents) for path in agents.glob(f"*/*/*/{FILE}")]
-    near = meant(os.fspath(name), {path.as_posix() for seed in seeds for path in (seed, seed.parent)})
-    raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder{near}")
+    raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder")
 
 
 def is_shipped(name: str | os.PathLike[str]) -> bool:
@@ -309,15 +296,16 @@ def suites_folder() -> Path:
     return baselines_folder() / "suites"
 
 
-def _read(model: bytes) -> tuple[bytes, bool]:
-    """Return the normalised model for a session, and True if it may be called with many games at once."""
+def _read(model: bytes) -> bytes:
+    """Return the normalised model for a session."""
     try:
         plain = plain_model(model)
+        for line in unplayable(plain):
+            raise UserError(line)
+        read_form(plain)
     except UserError as error:
         raise UserError(f"policy.onnx: {error}") from error
-    for line in unplayable(plain):
-        raise UserError(f"policy.onnx: {line}")
-    return plain.SerializeToString(deterministic=True), row_wise(plain)
+    return plain.SerializeToString(deterministic=True)
 
 
 def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike[str], **about: Any) -> None:

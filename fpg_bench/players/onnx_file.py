@@ -1,14 +1,19 @@
-"""ONNX files of policies: read without notes, their signature checked, their operators analysed."""
+"""The form of a policy's ONNX file, which the check of submissions, the player and the board's site read.
+
+Known operators, sizes that follow from the file, and games that are independent: each
+row of the outputs follows from the same row of the inputs, so that one call plays any number of games.
+"""
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from fpg_bench.common.errors import UserError, shown
+from fpg_bench.common.errors import UserError, one_line, shown
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 
 if TYPE_CHECKING:
@@ -19,7 +24,7 @@ MAX_NOISE = 16
 _MODEL = ("producer_name", "producer_version", "domain", "model_version", "doc_string", "metadata_props")
 _GRAPH = ("doc_string", "metadata_props", "value_info", "quantization_annotation")
 _PART = ("doc_string", "metadata_props")
-_REDUCING = "L1 L2 LogSum LogSumExp Max Mean Min Prod Sum SumSquare"
+REDUCING = "L1 L2 LogSum LogSumExp Max Mean Min Prod Sum SumSquare"
 _NO_FILE = "is not an ONNX file, or is truncated"
 
 
@@ -87,57 +92,6 @@ def unplayable(model: ModelProto) -> Iterator[str]:
             yield f"{shown(value.name)}: expected float32, got {known.lower()}; cast it inside the policy"
 
 
-# Attributes that a policy's operators may have, in any value that is finite; with one value, in the second.
-ATTRIBUTES = {
-    **dict.fromkeys(("ArgMax", "ArgMin"), "axis keepdims"),
-    "Cast": "to",
-    "Constant": "value value_float value_floats value_int value_ints",
-    "Conv": "dilations group kernel_shape pads strides",
-    **dict.fromkeys(("Celu", "Elu", "LeakyRelu", "Swish", "ThresholdedRelu"), "alpha"),
-    **dict.fromkeys(("Concat", "Flatten", "Gather", "Hardmax", "LogSoftmax", "Softmax"), "axis"),
-    "GRU": "hidden_size linear_before_reset",
-    "Gelu": "approximate",
-    "Gemm": "alpha beta transB",
-    "HardSigmoid": "alpha beta",
-    **dict.fromkeys(("LSTM", "RNN"), "hidden_size"),
-    "LayerNormalization": "axis epsilon",
-    "Mod": "fmod",
-    **{f"Reduce{name}": "axes keepdims noop_with_empty_axes" for name in _REDUCING.split()},
-    "Reshape": "allowzero",
-    "Selu": "alpha gamma",
-    "Shrink": "bias lambd",
-    "Split": "axis num_outputs",
-    "Transpose": "perm",
-}
-DEFAULTS = {"auto_pad": "NOTSET", "direction": "forward", "input_forget": 0, "layout": 0, "saturate": 1}
-DEFAULTS |= {"select_last_index": 0, "stash_type": 1, "training_mode": 0, "transA": 0}
-
-
-def attributes_of(node: NodeProto) -> dict[str, Any]:
-    """Return the attributes of an operator by name; text as ``str``.
-
-    Raises:
-        UserError: one that is not part of a policy's form: of another name or value, or not finite.
-    """
-    from onnx.helper import get_attribute_value
-
-    attributes = {}
-    for attribute in node.attribute:
-        name, value = attribute.name, get_attribute_value(attribute)
-        value = value.decode(errors="replace") if isinstance(value, bytes) else value
-        place = f"operator {shown(node.op_type)}: its attribute {shown(name)}"
-        if name in DEFAULTS and name not in ATTRIBUTES.get(node.op_type, "").split():
-            if value != DEFAULTS[name]:
-                raise UserError(f"{place} is {shown(value)}, and only {DEFAULTS[name]!r} is played")
-        elif name not in ATTRIBUTES.get(node.op_type, name).split():
-            raise UserError(f"{place} is not played; export without it")
-        floats = [value] if isinstance(value, float) else value if attribute.type == attribute.FLOATS else []
-        if not all(map(math.isfinite, floats)):
-            raise UserError(f"{place} is not finite")
-        attributes[name] = value
-    return attributes
-
-
 def check_signature(
     inputs: dict[str, list[Any]], outputs: dict[str, list[Any]], size: int = OBSERVATION_SIZE
 ) -> None:
@@ -171,51 +125,80 @@ def check_signature(
         raise UserError(f"policy.onnx: noise of size {inputs['noise'][1]}, at most {MAX_NOISE}")
 
 
-_ROWS = 2**31 - 1  # a prime
+ROWS = 2**31 - 1  # games of the batch for which sizes are inferred; a prime
 # In older sets of operators, inference and onnxruntime do not agree on axes below 0, and on what broadcasts.
-_OLDEST = 13
-_INPUTS, _OUTPUTS = ("observation", "state", "noise"), ("action", "next_state")
+OPSETS = range(13, 27)
+MOST_NUMBERS = 2**24  # of a tensor, for one game: inference counts in 64 bits
 _NUMBER_BY_NUMBER = """
-Abs Acos Acosh Add And Asin Asinh Atan Atanh Cast CastLike Ceil Celu Clip Cos Cosh Div Elu Equal Erf Exp
-Floor Gelu Greater GreaterOrEqual HardSigmoid HardSwish Identity IsInf IsNaN LeakyRelu Less LessOrEqual Log
-Max Mean Min Mish Mod Mul Neg Not Or PRelu Pow Reciprocal Relu Round Selu Shrink Sigmoid Sign Sin Sinh
-Softplus Softsign Sqrt Sub Sum Swish Tan Tanh ThresholdedRelu Where Xor
+Abs Acos Acosh Add And Asin Asinh Atan Atanh Cast Ceil Celu Clip Cos Cosh Div Elu Equal Erf Exp Floor Gelu
+Greater GreaterOrEqual HardSigmoid HardSwish Identity LeakyRelu Less LessOrEqual Log Max Mean Min Mish Mod
+Mul Neg Not Or PRelu Pow Reciprocal Relu Round Selu Shrink Sigmoid Sign Sin Sinh Softplus Softsign Sqrt Sub
+Sum Tan Tanh ThresholdedRelu Where Xor
 """
 Shape = tuple[int, ...]
 
 
-class _Unknown(Exception):
-    """Raised for an operator that does not show that rows stay independent."""
-
-
-def row_wise(model: ModelProto) -> bool:
-    """Return True if each row of the outputs depends on the same row of the inputs alone.
+def read_form(model: ModelProto) -> dict[str, Shape]:
+    """Return the shapes of a policy's tensors in a batch of ``ROWS`` games.
 
     Args:
-        model: a policy's, as :func:`fpg_bench.players.onnx_file.plain_model` reads it.
+        model: as :func:`fpg_bench.players.onnx_file.plain_model` reads it.
 
-    Returns:
-        False where the operators do not show it, which does not prove the contrary.
+    Raises:
+        UserError: it is not in the form: an operator or attribute that is not played, a size that does not
+            follow from the file, or an operator that does not show that games are independent.
     """
-    if any(opset.version < _OLDEST for opset in model.opset_import):
-        return False
-    try:
-        shapes = _shapes(model)
-        weights = {tensor.name for tensor in model.graph.initializer}
-        rows = {value.name for value in model.graph.input if value.name in _INPUTS}
-        known, integers = weights | rows, _integers(model)
-        for node in model.graph.node:
-            if known & set(node.output) or not known >= set(filter(None, node.input)):
-                return False
-            if rows & set(node.input):
-                if not _apart(_Read.of(node, rows, shapes, integers)):
-                    return False
-                rows |= set(filter(None, node.output))
-            known |= set(node.output) - {""}
-        ends = [value.name for value in model.graph.output if value.name in _OUTPUTS]
-        return all(name in rows and _axis(shapes[name]) == 0 for name in ends)
-    except (_Unknown, KeyError):
-        return False
+    if any(opset.version not in OPSETS for opset in model.opset_import):
+        versions = ", ".join(str(opset.version) for opset in model.opset_import)
+        raise UserError(f"is of opset {versions}, expected {OPSETS[0]} to {OPSETS[-1]}")
+    for node in model.graph.node:
+        if node.op_type not in OPERATORS:
+            raise UserError(
+                f"operator {shown(node.op_type)} is not played; a policy has no loops, draws nothing (it "
+                "takes the input 'noise'), and is exported with every size fixed but the batch"
+            )
+    shapes, integers = _shapes(model), _integers(model)
+    rows = {value.name for value in model.graph.input}
+    known = rows | {tensor.name for tensor in model.graph.initializer}
+    for node in model.graph.node:
+        place, inputs, outputs = (
+            f"operator {shown(node.op_type)}",
+            {*node.input} - {""},
+            {*node.output} - {""},
+        )
+        if known & outputs or not known >= inputs:
+            raise UserError(
+                f"{place}: takes what no operator before it gives, or gives what is there already"
+            )
+        for name in (*node.input, *node.output):
+            if name and not _is_small(shapes.get(name)):
+                raise UserError(
+                    f"{place}: the size of {shown(name)} does not follow from the file, or is too large; "
+                    "export with every size fixed but the batch"
+                )
+        if rows & inputs:
+            if not _apart(_Read.of(node, rows, shapes, integers)):
+                raise UserError(
+                    f"{place}: does not show that its answer to one game depends on no other games of a "
+                    "batch; let each row of the outputs follow from the same row of the inputs"
+                )
+            rows |= outputs
+        known |= outputs
+    for value in model.graph.output:
+        declared = [dim.dim_value for dim in value.type.tensor_type.shape.dim][1:]
+        if value.name not in rows or shapes[value.name] != (ROWS, *declared):
+            raise UserError(f"output {shown(value.name)}: has another shape than it declares")
+    return shapes
+
+
+def _is_small(shape: Shape | None) -> bool:
+    """Return True for a shape of sizes from 0 and not too many numbers for one game."""
+    return shape is not None and min(shape, default=0) >= 0 and math.prod(for_one(shape)) <= MOST_NUMBERS
+
+
+def for_one(shape: Shape) -> Shape:
+    """Return a shape in a batch of one game."""
+    return tuple(1 if size == ROWS else size for size in shape)
 
 
 def _integers(model: ModelProto) -> dict[str, list[int]]:
@@ -233,7 +216,7 @@ def _integers(model: ModelProto) -> dict[str, list[int]]:
 
 
 def _shapes(model: ModelProto) -> dict[str, Shape]:
-    """Infer the tensor shapes for a batch of ``_ROWS``; shapes that the file claims are ignored."""
+    """Infer the tensor shapes for a batch of ``ROWS``; shapes that the file claims are ignored."""
     from onnx import ModelProto, shape_inference
 
     copy = ModelProto()
@@ -241,12 +224,11 @@ def _shapes(model: ModelProto) -> dict[str, Shape]:
     for value in copy.graph.output:
         value.type.tensor_type.ClearField("shape")
     for value in copy.graph.input:
-        if value.name in _INPUTS:
-            value.type.tensor_type.shape.dim[0].dim_value = _ROWS
+        value.type.tensor_type.shape.dim[0].dim_value = ROWS
     try:
         graph = shape_inference.infer_shapes(copy, strict_mode=True).graph
     except Exception as error:  # shape inference has kinds of its own
-        raise _Unknown from error
+        raise UserError(f"its sizes cannot be worked out: {one_line(error)}") from error
     shapes = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
     for value in (*graph.input, *graph.value_info, *graph.output):
         dims = value.type.tensor_type.shape.dim
@@ -297,10 +279,8 @@ class _Read:
 
 def _apart(read: _Read) -> bool:
     """Return True if an operator is known to keep rows independent and in order."""
-    for shape in (*read.row_shapes, *read.outputs):
-        _axis(shape)
-    rule = _RULES.get(read.node.op_type) if read.node.domain in ("", "ai.onnx") else None
-    return rule is not None and rule(read)
+    is_batch = all(shape.count(ROWS) == 1 for shape in (*read.row_shapes, *read.outputs))
+    return is_batch and read.node.op_type in _RULES and _RULES[read.node.op_type](read)
 
 
 def _first_alone(read: _Read) -> bool:
@@ -318,9 +298,7 @@ def _gathered(read: _Read) -> bool:
 
 def _axis(shape: Shape) -> int:
     """Return the axis of the rows."""
-    if shape.count(_ROWS) != 1:
-        raise _Unknown
-    return shape.index(_ROWS)
+    return shape.index(ROWS)
 
 
 def _from_end(shape: Shape) -> int:
@@ -344,14 +322,9 @@ def _number_by_number(read: _Read) -> bool:
 
 
 def _broadcast(shapes: Iterable[Shape]) -> Shape:
-    """Return the shape of several tensors broadcast together."""
-    broadcast = []
-    for sizes in zip_longest(*(reversed(shape) for shape in shapes), fillvalue=1):
-        others = set(sizes) - {1}
-        if len(others) > 1:
-            raise _Unknown
-        broadcast.append(others.pop() if others else 1)
-    return tuple(reversed(broadcast))
+    """Return the shape of several tensors broadcast together; sizes that differ leave the last."""
+    sizes = zip_longest(*(reversed(shape) for shape in shapes), fillvalue=1)
+    return tuple(functools.reduce(lambda a, b: a if b == 1 else b, of) for of in sizes)[::-1]
 
 
 def _joined(read: _Read) -> bool:
@@ -365,8 +338,8 @@ def _sliced(read: _Read) -> bool:
 
 
 def _in_order(read: _Read) -> bool:
-    """Reshapes: the number of elements before the rows must stay the same."""
-    before = {math.prod(of[: _axis(of)]) for of in (*read.row_shapes, *read.outputs)}
+    """Reshapes: the number of elements, and of those before the rows, must stay the same."""
+    before = {(math.prod(of[: _axis(of)]), math.prod(of)) for of in (*read.row_shapes, *read.outputs)}
     return _first_alone(read) and (read.node.op_type != "Squeeze" or _names_axes(read)) and len(before) == 1
 
 
@@ -413,27 +386,29 @@ def _recurrent(read: _Read) -> bool:
         and not read.attributes.get("layout", 0)
         and not any(read.rows[1:5])
         and not any(read.node.input[4:5])
-        and not any(read.rows[7:])
+        and not any(read.node.input[7:])
         and len(begun) == sum(shape is not None for shape in read.rows[5:7])
         and all(_axis(shape) == 1 for shape in read.row_shapes)
     )
 
 
-def _convolved(read: _Read) -> bool:
-    return _first_alone(read) and _axis(read.rows[0] or ()) == 0
+def _along_first_axis(read: _Read) -> bool:
+    """Windows over later axes; a second output would hold places in the whole batch."""
+    return _first_alone(read) and _axis(read.rows[0] or ()) == 0 and len(read.outputs) == 1
 
 
 _RULES = {
     **dict.fromkeys(_NUMBER_BY_NUMBER.split(), _number_by_number),
-    **dict.fromkeys([f"Reduce{name}" for name in _REDUCING.split()], _first_alone),
+    **dict.fromkeys([f"Reduce{name}" for name in REDUCING.split()], _first_alone),
     **dict.fromkeys(("ArgMax", "ArgMin", "Split", "Transpose"), _first_alone),
     **dict.fromkeys(("Flatten", "Reshape", "Squeeze", "Unsqueeze"), _in_order),
-    **dict.fromkeys(("Hardmax", "LayerNormalization", "LogSoftmax", "Softmax"), _along_later_axes),
+    **dict.fromkeys(("LayerNormalization", "LogSoftmax", "Softmax"), _along_later_axes),
     **dict.fromkeys(("GRU", "LSTM", "RNN"), _recurrent),
     "Concat": _joined,
-    "Conv": _convolved,
+    **dict.fromkeys(("AveragePool", "BatchNormalization", "Conv", "MaxPool"), _along_first_axis),
     "Gather": _gathered,
     "Gemm": _gemm,
     "MatMul": _product,
     "Slice": _sliced,
 }
+OPERATORS = frozenset(_RULES) | {"Constant"}

@@ -113,7 +113,7 @@ def network_of(player: Player) -> Network | None:
 
     What an agent with a memory moves before the first layer is taken for frames, and compared when it joins.
     """
-    if not isinstance(player, OnnxPlayer) or not player.row_wise or player.noise_size:
+    if not isinstance(player, OnnxPlayer) or player.noise_size:
         return None
     if type(player).predict is not OnnxPlayer.predict or not has("onnx"):
         return None

@@ -153,7 +153,7 @@ def test_a_policy_that_fails_or_mixes_games_is_not_written(tmp_path):
     about = {"algorithm": "x", "id": "FPG/AllyVsScripted-v0", "training_seed": 0, "training_steps": 1}
     for data, message in (
         (contradictory(), "fails in play: .*LSTM"),
-        (over_rows(), "depends on the other games"),
+        (over_rows(), "depends on no other games"),
     ):
         with pytest.raises(UserError, match=message):
             write_agent(tmp_path / "agent", data, **about)

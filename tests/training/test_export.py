@@ -136,7 +136,6 @@ def test_discrete_agents_play_the_choices_that_the_model_predicts(algorithm, mod
     check_no_paths((tmp_path / "policy.onnx").read_bytes())
     player, core = load_agent(tmp_path), discrete_games(mode, **allowed).core
     assert player.card.game.actions == mode
-    assert player.row_wise
     games = VecFrameStack(model.get_env().unwrapped, 2)
     seen, theirs_memory, ours_memory, starts = games.reset(), None, None, np.ones(4, bool)
     chosen = set()
@@ -161,10 +160,10 @@ def test_agents_hop_to_the_points_that_their_games_draw(way, tmp_path, monkeypat
     model = a_model(PPO, frames=2, games=games)
     assert export_agent(model, tmp_path, training_seed=0) < 1e-6
     agent = load_agent(tmp_path)
-    assert (agent.noise_size, agent.row_wise, agent.card.game.actions) == (1, True, "uniform-hop")
+    assert (agent.noise_size, agent.card.game.actions) == (1, "uniform-hop")
     others = [load_agent(tmp_path, trusted=False), ActorPlayer(model), model]
     rows = evaluate(
-        {"agent": agent} | {str(k): other for k, other in enumerate(others)}, "ally-v2", matches=2
+        {"agent": agent} | {str(k): other for k, other in enumerate(others)}, "ally-v1", matches=2
     )
     assert len({row.score for row in rows}) == 1
     assert rows[0].pooled.measures["hop_rate"] > 0.01
@@ -175,7 +174,7 @@ def test_a_users_own_dqn_is_exported_and_evaluated(tmp_path):
     assert export_agent(model, tmp_path / "agent", training_seed=0) == 0
     assert load_agent(tmp_path / "agent").card.game.id == "FPG/AllyVsScripted-v0"
     both = {"model": model, "agent": str(tmp_path / "agent")}
-    returns = {row.entry: row.score for row in evaluate(both, "ally-v2", matches=2)}
+    returns = {row.entry: row.score for row in evaluate(both, "ally-v1", matches=2)}
     assert returns["model"] == returns["agent"]
     model.save(tmp_path / "model.zip")
     loaded = DQN.load(tmp_path / "model.zip")  # without games
@@ -260,7 +259,6 @@ def test_the_usual_layers_need_no_exporter(algorithm, words, monkeypatch):
     model = a_model(algorithm, policy_kwargs=words)
     player = OnnxPlayer(export_onnx(model))
     assert largest_difference(model, player) < 1e-5
-    assert player.row_wise
 
 
 @pytest.mark.full

@@ -61,8 +61,7 @@ def run_worker(
 
         callbacks: list[Callable[[optuna.Study, FrozenTrial], None]] = [
             partial(_log_trial, n_trials=n_trials),
-            # the trials of other workers, too, which will be finished
-            MaxTrialsCallback(n_trials, (*FINISHED, TrialState.RUNNING)),
+            MaxTrialsCallback(n_trials, FINISHED),
             stop_if_requested,
             _check_failures,
         ]

@@ -5,18 +5,26 @@ import dataclasses
 import json
 from itertools import cycle, islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from onnx import numpy_helper
 
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import make_match, play_round
-from fpg_bench.game.scenario import Scenario, preset
-from fpg_bench.players.agent import baselines_folder, load_agent
+from fpg_bench.game.scenario import preset
+from fpg_bench.players.agent import OnnxPlayer, baselines_folder, load_agent
+from fpg_bench.players.onnx_file import OPERATORS, REDUCING
+from fpg_bench.players.scripted import player_noise
 from fpg_bench.products.leaderboard.site import page_data
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
+from fpg_bench.products.sandbox.client import check_policies
+from fpg_bench.products.sandbox.onnx_attributes import KINDS
+from tests.policies import constant, model, node, whole
 from tests.products.leaderboard.browsing import chromium
+from tests.programs import ROOT
 
 pytestmark = pytest.mark.browser
 
@@ -73,15 +81,15 @@ SIGHT = """({ rules, side, tampered }) => {
 }"""
 
 # Asks a policy again and again, with a memory of its own.
-ASKED = """({ policy, seen }) => {
+ASKED = """({ policy, seen, noise }) => {
   const play = fpgPolicy.make(policy);
-  return seen.map((one) => play(one));
+  return seen.map((one, k) => play(one, noise[k]));
 }"""
 
 # The same of an ONNX file.
-FILE = """({ file, seen }) => {
-  const play = fpgPolicy.make(fpgOnnx.read(Uint8Array.from(atob(file), c => c.charCodeAt(0))));
-  return seen.map((one) => play(one));
+FILE = """({ file, form, seen, noise }) => {
+  const play = fpgPolicy.make(fpgOnnx.read(Uint8Array.from(atob(file), c => c.charCodeAt(0)), form));
+  return seen.map((one, k) => play(one, noise?.[k]));
 }"""
 
 
@@ -168,34 +176,52 @@ def test_the_scripts_are_the_same(page, ally, opponent, name):
     np.testing.assert_allclose(page.evaluate(SCRIPTED, options), total, atol=1e-4)
 
 
-# What the page does not offer to play: convolutions, and the mean of advantages.
-LACKING = ("ally-link-waterfall/dqn", "ally-link/dueling-ddqn")
+FORM = page_data.form_data()
 AGENTS = sorted(
     str(path.parent.parent.relative_to(baselines_folder() / "agents"))
     for path in baselines_folder().glob("agents/*/*/seed_0/policy.onnx")
-    if not load_agent(path.parent).noise_size  # the page refuses them, and says why
 )
 
 
-def test_the_page_plays_all_shipped_policies_but_these():
-    played = {name for name in AGENTS if page_data.policy_data(load_agent(f"{name}/seed_0").model)}
-    assert set(AGENTS) - played == set(LACKING)
-
-
-@pytest.mark.parametrize("name", sorted({*AGENTS} - {*LACKING}))
+@pytest.mark.parametrize("name", AGENTS)
 def test_policies_answer_as_onnxruntime_does(page, name):
     agent = load_agent(f"{name}/seed_0")
     seen = np.random.default_rng(0).uniform(-1, 1, (40, 15)).astype(np.float32)
     memory, expected = None, []
+    agent.reset(np.ones(1, bool), np.array([5], np.uint64))
     for k, one in enumerate(seen):
         action, memory = agent.predict(one[None], memory, np.array([k == 0]))
         expected.append(action[0])
-    policy = page_data.policy_data(agent.model)
-    assert policy is not None
-    answers = page.evaluate(ASKED, {"policy": json.loads(json.dumps(policy)), "seen": seen.tolist()})
+    noise = player_noise(np.full(len(seen), 5, np.uint64), np.arange(len(seen)), agent.noise_size)
+    given = {"seen": seen.tolist(), "noise": noise.tolist()}
+    policy = json.loads(json.dumps(page_data.policy_data(agent.model)))
+    answers = page.evaluate(ASKED, {"policy": policy, **given})
     np.testing.assert_allclose(answers, expected, atol=1e-5)
     file = base64.b64encode(agent.model).decode()
-    assert page.evaluate(FILE, {"file": file, "seen": seen.tolist()}) == answers
+    assert page.evaluate(FILE, {"file": file, "form": FORM, **given}) == answers
+
+
+@pytest.mark.full
+def test_every_policy_file_of_the_repository_passes_the_check_and_plays_on_the_page(page):
+    files = {
+        path.read_bytes()
+        for home in ("baselines", "leaderboard")
+        for path in (ROOT / home).rglob("policy.onnx")
+    }
+    assert len(files) > 400
+    assert not any(check_policies(list(files)))
+    seen = np.random.default_rng(2).uniform(-1, 1, (2, 15)).astype(np.float32)
+    for data in files:
+        player, memory = OnnxPlayer(data), None
+        player.reset(np.ones(1, bool), np.array([5], np.uint64))
+        expected = []
+        for one in seen:
+            action, memory = player.predict(one[None], memory)
+            expected.append(action[0])
+        noise = player_noise(np.full(2, 5, np.uint64), np.arange(2), player.noise_size).tolist()
+        policy = json.loads(json.dumps(page_data.policy_data(data)))
+        answers = page.evaluate(ASKED, {"policy": policy, "seen": seen.tolist(), "noise": noise})
+        np.testing.assert_allclose(answers, expected, atol=1e-5)
 
 
 # Operators that other frameworks export, and those that are broadcast.
@@ -232,65 +258,174 @@ def test_operators_of_other_frameworks_answer_as_in_onnxruntime(page):
     (expected,) = onnxruntime.InferenceSession(model).run(None, {"observation": seen})
     file = base64.b64encode(model).decode()
     np.testing.assert_allclose(
-        page.evaluate(FILE, {"file": file, "seen": seen.tolist()}), expected, atol=1e-6
+        page.evaluate(FILE, {"file": file, "form": FORM, "seen": seen.tolist()}), expected, atol=1e-6
     )
 
 
-def test_the_pages_operators_are_those_that_entries_are_chosen_by(page):
-    assert set(page.evaluate("fpgPolicy.OPERATORS")) - {"Constant"} == page_data._OPERATORS
+def test_the_pages_operators_are_those_of_the_form(page):
+    assert set(page.evaluate("fpgPolicy.OPERATORS")) == OPERATORS
 
 
-def test_the_game_offers_the_champions_and_knows_who_flies():
-    agents = {name: about for name, (about, _) in page_data.zoo_policies().items()}
-    assert agents["ally-champion/ppo-stack8"] == {"side": "ally", "flies": False, "game": "standard"}
-    for name in ("opponent-champion/ppo", "opponent-champion-2/ppo-stack8", "opponent-learned/ppo"):
-        assert agents[name] == {"side": "opponent", "flies": True, "game": "standard"}
-    assert agents["opponent-pursuit/ppo"] == {"side": "opponent", "flies": False, "game": "standard"}
-    assert agents["ally-link/ppo-stack8"]["game"] == "link"
-
-
-# What is no part of a side's 15 numbers.
-SECRET = {
-    "ally": {"cleanSnr": -99, "covered": 7, "type": 2, "centre": 1, "known": 1, "age": 99, "lastCheck": 7},
-    "opponent": {"snr": -99, "cleanSnr": -99, "covered": 7, "allyReward": 7, "opponentReward": 7}
-    | {"frequency": 1, "spreadingS": 99, "hopped": True, "spreading": True, "sensedType": 3, "sensedMhz": 1},
+# One operator each, on x: nine numbers of a game from -3 to 3.
+SINGLE: dict[str, list[dict[str, Any]]] = {
+    **{name: [{}] for name in OPERATORS},
+    **{name: [{"axis": 1, "keepdims": 0}, {"axis": -1}] for name in ("ArgMax", "ArgMin")},
+    **{f"Reduce{name}": [{"keepdims": 0}, {}] for name in REDUCING.split()},
+    **{name: [{}, {"alpha": 0.3}] for name in ("Celu", "Elu", "LeakyRelu", "ThresholdedRelu", "HardSigmoid")},
+    "Cast": [{"to": kind} for kind in KINDS],
+    "Constant": [
+        {"value_float": 0.5},
+        {"value_floats": [0.5] * 9},
+        {"value_int": 3},
+        {"value": constant([2.0], "")},
+    ],
+    "Conv": [{}, {"pads": [1, 0, 0, 1], "strides": [2, 1], "dilations": [1, 2]}, {"group": 3}],
+    **{
+        name: [{"kernel_shape": [2, 2], "pads": [1, 0, 0, 1], "strides": [1, 2]}]
+        for name in ("AveragePool", "MaxPool")
+    },
+    "Concat": [{"axis": 1}, {"axis": -1}],
+    "Gather": [{"axis": 1}],
+    "Gelu": [{}, {"approximate": "tanh"}],
+    "Gemm": [{}, {"alpha": 0.5, "beta": 2.0, "transB": 1}],
+    "GRU": [{"hidden_size": 2}, {"hidden_size": 2, "linear_before_reset": 1}],
+    "LSTM": [{"hidden_size": 2}],
+    "RNN": [{"hidden_size": 2}],
+    "Mod": [{"fmod": 1}],
+    "Selu": [{}, {"alpha": 1.5, "gamma": 1.2}],
+    "Shrink": [{}, {"lambd": 0.7, "bias": 0.2}],
+    "Split": [{"axis": 1, "num_outputs": 2}],
+    "Transpose": [{"perm": [0, 2, 1]}],
 }
+SHAPED = {
+    "Transpose": (-1, 3, 3),
+    "Conv": (-1, 3, 3, 1),
+    "AveragePool": (-1, 1, 3, 3),
+    "MaxPool": (-1, 1, 3, 3),
+}
+DRAWN = np.random.default_rng(3)
+GATES = {"GRU": 3, "LSTM": 4, "RNN": 1}
 
 
-def sight(page, side, tampered=None):
-    rules = page_data.rules_data(Scenario())
-    return page.evaluate(SIGHT, {"rules": rules, "side": side, "tampered": tampered or {}})
+def _operands(kind: str, attributes: dict[str, Any]) -> list[Any]:
+    """The other inputs of an operator, as arrays."""
+    row = DRAWN.normal(size=(1, 9)).astype(np.float32)
+    if kind in GATES:
+        gates = GATES[kind] * 2
+        shapes = [(1, gates, 1), (1, gates, 2), (1, 2 * gates)]
+        return [DRAWN.normal(size=shape).astype(np.float32) for shape in shapes]
+    others = {
+        "Gemm": [DRAWN.normal(size=(9, 9)).astype(np.float32), row],
+        "MatMul": [DRAWN.normal(size=(9, 4)).astype(np.float32)],
+        "Conv": [
+            DRAWN.normal(size=(3, 3 // attributes.get("group", 1), 2, 1)).astype(np.float32),
+            row[0, :3],
+        ],
+        "Clip": [np.float32(-1), np.float32(0.5)],
+        "Gather": [np.array([0, 8, -2], np.int64)],
+        "Slice": [np.array(of, np.int64) for of in ([-8], [2**40], [1], [3])],
+        "Split": [],
+        "Squeeze": [np.array([1], np.int64)],
+        "Unsqueeze": [np.array([-1], np.int64)],
+        "Reshape": [np.array([0, 3, -1], np.int64)],
+        "LayerNormalization": [row[0], row[0]],
+        "BatchNormalization": [row[0], row[0], row[0], np.abs(row[0])],
+        "PRelu": [row],
+    }
+    if kind in TWO or kind in ("Sum", "Mean", "Max", "Min"):
+        return [np.abs(row) if kind == "Pow" else row]
+    return others.get(kind, [])
 
 
-@pytest.mark.parametrize("side", SECRET)
-def test_a_visitor_is_shown_nothing_that_a_player_of_the_side_does_not_observe(page, side):
-    def seen(tampered):
-        return [str(sorted(step["seen"].items())) for step in sight(page, side, tampered)]
+TWO = [
+    "Add",
+    "Sub",
+    "Mul",
+    "Div",
+    "Pow",
+    "Mod",
+    "Less",
+    "LessOrEqual",
+    "Greater",
+    "GreaterOrEqual",
+    "Equal",
+    "And",
+    "Or",
+    "Xor",
+]
+SETTINGS = [(kind, attributes) for kind in sorted(SINGLE) for attributes in SINGLE[kind]]
 
-    assert seen(SECRET[side]) == seen({})
+
+def of_one_operator(kind: str, attributes: dict[str, Any]) -> bytes:
+    """A policy of one operator, whose numbers are its answer, as many as it has of nine."""
+    nodes, constants = [node("Slice", ["observation", "zero", "nine", "one"], ["x9"])], []
+    nodes.append(node("Mul", ["x9", "three"], ["x"]))
+    given = "x"
+    if kind in SHAPED or kind in GATES:
+        shape = SHAPED.get(kind, (1, -1, 9))
+        nodes.append(node("Unsqueeze" if kind in GATES else "Reshape", ["x", "shape"], ["shaped"]))
+        constants.append(whole([2], "shape") if kind in GATES else whole(shape, "shape"))
+        given = "shaped"
+    if kind in GATES:
+        nodes.append(node("Transpose", ["shaped"], ["steps"], perm=[1, 0, 2]))
+        given = "steps"
+    if kind in ("And", "Or", "Xor", "Not", "Where"):
+        nodes.append(node("Greater", ["x", "none"], ["is"]))
+        given = "is"
+    if kind in ("Squeeze",):
+        nodes.append(node("Unsqueeze", ["x", "one"], ["tall"]))
+        given = "tall"
+    names = [f"o{k}" for k in range(9)]
+    operands = _operands(kind, attributes)
+    if kind in ("And", "Or", "Xor"):
+        operands = [operands[0] > 0]
+    inputs = [given, *names[: len(operands)]]
+    if kind == "Where":
+        inputs, operands = ["is", "x", "none"], []
+    if kind in ("Acosh", "Log", "Sqrt", "ReduceLogSum"):
+        nodes.append(node("Cosh", ["x"], ["above"]))
+        inputs = ["above"]
+    if kind == "Constant":
+        inputs = []
+    if kind == "Concat":
+        inputs = ["x", "x"]
+    if kind.startswith("Reduce"):
+        inputs.append("one")
+    constants += [
+        numpy_helper.from_array(np.asarray(of), name) for of, name in zip(operands, names, strict=False)
+    ]
+    outputs = ["made", "rest"] if kind == "Split" else ["made"]
+    nodes.append(node(kind, inputs, outputs, **attributes))
+    made = "made"
+    if kind in GATES:
+        nodes.append(node("Transpose", ["made"], ["turned"], perm=[2, 0, 1, 3]))
+        made = "turned"
+    nodes.append(node("Cast", [made], ["floats"], to=1))
+    if kind == "Constant":
+        nodes += [node("Add", ["x", "floats"], ["all"])]
+    else:
+        nodes += [node("Flatten", ["floats"], ["flat"]), node("Concat", ["flat", "x"], ["more"], axis=1)]
+        nodes.append(node("Slice", ["more", "zero", "nine", "one"], ["all"]))
+    nodes.append(node("Identity", ["all"], ["action"]))
+    constants += [
+        whole([0], "zero"),
+        whole([9], "nine"),
+        whole([1], "one"),
+        constant(3.0, "three"),
+        constant(0, "none"),
+    ]
+    return model(nodes, constants, opsets=[("", 20)])
 
 
-def test_the_opponent_sees_neither_the_link_nor_an_unheard_frequency(page):
-    steps = sight(page, "opponent")
-    hidden = ("snr", "clean_snr", "ally_reward", "opponent_reward")
-    assert all(np.isnan([step["seen"][name] for name in hidden]).all() for step in steps)
-    assert not any(step["seen"][name] for step in steps for name in ("covered", "spreading", "hopped"))
-    assert [np.isfinite(step["seen"]["frequency"]) for step in steps] == [step["heard"] for step in steps]
-    assert any(step["truth"]["covered"] for step in steps)
-    assert sum(step["heard"] for step in steps) > 3
+@pytest.mark.parametrize(("kind", "attributes"), SETTINGS)
+def test_each_operator_answers_as_in_onnxruntime(page, kind, attributes):
+    data = of_one_operator(kind, attributes)
+    seen = np.random.default_rng(1).uniform(-0.33, 0.33, (6, 15)).astype(np.float32)
+    expected, _ = OnnxPlayer(data).predict(seen)
+    given = {"file": base64.b64encode(data).decode(), "form": FORM, "seen": seen.tolist()}
+    answers = np.array(page.evaluate(FILE, given), float)
+    np.testing.assert_allclose(answers, expected, atol=2e-5, rtol=1e-5)
 
 
-def test_the_ally_sees_what_its_monitor_senses_errors_included(page):
-    steps, scenario = sight(page, "ally"), Scenario()
-    middle = (scenario.band_low_mhz + scenario.band_high_mhz) / 2
-    half = (scenario.band_high_mhz - scenario.band_low_mhz) / 2
-    for step in steps:
-        seen, numbers = step["seen"], np.array(step["numbers"])
-        assert seen["type"] == numbers[10:14].argmax()
-        assert seen["centre"] == pytest.approx(middle + half * numbers[9])
-        assert seen["covered"] == (numbers[14] > 0)
-        assert seen["snr"] == pytest.approx(numbers[8] * scenario.snr_scale_db, rel=1e-6)
-        assert np.isnan([seen["clean_snr"], seen["known"]]).all()
-    wrong = np.mean([step["seen"]["type"] != step["truth"]["type"] for step in steps])
-    assert 0.04 < wrong < 0.2
-    assert np.std([s["seen"]["centre"] - s["truth"]["centre"] for s in steps]) == pytest.approx(1, abs=0.2)
+def test_the_check_lets_each_operator_pass():
+    assert not any(check_policies([of_one_operator(kind, attributes) for kind, attributes in SETTINGS]))

@@ -12,6 +12,8 @@ from fpg_bench.evaluation.statistics import difference
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.leaderboard.site.build import build_site
+from tests.attacks.test_onnx_files import costly, unsized
+from tests.policies import remembering, through
 from tests.products.leaderboard.browsing import PHONE, WATCHED, build_small_site, expect, rounds, visits
 from tests.products.leaderboard.example_board import example_board, small_zoo, with_link
 
@@ -790,12 +792,13 @@ def test_obeying_the_advice_beats_doing_nothing_on_the_offered_seeds(visit):
     page.get_by_role("link", name="Play a minute").click()
     assert f"seed={OFFERED[0]}&" in page.url
     page.locator("#run").click()  # pause
-    page.evaluate("""() => {
+    page.evaluate("""async () => {
         const advised = (id) => document.getElementById(id).classList.contains("advised");
         const on = (id) => document.getElementById(id).getAttribute("aria-pressed") === "true";
         while (document.getElementById("end").hidden) {
           for (const id of ["hop", "spread"]) if (advised(id) !== on(id)) document.getElementById(id).click();
           document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "n", bubbles: true }));
+          await new Promise((done) => setTimeout(done, 5));
         } }""")
     obeyed = page.locator("#event").inner_text()
     page = visit("play.html")
@@ -842,10 +845,27 @@ def test_a_policy_file_that_cannot_be_played_gets_one_line(visit):
     give(page, data + bytes(5_000_001))
     expect(status).to_have_text(re.compile("larger than 5 MB"))
     model = load_model(path)
-    model.graph.node.extend([helper.make_node("Erf", ["action"], ["b"]), helper.make_node("Where", [], [])])
+    model.graph.node.extend([helper.make_node("Loop" * 250_000, ["action"], ["b"])])
     give(page, model.SerializeToString())
-    expect(status).to_have_text("This page cannot play the operators Erf, Where; fpg-bench evaluate may.")
+    expect(status).to_have_text(re.compile("cannot play the operator (Loop){10}…; a submission may not"))
+    give(page, remembering(activations=["Sigmoid", "Tanh", "Tanh"]))
+    expect(status).to_have_text("Operator LSTM: its attribute activations is not played.")
     expect(page.locator("#scores")).to_be_hidden()
+
+
+def test_no_file_stops_the_page(visit):
+    page, told = visit("try.html"), re.compile("multiply-adds|not played|cannot|too long|computed in play")
+    for data in (costly() | unsized()).values():
+        page.locator("#status").evaluate("element => (element.textContent = '')")
+        give(page, data)
+        expect(page.locator("#status")).to_have_text(told)
+
+
+def test_an_answer_that_is_no_action_loses_the_round_as_on_the_board(visit):
+    page = visit("try.html")
+    give(page, through("Identity", scale=1e30))
+    expect(page.locator("#status")).to_contain_text("an unofficial score of −100.0 over 40 rounds")
+    expect(page.locator("#status")).to_contain_text("It loses 40 of them by an answer that is no action.")
 
 
 def test_a_policy_file_can_be_dropped(visit):

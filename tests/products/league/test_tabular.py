@@ -76,7 +76,6 @@ def test_an_exported_table_plays_as_the_table_to_the_bit(side, name):
     exported = OnnxPlayer(
         table_onnx(TabularPolicy(side=side, features=features, cells=cells.tolist()), scenario)
     )
-    assert exported.row_wise
     batch = TwoPlayerBatch(scenario, 16, threads=1)
     rival = as_player("hunter" if side == "ally" else "clock", other_side(side), scenario)
     table = TablePlayer(side, features, cells[None], scenario)

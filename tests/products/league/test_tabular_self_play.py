@@ -32,7 +32,6 @@ def test_an_exported_table_is_in_the_cell_that_training_saw_to_the_bit(rival):
     """A table that surely takes one choice in each cell shows by it which cell it is in."""
     choices = np.random.default_rng(0).integers(0, 4, CELLS)
     player = OnnxPlayer(stochastic_table_onnx(np.eye(4)[choices], STANDARD))
-    assert player.row_wise
     batch = TwoPlayerBatch(STANDARD, 64, threads=1)
     ally = PolicyRunner("ally", [player], batch.batch)
     opponent = PolicyRunner("opponent", [as_player(rival, "opponent", STANDARD)], batch.batch)

@@ -18,12 +18,13 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.common.rows import Row
+from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.evaluation.statistics import Interval, student_t
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.players.agent import baselines_folder, read_card
-from fpg_bench.players.onnx_file import attributes_of, plain_model
+from fpg_bench.players.onnx_file import MAX_NOISE, OPERATORS, OPSETS, plain_model, read_form
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.products.leaderboard.entries import Entries
@@ -38,16 +39,13 @@ from fpg_bench.products.leaderboard.site.views import (
 )
 from fpg_bench.products.leaderboard.tracks import SCENARIOS, TRACKS
 from fpg_bench.products.rendering.replay import scenario_data, script_json
+from fpg_bench.products.sandbox.client import MOST_BYTES
+from fpg_bench.products.sandbox.onnx_attributes import ATTRIBUTES, DEFAULTS, attributes_of
 
 Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data
 Zoo = Mapping[str, tuple[Row, Row]]  # what is known of each agent, and its policy
 _logger = logging.getLogger(__name__)
 _MOST_UNITS = 201  # of a difference of scores; with more, Student's t hardly changes
-# Operators of static/game_policy.js.
-_OPERATORS = {"Gemm", "Tanh", "Relu", "Sigmoid", "Clip", "Slice", "Concat"}
-_OPERATORS |= {"Reshape", "Transpose", "Gather", "Unsqueeze", "Squeeze", "LSTM", "ArgMax", "Sum"}
-_OPERATORS |= {"MatMul", "ReduceSum", "Abs", "Sqrt", "Add", "Sub", "Mul", "Div", "Max", "Min", "Neg", "Exp"}
-_OPERATORS |= {"Elu", "LeakyRelu", "Softmax", "Flatten", "Identity"}
 # Groups of the zoo, and the game that each plays, whatever it was trained on.
 _GROUPS = dict.fromkeys(
     ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner"),
@@ -60,7 +58,7 @@ def data_files(board: Board, submitted: Policies) -> dict[str, str]:
 
     Args:
         board: the board.
-        submitted: policies of submitted entries that the page can play.
+        submitted: policies of submitted entries.
     """
     zoo = zoo_policies()
     crossplay = {
@@ -257,7 +255,7 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
             "leaders": _leaders(tracks, submitted, zoo),
             "scales": {TRACKS[track.key].path or track.side: asdict(track.scale) for track in tracks},
         }
-    content = {"games": games, "agents": [about for about, _ in agents]}
+    content = {"games": games, "agents": [about for about, _ in agents], "form": form_data()}
     files = {"data/play.js": _script(content)}
     for about, policy in agents:
         files[about["file"]] = f"fpgAgent({script_json(about['file'])}, {script_json(policy)});\n"
@@ -291,8 +289,8 @@ def zoo_policies() -> dict[str, tuple[Row, Row]]:
     for path in sorted(folder.glob("*/*/seed_0/policy.onnx")):
         name = path.parent.parent.relative_to(folder).as_posix()
         side, _, group = path.parts[-4].partition("-")
-        policy = policy_data(path.read_bytes()) if side in SIDES and group in _GROUPS else None
-        if policy is not None:
+        if side in SIDES and group in _GROUPS:
+            policy = policy_data(path.read_bytes())
             flies = side == "opponent" and read_card(path.parent).flies == "learned"
             agents[name] = {"side": side, "flies": flies, "game": _GROUPS[group]}, policy
     return agents
@@ -319,41 +317,63 @@ def _numbers(record: np.ndarray) -> Row:
     }
 
 
-def policy_data(model: bytes) -> Row | None:
-    """Return a policy as a list of nodes and its weights; None where the page cannot play it.
+def form_data() -> Row:
+    """Return the form of a policy, as the page asks a visitor's file for it."""
+    from fpg_bench.products.sandbox import onnx_checks
+
+    return {
+        "bytes": MOST_BYTES,
+        "nodes": onnx_checks.MOST_NODES,
+        "ends": onnx_checks.MOST_ENDS,
+        "multiply_adds": onnx_checks.MOST_MULTIPLY_ADDS,
+        "noise": MAX_NOISE,
+        "opsets": [OPSETS[0], OPSETS[-1]],
+        "operators": {name: ATTRIBUTES.get(name, "").split() for name in sorted(OPERATORS)},
+        "defaults": DEFAULTS,
+        "weights": onnx_checks.WEIGHTS,
+        "lost": LOST_SCORE,
+    }
+
+
+def policy_data(model: bytes) -> Row:
+    """Return a policy as a list of nodes and its weights.
 
     Args:
         model: the bytes of a ``policy.onnx``.
 
     Raises:
-        UserError: not an ONNX file that this program plays.
+        UserError: not an ONNX file in the form of a policy.
     """
     from onnx import numpy_helper
 
-    graph = plain_model(model).graph
-    inputs = {value.name: value for value in graph.input}
-    if "noise" in inputs or not {node.op_type for node in graph.node} <= _OPERATORS:
-        return None
-    shape = inputs["state"].type.tensor_type.shape.dim if "state" in inputs else None
+    plain = plain_model(model)
+    read_form(plain)
+    sizes = {value.name: value.type.tensor_type.shape.dim[1].dim_value for value in plain.graph.input}
     return {
-        "state": 0 if shape is None else shape[1].dim_value,
-        "nodes": [_node(node) for node in graph.node],
-        "weights": {tensor.name: _weight(numpy_helper.to_array(tensor)) for tensor in graph.initializer},
+        "state": sizes.get("state", 0),
+        "noise": sizes.get("noise", 0),
+        "nodes": [_node(node) for node in plain.graph.node],
+        "weights": {each.name: _weight(numpy_helper.to_array(each)) for each in plain.graph.initializer},
     }
 
 
 def _node(node: Any) -> Row:
+    from onnx import TensorProto, numpy_helper
+
     return {
         "op": node.op_type,
         "inputs": list(node.input),
         "outputs": list(node.output),
-        "attributes": attributes_of(node),
+        "attributes": {
+            name: _weight(numpy_helper.to_array(value)) if isinstance(value, TensorProto) else value
+            for name, value in attributes_of(node).items()
+        },
     }
 
 
 def _weight(values: np.ndarray) -> Row:
-    if values.dtype.kind in "iu":
-        return {"shape": list(values.shape), "integers": values.ravel().tolist()}
+    if values.dtype.kind in "ib":
+        return {"shape": list(values.shape), "integers": values.astype(int).ravel().tolist()}
     floats = np.ascontiguousarray(values, "<f4").tobytes()
     return {"shape": list(values.shape), "floats": base64.b64encode(floats).decode()}
 
@@ -367,8 +387,7 @@ def submitted_policies(entries: Entries) -> dict[tuple[str, str], Row]:
     for entry in entries.verified:
         if entry.submission.zoo is None and entry.submission.policies:
             try:
-                if policy := policy_data(entry.submission.policies[0].model):
-                    policies[entry.key] = policy
+                policies[entry.key] = policy_data(entry.submission.policies[0].model)
             except UserError as error:
                 _logger.warning(f"{'/'.join(entry.key)}: its policy is not on the page of games: {error}")
     return policies

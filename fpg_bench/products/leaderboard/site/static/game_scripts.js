@@ -66,5 +66,5 @@ const fpgScripts = (() => {
     };
   }
 
-  return { NAMES, make };
+  return { NAMES, make, playerKey };
 })();

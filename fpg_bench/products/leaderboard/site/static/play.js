@@ -71,11 +71,11 @@
   const earnedBy = (one, side) => (side === "opponent" ? one.opponentReward : one.allyReward);
 
   /** The mean reward of another player in the visitor's place, on the same seed. */
-  function inPlace(make) {
+  async function inPlace(make) {
     const one = start(), both = seat({ ...round.makers, [human]: make }, one.key);
     let sum = 0;
     while (!one.over) {
-      fpgRules.step(one, both.ally(one.allySees), both.opponent(one.opponentSees));
+      fpgRules.step(one, ...(await actions(one, both)));
       sum += earnedBy(one, human);
     }
     return sum / round.seconds;
@@ -130,17 +130,37 @@
     fpgSight.add(race.shown, fpgSight.seen(race.game, human));
   }
 
-  function goRace() {
+  async function goRace() {
     const { game: one, players: both } = race;
-    fpgRules.step(one, both.ally(one.allySees), both.opponent(one.opponentSees));
+    fpgRules.step(one, ...(await actions(one, both)));
     race.total += earnedBy(one, human);
     noteRace();
   }
 
-  function next() {
-    if (!game || game.over) return;
-    if (race) goRace();
-    fpgRules.step(game, human === "ally" ? allyAction() : players.ally(game.allySees), human === "opponent" ? opponentAction() : players.opponent(game.opponentSees));
+  /** What both sides do in a game; a policy answers in time, or a script at once. */
+  const actions = (one, both) => Promise.all([both.ally(one.allySees), both.opponent(one.opponentSees)]);
+
+  let busy = false; // with a second of the round
+
+  async function next() {
+    if (!game || game.over || busy) return;
+    const now = round;
+    busy = true;
+    try {
+      if (race) await goRace();
+      const both = await actions(game, { ...players, ...(human === "ally" && { ally: allyAction }), ...(human === "opponent" && { opponent: opponentAction }) });
+      if (now === round) go(both);
+    } catch (error) {
+      run(false);
+      byId("event").textContent = error.message;
+    } finally {
+      busy = false;
+    }
+  }
+
+  /** Play a second of the round. */
+  function go(both) {
+    fpgRules.step(game, ...both);
     press("hop", false); // it is for one second
     round.total += earnedBy(game, human);
     keep();
@@ -245,8 +265,8 @@
   /** The visitor beside the champion of the side and random play, all on this seed. */
   async function compared(name, earned) {
     const now = round, champion = championOf(human);
-    const rows = [[name, earned], ["random", inPlace(await load("script:random"))]];
-    if (champion) rows.splice(1, 0, ["the champion", inPlace(await load(champion))]);
+    const rows = [[name, earned], ["random", await inPlace(await load("script:random"))]];
+    if (champion) rows.splice(1, 0, ["the champion", await inPlace(await load(champion))]);
     if (now !== round) return byId("result").textContent;
     const said = rows.map(([who, value]) => `${who} ${mean(value)}`).join(", ");
     byId("link").textContent = `${said.replace(/^You/, "I")}. Beat me: ${byId("link").textContent}`;
