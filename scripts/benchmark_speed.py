@@ -44,7 +44,7 @@ from fpg_bench.training.models import make_model
 ROOT = Path(__file__).parents[1]
 ENV_ID, AGAINST = "FPG/AllyVsScripted-v0", "FPG/AllyVsPolicy-v0"
 BATCH_GAMES, PPO_GAMES = 4096, 64
-RIVALS = tuple(f"suite:{name}" for name in ("training-1", "season-1", "season-2", "season-3"))  # 12 each
+RIVALS = tuple(f"suite:{name}" for name in ("training-1", "season-3", "season-4"))  # 39 in all
 SEEDS = 5
 
 
@@ -187,7 +187,7 @@ def learning(quick: bool) -> list[Figure]:
     ratio = float(np.median(step["games"] / step["singles"]))
     shares = {
         "": partial(share),
-        ", 48 trained rivals": partial(share, env_id=AGAINST, opponent=RIVALS, path="pursuit"),
+        ", 39 trained rivals": partial(share, env_id=AGAINST, opponent=RIVALS, path="pursuit"),
         ", waterfall": partial(share, observation="waterfall"),
     }
     found = {

@@ -163,7 +163,10 @@ def compact(zoo: Zoo) -> int:
         rows = file.read()
         newest = {read_record(row, f"records {file.path}").key: row for row in rows}
         kept = [row for key, row in newest.items() if key[0] in hashes and key not in board]
-        file.replace(kept)
+        if kept:
+            file.replace(kept)
+        else:
+            file.path.unlink(missing_ok=True)
         gone += len(rows) - len(kept)
     return gone
 

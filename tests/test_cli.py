@@ -228,7 +228,7 @@ def test_an_end_of_file_is_no_stop(monkeypatch, capsys):
     assert "EOFError: Ran out of input" in capsys.readouterr().err
 
 
-EVALUATE = (sys.executable, "-m", "fpg_bench", "evaluate", "idle", "--suite", "ally-v1", "--matches", "1")
+EVALUATE = (sys.executable, "-m", "fpg_bench", "evaluate", "idle", "--suite", "ally-v2", "--matches", "1")
 
 
 @pytest.mark.process

@@ -171,16 +171,31 @@ COMMANDS = typer.main.get_command(app)
 
 def command_of(words):
     """The command that words begin with."""
-    command = COMMANDS
+    command, line = COMMANDS, " ".join(words)
     while words and words[0] in getattr(command, "commands", {}):
         command = command.commands[words.pop(0)]
+    assert not getattr(command, "commands", {}) or not words or words[0].startswith("-"), line
     return command
+
+
+def commands_of(page):
+    """The commands of a page: of its code, and of its text, where ``leaderboard build`` is one, too."""
+    text = page.read_text()
+    code = "\n".join(code for language, code in blocks(text) if language != "python")
+    yield from re.findall(r"(?m)^[^#\n]*?\bfpg-bench ([a-z-].*)$", code.replace("\\\n", " "))
+    groups = "|".join(name for name, of in COMMANDS.commands.items() if hasattr(of, "commands"))
+    prose = re.sub(r"(?ms)^ *```.*?^ *```", "", text)
+    for whole, other, verb in re.findall(
+        rf"`(?:fpg-bench )?((?:{groups}) [^`]+|(?<=fpg-bench )[^`]+)`(?:(?<=`) (and|or) `([a-z-]+)`)?", prose
+    ):
+        yield whole
+        if other and verb != whole:
+            yield f"{whole.split()[0]} {verb}"
 
 
 @pytest.mark.parametrize("page", [*PAGES, README], ids=lambda page: page.name)
 def test_commands_of_a_page_have_their_options(page):
-    code = "\n".join(code for language, code in blocks(page.read_text()) if language != "python")
-    for command in re.findall(r"(?m)^[^#\n]*?\bfpg-bench (.*)$", code.replace("\\\n", " ")):
+    for command in commands_of(page):
         words = command.partition(" #")[0].split()
         known = {option for parameter in command_of(words).params for option in parameter.opts}
         assert {word.partition("=")[0] for word in words if word.startswith("--")} <= known, command

@@ -64,9 +64,9 @@ CASES = {
     "zoo": Case("zoo --all", kept=150),
     "play": Case("play --ally expert-spread --opponent sweep --path circle --seed 4 --every 20"),
     "play-page": Case("play --scenario paper --seed 3 --out round.html", ("round.html",)),
-    "evaluate": Case("evaluate idle expert --suite ally-v1 --matches 2 --out results", ("results/*.jsonl",)),
+    "evaluate": Case("evaluate idle expert --suite ally-v2 --matches 2 --out results", ("results/*.jsonl",)),
     "evaluate-opponent": Case(
-        "evaluate tone --suite opponent-v1 --matches 1 --out opponents", ("opponents/*.jsonl",)
+        "evaluate tone --suite opponent-v2 --matches 1 --out opponents", ("opponents/*.jsonl",)
     ),
     "table": Case("table results --wide", ("-", "results/*.csv")),
     "play-planned": Case(
@@ -106,7 +106,7 @@ CASES = {
     "leaderboard-build": Case(
         "leaderboard build --folder board --no-replays --out site", ("site/board.json", "site/ranking.html")
     ),
-    "leaderboard-season": Case("leaderboard season season-2", kept=60),
+    "leaderboard-season": Case("leaderboard season season-3", kept=60),
     "reproduce": Case(
         "reproduce yang-2026 fig7 --scenario figures --budget hundredth --n-seeds 10 --first-seed 100"
         " --out reproduced",

@@ -27,10 +27,7 @@ SCRIPTS = ROOT / "scripts"
 GONE = {  # stages whose script is gone, the revision that has it, and where
     "paper-interpretations": "8d94dd3:scripts/interpretations/__main__.py",
     "language-model": "cb2b58f:scripts/measure_language_model.py",
-    "pairings": "cb2b58f:scripts/measure_pairings.py",
-    "responses-1": "08626a4f:scripts/exploit_zoo.py",
-    "responses-2": "0b5a5ad1:scripts/train_best_responses.py",
-    "time-to-score": "cb2b58f:scripts/measure_time_to_score.py",
+    "responses": "0b5a5ad1:scripts/train_best_responses.py",
 }
 WRITTEN = (  # by hand, among them
     "leaderboard/submissions/planner/*/submission.yaml",

@@ -19,7 +19,7 @@ BOARD = "at-work"  # in the board's own folder for work
 WRITERS = {
     "train": (f"ppo {ALLY} --hyperparams tiny.yml --out run", "run/run.json"),
     "offline": ("bc datasets/fpg/ally-random-v0 --out run", "run/run.json"),
-    "evaluate": ("idle --suite ally-v1 --matches 1 --out results", "results/evaluation.json"),
+    "evaluate": ("idle --suite ally-v2 --matches 1 --out results", "results/evaluation.json"),
     "best-response": ("idle --hyperparams tiny.yml --out found", "found/best_responses.json"),
     "double-oracle": ("--hyperparams tiny.yml --out found", "found/search.json"),
     "tabular-self-play": ("--iterations 1 --games 2 --out tables", "tables/tabular_self_play.json"),

@@ -41,7 +41,7 @@ def on_windows(code, folder, *words, before=""):
 
 
 def test_the_command_line_evaluates_without_what_windows_lacks(tmp_path):
-    words = ("evaluate", "idle", "--suite", "ally-v1", "--matches", "1", "--n-jobs", "2")
+    words = ("evaluate", "idle", "--suite", "ally-v2", "--matches", "1", "--n-jobs", "2")
     ran = on_windows(MAIN, tmp_path, *words)
     assert ran.returncode == 0, ran.stderr
     assert "several processes need Linux or macOS" in ran.stderr

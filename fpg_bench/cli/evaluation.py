@@ -81,7 +81,7 @@ def evaluate(
             autocompletion=complete_player,
         ),
     ],
-    suite: SuiteOption = "ally-v1",
+    suite: SuiteOption = "ally-v2",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("results"),
     matches: Annotated[
         int | None, typer.Option(help="Number of matches per rival. Default: that of the suite.")
@@ -94,7 +94,7 @@ def evaluate(
 ) -> None:
     """Evaluate players on a suite; existing records are kept and not played again.
 
-    Example: fpg-bench evaluate runs/ppo_0/agent all-scripted --suite ally-v1 --out results/mine
+    Example: fpg-bench evaluate runs/ppo_0/agent all-scripted --suite ally-v2 --out results/mine
     """
     from fpg_bench.evaluation.evaluate import evaluate as evaluate_players
 

@@ -39,8 +39,10 @@ class Fields:
     panel: str | None = None
     details: Mapping[str, Given] = dataclasses.field(default_factory=dict)
 
-    def parameters(self, default: Any) -> list[inspect.Parameter]:
+    def parameters(self, default: Any, is_whole: bool) -> list[inspect.Parameter]:
         """Return the options as typer reads them; each field that is absent has the value of ``default``.
+
+        Of values by name an absent one is None, so that a value that equals the default counts as given.
 
         Raises:
             TypeError: a field has a type that no option is made for.
@@ -54,6 +56,8 @@ class Fields:
             help += " May be repeated." * (kind == list[str])
             details = {"help": help, "rich_help_panel": self.panel} | dict(self.details.get(field.name, {}))
             value = field.default if isinstance(default, type) else getattr(default, field.name)
+            if not is_whole and value not in (None, ()):
+                details["show_default"], value = str(value), None
             of = kind | None if value in (None, ()) else kind
             annotation: Any = Annotated[of, typer.Option(**details)]
             parameters.append(_keyword(field.name, annotation, None if value == () else value))
@@ -71,9 +75,8 @@ class Fields:
         """Take the values of the fields out of those of all options; what is not given is left out."""
         names = [each.name for each in dataclasses.fields(self.kind) if each.name in given]
         values = {name: given.pop(name) for name in names if self.names is None or name in self.names}
-        defaults = {each.name: each.default for each in dataclasses.fields(self.kind)}
-        values = {name: value for name, value in values.items() if value not in (None, defaults[name])}
-        words = {name: values[name].split(",") for name in self.lists if "," in values.get(name, "")}
+        values = {name: value for name, value in values.items() if value is not None}
+        words = {name: listed(values[name]) for name in self.lists if name in values}
         return values | words
 
 
@@ -84,7 +87,7 @@ def with_fields(verb: Callable[..., None]) -> Callable[..., None]:
         kind, *marks = get_args(parameter.annotation) or (parameter.annotation,)
         if marks and isinstance(marks[0], Fields):
             groups[name] = marks[0], kind is marks[0].kind
-            parameters += marks[0].parameters(parameter.default)
+            parameters += marks[0].parameters(parameter.default, groups[name][1])
         else:
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
 
@@ -112,6 +115,11 @@ def first_sentences(kind: type) -> dict[str, str]:
         first = first.replace("; None: ", ". Default: ")
         sentences |= dict.fromkeys(names.split(", "), f"{first[0].upper()}{first[1:]}.")
     return sentences
+
+
+def listed(value: str | None) -> Any:
+    """Split a comma-separated list; a single word and None are returned unchanged."""
+    return [word.strip() for word in value.split(",")] if value is not None and "," in value else value
 
 
 def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:

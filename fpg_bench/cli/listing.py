@@ -190,7 +190,7 @@ def suites(
 ) -> None:
     """List the suites with their rivals, or describe one of them.
 
-    Example: fpg-bench suites ally-v1
+    Example: fpg-bench suites ally-v2
     """
     from fpg_bench.evaluation.suite import read_suite, suite_names
 

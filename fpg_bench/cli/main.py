@@ -137,6 +137,7 @@ def main() -> None:
     global _INTERRUPTED, _DONE
     _INTERRUPTED = _DONE = False
     accept_all_letters()
+    os.environ["MPLBACKEND"] = "agg"  # a notebook's own may not be installed here; nothing is shown
     atexit.register(gc.freeze)  # skips the garbage collection of hundreds of thousands of objects at the end
     signal.signal(signal.SIGTERM, _terminated)
     if hasattr(signal, "SIGALRM"):  # not on Windows
@@ -153,6 +154,8 @@ def main() -> None:
 
 def _run() -> None:
     try:
+        if wrong := next((word for word in sys.argv if re.search("[\ud800-\udfff]", word)), None):
+            raise UserError(f"{wrong}: is not valid UTF-8; choose another name")
         status = app(sys.argv[1:] or ["--help"], prog_name=_NAME, standalone_mode=False)
         if status == _STOPPED:  # how typer reports Ctrl-C
             raise KeyboardInterrupt

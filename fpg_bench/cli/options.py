@@ -128,11 +128,6 @@ def print_json(rows: Iterable[Json]) -> None:
     typer.echo(json.dumps(finite, indent=2))
 
 
-def listed(value: str | None) -> Any:
-    """Split a comma-separated list; a single word and None are returned unchanged."""
-    return value.split(",") if value is not None and "," in value else value
-
-
 def name_all(head: str, names: Iterable[str]) -> None:
     """Print a heading and a list of names, wrapped for a terminal of 80 columns."""
     text = ", ".join(names)

@@ -13,7 +13,7 @@ from fpg_bench.cli.completion import (
     complete_algorithm,
     complete_id,
 )
-from fpg_bench.cli.fields import Given
+from fpg_bench.cli.fields import Given, listed
 from fpg_bench.cli.options import (
     EVALUATION,
     GAME,
@@ -21,7 +21,6 @@ from fpg_bench.cli.options import (
     TRAINING,
     WorkersOption,
     game_options,
-    listed,
     llm_options,
     other_game_options,
     run_options,

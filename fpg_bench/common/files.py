@@ -28,9 +28,11 @@ from fpg_bench.common.errors import UserError, one_line, other_content
 from fpg_bench.common.strict_json import LONGEST, JsonObject, read_plain
 
 PACKED = ".gz"
+os.umask(_UMASK := os.umask(0o077))  # there is no other way to read it
 _MOST_NODES = 100_000
 _MOST_YAML = 200_000  # bytes; without libyaml 60,000 are read a second; the largest file shipped has 25,000
 _DEEPEST = 50
+_MOST_BITS = 1024  # of a whole number
 _BRACKET = re.compile(r"[\[\]{}]")
 if TYPE_CHECKING:
     from yaml import SafeLoader as Loader
@@ -56,6 +58,12 @@ class _CarefulLoader(Loader, Composer):
             )
         return node
 
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        number: int = super().construct_yaml_int(node)
+        if number.bit_length() > _MOST_BITS:  # no text and no float can show it
+            raise yaml.constructor.ConstructorError(None, None, "a number is too large", node.start_mark)
+        return number
+
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         written = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
         merges = {key.value for key, _ in node.value if key.tag == "tag:yaml.org,2002:merge"}
@@ -78,6 +86,7 @@ def _listed(loader: _CarefulLoader, node: yaml.SequenceNode) -> list[Any]:
     return loader.construct_sequence(node, deep=True)
 
 
+_CarefulLoader.add_constructor("tag:yaml.org,2002:int", _CarefulLoader.construct_yaml_int)
 # As rl-zoo3 writes the configuration of a run; neither makes an object.
 _CarefulLoader.add_constructor("tag:yaml.org,2002:python/object/apply:collections.OrderedDict", _ordered)
 _CarefulLoader.add_constructor("tag:yaml.org,2002:python/tuple", _listed)
@@ -172,14 +181,22 @@ def write_whole(path: Path, content: str | bytes) -> None:
         error.filename = str(path)
         raise
     try:
-        with os.fdopen(handle, "wb") as file:
+        with naming(path), os.fdopen(handle, "wb") as file:
             file.write(data)
-        os.chmod(temporary, 0o644)
+        os.chmod(temporary, 0o666 & ~_UMASK)  # mkstemp does not ask it
         os.replace(temporary, path)
-    except BaseException as error:
+    except BaseException:
         os.unlink(temporary)
-        if isinstance(error, OSError) and error.filename is None:  # a full disk names no file
-            error.filename = str(path)
+        raise
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Within the context, let errors of files that name none, such as those of a full disk, name a path."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
         raise
 
 

@@ -28,7 +28,8 @@ from fpg_bench.players.remote import is_remote, pinned
 
 ALL_SCRIPTED = "all-scripted"
 MADE = "2:"  # begins what is kept of how an agent was made; version 0.2.0 hashed other text
-_NAMED = re.compile(r"([^=/\\:(]+)=(.+)", re.DOTALL)  # a player with a name of one's own
+# A player with a name of one's own; parentheses hold no sign of equality, as those of alternate(centres=3)
+_NAMED = re.compile(r"((?:[^=/\\:()]|\([^=()]*\))+)=(.+)", re.DOTALL)
 _NAMELESS = "object "  # a fingerprint that holds as long as the program runs
 
 
@@ -97,6 +98,10 @@ def entries_of(
     """
     given: dict[str, list[PlayerSpec]] = {}
     every: list[PlayerSpec] = []
+    if isinstance(specs, str | os.PathLike) or hasattr(specs, "predict"):
+        specs = [specs]
+    if not specs:
+        raise UserError("players: there are none; name at least one")
     if isinstance(specs, Mapping):
         given = {str(key): list(of) if isinstance(of, list | tuple) else [of] for key, of in specs.items()}
         specs = ()

@@ -42,7 +42,7 @@ _logger = logging.getLogger(__name__)
 
 def evaluate(
     players: Sequence[PlayerSpec] | Mapping[str, Players],
-    suite: str = "ally-v1",
+    suite: str = "ally-v2",
     out: str | Path | None = None,
     *,
     matches: int | None = None,
@@ -58,7 +58,7 @@ def evaluate(
 
     The matches are held out: a training loop scores itself by :class:`fpg_bench.PolicyEvaluator`.
 
-    >>> results = evaluate({"mine": "expert", "still": "idle"}, "ally-v1", matches=1)
+    >>> results = evaluate({"mine": "expert", "still": "idle"}, "ally-v2", matches=1)
     >>> [each.entry for each in results]
     ['mine', 'still']
 

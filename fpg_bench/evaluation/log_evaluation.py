@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def log_evaluation(
     steps: int,
     seconds: float,
     *,
-    suite: str = "ally-v1",
+    suite: str = "ally-v2",
     algorithm: str | None = None,
     training_seed: int | None = None,
     rounds: int = MATCHES,
@@ -57,7 +58,9 @@ def log_evaluation(
         UserError: a folder that holds something else, another training, or a score of so many steps; an
             unknown suite, or a model that cannot play its side.
     """
-    steps = integer(steps, "steps", 0)
+    steps, seconds = integer(steps, "steps", 0), float(seconds)
+    if not 0 <= seconds < math.inf:
+        raise UserError(f"seconds: expected a finite number, 0 or more, got {seconds:g}")
     folder = Path(folder)
     evaluator = PolicyEvaluator(suite, rounds)
     if training_seed is None:
@@ -82,7 +85,7 @@ def log_evaluation(
                 f"{folder}: has a score of {rows[-1]['steps']:,} steps already, so none of {steps:,} can "
                 "follow; choose another folder for another training"
             )
-        row = {"steps": steps, "seconds": round(float(seconds), 2), "side": evaluator.suite.side}
+        row = {"steps": steps, "seconds": round(seconds, 2), "side": evaluator.suite.side}
         row |= evaluator.score(model)
         if not (folder / FILE).exists():
             about.write(folder)

@@ -18,7 +18,7 @@ from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
 from fpg_bench.evaluation.record import HASHED_TALLIES, Plans, Record
 from fpg_bench.evaluation.rounds import MatchBatch, make_match, play_round
-from fpg_bench.evaluation.seeds import evaluation_seeds, season_name
+from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.metrics import pool as pooled_tally
 from fpg_bench.game.spec import game_product
@@ -152,7 +152,6 @@ class _Sums:
             lost=int(lost.sum()),
             rounds_sha256=self._digest.hexdigest(),
             plans=self._plan_statistics() if self._plans else None,
-            season=season_name(self._suite.season),
         )
 
     def commonest_problem(self) -> str:

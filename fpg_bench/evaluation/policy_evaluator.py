@@ -37,7 +37,7 @@ class PolicyEvaluator:
     The matches are of tuning seeds, which no result is reported on, so a training loop may choose by its
     scores; :func:`fpg_bench.log_evaluation` also writes them down.
 
-    >>> evaluator = PolicyEvaluator("ally-v1", rounds=1)
+    >>> evaluator = PolicyEvaluator("ally-v2", rounds=1)
     >>> evaluator.score("expert")["score"] > evaluator.score("idle")["score"]
     True
 

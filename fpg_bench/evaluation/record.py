@@ -87,8 +87,6 @@ class Record:
         lost: number of rounds lost by an answer that is not a valid action.
         rounds_sha256: of the tallies of all rounds, as far as every record has them.
         plans: statistics of planned paths; None if the entry plans none.
-        season: name of the season whose evaluation seeds were played, such as ``season-2``: the suite
-            ``NAME@season-2`` plays them again. None of public seeds, and where it was not written down.
     """
 
     __pydantic_config__ = _CONFIG
@@ -106,7 +104,6 @@ class Record:
     lost: Count
     rounds_sha256: Word
     plans: Plans | None = None
-    season: Word | None = None
 
     @property
     def key(self) -> MatchupKey:
@@ -117,8 +114,6 @@ class Record:
         """Return the record as a row of JSON; the tuples of its rounds' numbers are shared, not copied."""
         row: Row = {spec.name: getattr(self, spec.name) for spec in dataclasses.fields(self)}
         row["tally"] = dict(self.tally)
-        if self.season is None:
-            del row["season"]
         if self.plans is None:
             del row["plans"]
             return row
@@ -194,7 +189,7 @@ def read_record(row: Row, where: str) -> Record:
     Raises:
         UserError: a key missing or unknown, or a value that no record has; ``where`` begins the message.
     """
-    check_keys(row, _KEYS, where, needed=[key for key in _KEYS if key not in ("plans", "season")])
+    check_keys(row, _KEYS, where, needed=[key for key in _KEYS if key != "plans"])
     tally, plans = row["tally"], row.get("plans")
     check_keys(tally, _NAMES, f"{where}: tally", needed=HASHED_TALLIES)
     if isinstance(plans, dict) and any(_is_long(value) for value in plans.values()):

@@ -186,7 +186,7 @@ class Store(EncounterStore[Pairing, Record]):
     >>> from fpg_bench.evaluation.entry import player_entry
     >>> from fpg_bench.evaluation.evaluate import with_matches
     >>> from fpg_bench.evaluation.suite import load_suite
-    >>> wanted = pairings([player_entry("expert")], with_matches(load_suite("ally-v1"), 1))
+    >>> wanted = pairings([player_entry("expert")], with_matches(load_suite("ally-v2"), 1))
     >>> store = Store()
     >>> len(store.fill(wanted)), store.missing(wanted)
     (10, [])

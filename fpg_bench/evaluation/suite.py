@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import hashlib
 import json
 import re
+import string
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,7 @@ from fpg_bench.common.imports import SUITE, check_allowed, code_fingerprint, is_
 from fpg_bench.common.products import files_of_products
 from fpg_bench.common.schema import Items, PositiveInt, Strict, Word, parse
 from fpg_bench.common.strict_json import JsonObject
-from fpg_bench.evaluation.seeds import SEASON, season_seed
+from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec, OtherGame, game_product, other_game
 from fpg_bench.players.agent import read_card, suites_folder
@@ -33,7 +33,6 @@ from fpg_bench.players.remote import is_remote
 MOST_ROUNDS = 1_000_000  # per rival
 PLANNER = "planner"  # the side of suites whose entries plan the opponent's path
 _SAME_FOR_ALL = ("steps_per_round", "rounds_per_match", "frequency_points")  # so that sums can be pooled
-_ON_SEASON = re.compile(r"(.+)@(season-[\w-]+)\Z", re.ASCII)  # a suite on the seeds of a closed season
 # Names of scripts and agents of the package: neither code (a:b) nor paths that lead out of it.
 SHIPPED = re.compile(r"^[\w-][\w.-]*(/[\w-][\w.-]*)*\Z", re.ASCII)
 Rewards = TypeVar("Rewards", float, np.ndarray)
@@ -231,7 +230,7 @@ def suite_of(game: GameSpec, side: str | None = None) -> str:
     Players of ``paper`` and ``link`` are measured there, unless they fly or are flown by a planner.
 
     >>> suite_of(GameSpec("FPG/OpponentVsScripted-v0", path="learned"))
-    'opponent-learned-v1'
+    'opponent-learned-v2'
 
     Args:
         game: the game.
@@ -247,7 +246,7 @@ def suite_of(game: GameSpec, side: str | None = None) -> str:
     scenario = game.scenario.name if isinstance(game.scenario, Scenario) else game.scenario
     if not learned and scenario in ("paper", "link"):
         return f"{side}-{scenario}-v1"
-    return "opponent-learned-v1" if learned else f"{side}-v1"
+    return "opponent-learned-v2" if learned else f"{side}-v2"
 
 
 def side_suite(side: str, scenario: Scenario) -> Suite:
@@ -262,12 +261,21 @@ def suite_file(name: str) -> Path:
     Raises:
         UserError: no such suite.
     """
-    name = _ON_SEASON.sub(r"\1", name)
     if name.endswith((".yml", ".yaml")):
         return Path(name)
     if (path := _suite_files().get(name)) is None:
-        raise UserError(f"unknown suite {name!r}{nearest(name, suite_names())}")
+        raise UserError(f"unknown suite {name!r}{_instead(name)}")
     return path
+
+
+def _instead(name: str) -> str:
+    """Return the end of the message on an unknown suite: the newest of another number, or the nearest."""
+    base, at, _ = name.partition("@")
+    kin = [known for known in suite_names() if known.rstrip(string.digits) == base.rstrip(string.digits)]
+    if not kin:
+        return nearest(base, suite_names())
+    seeds = ": a suite has evaluation seeds of its own" if at else ""
+    return f"{seeds}; use {(base if base in kin else kin[-1])!r}"
 
 
 def suite_names() -> list[str]:
@@ -389,10 +397,7 @@ def read_suite(name: str) -> Suite:
 def load_suite(
     name: str, side: str | None = None, shipped: bool = False, allow: Collection[str] = ()
 ) -> Suite:
-    """Load a suite and its players by its name (``ally-v1``) or from a YAML file of the same form.
-
-    ``ally-v2@season-2`` is the suite ``ally-v2`` on the evaluation seeds of that closed season, as the
-    leaderboard plays it.
+    """Load a suite and its players by its name (``ally-v2``) or from a YAML file of the same form.
 
     Args:
         name: the suite's name or file.
@@ -429,11 +434,7 @@ def _read(name: str, side: str | None = None) -> tuple[Suite, _SuiteFile]:
         verb = "plan compare" if content.side == PLANNER else "evaluate"
         raise UserError(f"suite {name}: measures the {content.side}, not the {side}; write fpg-bench {verb}")
     try:
-        suite = content.build(path.stem)
-        if at := _ON_SEASON.match(name):
-            seed = season_seed(at[2])
-            suite = dataclasses.replace(suite, name=f"{suite.name}@{at[2]}", season=seed)
-        return suite, content
+        return content.build(path.stem), content
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
 

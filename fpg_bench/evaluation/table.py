@@ -86,7 +86,8 @@ def caption(summaries: Sequence[Summary], suite: Suite) -> str:
     elsewhere = [summary.entry for summary in summaries if summary.training.elsewhere]
     note = f" Trained in another scenario than the suite's: {', '.join(elsewhere)}." if elsewhere else ""
     code = ", ".join(f"{summary.entry} ({summary.played})" for summary in summaries if summary.played)
-    note += f" Code, as it was when it was played: {code}." if code else ""
+    what = f"Rows against code ({', '.join(suite.code)})" if suite.code else "Code"
+    note += f" {what}, as it was when it was played: {code}." if code else ""
     return (
         f"Suite {suite.name} ({suite.hash[:12]}): {met}. Return: the {whose}, per step, mean over "
         f"rivals; {suite.scale.description}; worst: the lowest return per step, against one of them. "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -210,10 +209,10 @@ class Zoo:
 
 
 def _read(file: Path, suite: Suite, players: Players, **names: str) -> list[Record]:
-    """Return the records of players on a suite in a file; those of the board get other names."""
+    """Return the records of players on a suite in a file; names replace those of the board."""
     rows = (row | names for row in RowFile(file).read() if row.get("kind") != "result")
     return [
-        dataclasses.replace(record, suite=suite.name)  # of a season's suite the board has another name
+        record
         for record in read_records(rows, f"records {file}")
         if record.suite_hash == suite.hash[:16]
         and record.fingerprint == players.get((record.entry, record.training_seed))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import io
 import math
+from array import array
+from itertools import product, zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_bounded
 
 COLUMNS = ("x", "y", "z", "gain_db")
-_MOST_BYTES = 100_000_000
+_MOST_BYTES = 40_000_000
 _TOLERANCE = 1e-6  # of a spacing
 
 
@@ -55,45 +56,52 @@ def load_channel(path: str | Path) -> Channel:
             that comes twice; or the grid has holes or unequal spacings.
     """
     where = f"channel {path}"
-    text = read_bounded(Path(path), "channel", _MOST_BYTES).decode("utf-8", "replace")
-    lines = csv.reader(io.StringIO(text))
-    head = next(lines, [])
-    if tuple(word.strip() for word in head) != COLUMNS:
+    held = io.BytesIO(read_bounded(Path(path), "channel", _MOST_BYTES))
+    lines = enumerate(io.TextIOWrapper(held, "utf-8", "replace"), 1)
+    _, head = next(lines, (1, ""))
+    if tuple(map(str.strip, head.split(","))) != COLUMNS:
         raise UserError(
-            f"{where}: line 1: expected the columns {','.join(COLUMNS)}, got {','.join(head)!r:.60}"
+            f"{where}: line 1: expected the columns {','.join(COLUMNS)}, got {head.strip()!r:.60}"
         )
-    gains: dict[tuple[float, ...], float] = {}
-    for line in lines:
-        if line:
-            *place, gain = _numbers(line, f"{where}: line {lines.line_num}")
-            if gain > 0:
-                number = f"line {lines.line_num}: gain_db {gain:g}"
-                raise UserError(f"{where}: {number}: at most 0 dB; write a path loss with a minus")
-            if gains.setdefault(tuple(place), gain) is not gain:
-                raise UserError(f"{where}: line {lines.line_num}: {place} comes twice")
-    axes = [sorted({place[axis] for place in gains}) for axis in range(3)]
+    numbers, line_of = array("d"), array("L")
+    for number, line in lines:
+        if line.strip():
+            numbers.extend(_numbers(line, f"{where}: line {number}"))
+            line_of.append(number)
+    rows = np.array(numbers).reshape(-1, len(COLUMNS))
+    order = np.lexsort(rows[:, 2::-1].T)
+    places, gains = rows[order, :3], rows[order, 3]
+    if (again := order[1:][(places[1:] == places[:-1]).all(axis=1)]).size:
+        first = again.min()
+        raise UserError(f"{where}: line {line_of[first]}: {rows[first, :3].tolist()} comes twice")
+    axes = [np.unique(axis) for axis in places.T]
     for name, axis in zip(COLUMNS, axes, strict=False):
         if len(axis) < 2:
             raise UserError(f"{where}: {name}: expected 2 places or more, got {len(axis)}")
         steps = np.diff(axis)
         if np.ptp(steps) > _TOLERANCE * steps.mean():
             raise UserError(f"{where}: {name}: unequal spacings, {steps.min():g} to {steps.max():g} m")
-    full = [(x, y, z) for x in axes[0] for y in axes[1] for z in axes[2]]
-    if hole := next((place for place in full if place not in gains), None):
-        raise UserError(f"{where}: no gain at {hole}: a grid has a row for each of its {len(full):,} places")
     shape = tuple(map(len, axes))
+    if math.prod(shape) > len(places):  # the grid is made of what is held alone
+        full = product(*(axis.tolist() for axis in axes))
+        hole = next(wanted for wanted, place in zip_longest(full, map(tuple, places)) if wanted != place)
+        raise UserError(
+            f"{where}: no gain at {hole}: a grid has a row for each of its {math.prod(shape):,} places"
+        )
     return Channel(
-        np.array([gains[place] for place in full]).reshape(shape),
+        gains.reshape(shape),
         np.array([axis[0] for axis in axes]),
         np.array([(len(axis) - 1) / (axis[-1] - axis[0]) for axis in axes]),
     )
 
 
-def _numbers(line: list[str], where: str) -> list[float]:
+def _numbers(line: str, where: str) -> list[float]:
     try:
-        numbers = [float(word) for word in line]
+        numbers = [float(word) for word in line.split(",")]
     except ValueError:
-        raise UserError(f"{where}: expected four numbers, got {','.join(line)!r:.60}") from None
+        raise UserError(f"{where}: expected four numbers, got {line.strip()!r:.60}") from None
     if len(numbers) != len(COLUMNS) or not all(map(math.isfinite, numbers)):
-        raise UserError(f"{where}: expected four finite numbers, got {','.join(line)!r:.60}")
+        raise UserError(f"{where}: expected four finite numbers, got {line.strip()!r:.60}")
+    if numbers[3] > 0:
+        raise UserError(f"{where}: gain_db {numbers[3]:g}: at most 0 dB; write a path loss with a minus")
     return numbers

@@ -6,6 +6,7 @@ import contextlib
 import functools
 import hashlib
 import os
+import pickle
 import shutil
 import sys
 import time
@@ -86,8 +87,40 @@ class ByContent(getattr(caching, "UserProvidedCacheLocator", object)):  # type: 
         return str(super().get_suitable_cache_subpath(py_file))
 
 
+class _Hashed(caching.IndexDataCacheFile):
+    """Numba's files of a cached function, each pickle behind its hash: damaged code ends a process."""
+
+    def _dump(self, content: Any) -> bytes:
+        data: bytes = super()._dump(content)  # type: ignore[no-untyped-call]
+        return hashlib.sha256(data).digest() + data
+
+    def _load_data(self, name: str) -> Any:
+        """Return the content of a file; raises ValueError for a damaged one."""
+        data = Path(self._cache_path, name).read_bytes()
+        if hashlib.sha256(data[32:]).digest() != data[:32]:
+            raise ValueError(f"{name}: damaged")
+        return pickle.loads(data[32:])
+
+    def _save_index(self, overloads: dict[Any, str]) -> None:
+        self._save_data(self._index_name, (self._source_stamp, overloads))  # type: ignore[no-untyped-call]
+
+    def _load_index(self) -> Any:
+        try:
+            stamp, overloads = self._load_data(self._index_name)
+        except FileNotFoundError:
+            return {}
+        return overloads if stamp == self._source_stamp else {}
+
+
 class _Cache(caching.FunctionCache):
     """Numba's cache of a function, in which a damaged file is a miss: it is compiled and written anew."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)  # type: ignore[no-untyped-call]
+        files = self._cache_file
+        self._cache_file = _Hashed(  # type: ignore[no-untyped-call]
+            self._cache_path, self._impl.filename_base, files._source_stamp
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code of a signature; None if there is none, or none that can be read."""
@@ -116,7 +149,7 @@ def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
     with _cached_in(folder):
         dispatcher = numba.njit(**options)(function)
         if folder is not None:
-            dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
+            dispatcher._cache = _Cache(function)
         return dispatcher
 
 

@@ -138,9 +138,9 @@ class GameSpec:
         """
         kind = type(game) if isinstance(game, GameSpec) else kind_of(game)
         if unknown := next((name for name in options if name not in option_names(kind)), None):
-            raise UnknownOptionError(
-                f"got an unexpected keyword argument {unknown!r}{nearest(unknown, option_names(kind))}"
-            )
+            others = [id for id in offered("game") if unknown in option_names(kind_of(id))]
+            hint = f": only {others[0]} has it" if others else nearest(unknown, option_names(kind))
+            raise UnknownOptionError(f"got an unexpected keyword argument {unknown!r}{hint}")
         if not isinstance(game, GameSpec):
             game = kind(game, **{name: options.pop(name) for name in _FIRST if name in options})
         game = dataclasses.replace(game, **options)

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fpg_bench.common.errors import UserError, first_line, one_line
+from fpg_bench.common.errors import UserError, first_line, meant, one_line
 from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_bounded, read_json
 from fpg_bench.common.products import load
@@ -230,8 +230,13 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
                 f"{home}/{groups[0]} for instance"
             )
         if folder.is_dir():
+            if not (folder / FILE).exists():
+                raise UserError(f"agent {os.fspath(name)!r}: the folder holds none; is its run finished?")
             return folder
-    raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder")
+    agents = baselines_folder() / "agents"
+    seeds = [path.parent.relative_to(agents) for path in agents.glob(f"*/*/*/{FILE}")]
+    near = meant(os.fspath(name), {path.as_posix() for seed in seeds for path in (seed, seed.parent)})
+    raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder{near}")
 
 
 def is_shipped(name: str | os.PathLike[str]) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import pydantic
 
-from fpg_bench.common.checks import title
+from fpg_bench.common.checks import mapping, title
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json, write_json, write_whole
 from fpg_bench.common.ids import DUEL, ENVS
@@ -126,7 +126,7 @@ class AgentCard(Strict):
         if isinstance(game, GameSpec):
             content = content | {"game": game}
             if isinstance(game, OtherGame):
-                content["skills"] = game.skills | content.get("skills", {})
+                content["skills"] = game.skills | dict(mapping(content.get("skills", {}), "skills"))
                 game.check_skills(content["skills"])
             if not game.is_duel:  # the id says the side
                 content["side"] = game.sides[0]

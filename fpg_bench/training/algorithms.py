@@ -71,7 +71,11 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     root = stacked[1] if stacked else name
     offer = offered("algorithm").get(root)
     if offer is None or (stacked and not offer.stacks):
-        raise UserError(f"unknown algorithm {name!r}{nearest(name, (*ALGORITHMS, *JOINT, *OFFLINE))}")
+        import stable_baselines3
+
+        is_sb3 = hasattr(stable_baselines3, name.upper())
+        hint = f"; write stable_baselines3:{name.upper()}" if is_sb3 else ""
+        raise UserError(f"unknown algorithm {name!r}{hint or nearest(name, (*ALGORITHMS, *JOINT, *OFFLINE))}")
     return Algorithm(
         name,
         offer.base or root,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL
 from fpg_bench.game.spec import GameSpec
@@ -28,7 +29,7 @@ class RunConfig:
 
     >>> config = RunConfig("ppo", GameSpec("FPG/AllyVsScripted-v0", path="circle"), steps=100_000)
     >>> config.spec.path, config.suites()
-    (('circle',), ['ally-v1'])
+    (('circle',), ['ally-v2'])
 
     Attributes:
         algorithm: one of :data:`fpg_bench.training.algorithms.ALGORITHMS` and the like,
@@ -67,6 +68,9 @@ class RunConfig:
     def __post_init__(self) -> None:
         spec = GameSpec.of(self.game, allow=self.allow)
         spec.check_trusted()
+        for name in ("seed", "steps"):
+            if (number := getattr(self, name)) is not None:
+                object.__setattr__(self, name, integer(number, name, 1 if name == "steps" else 0))
         pins = {side: pinned(getattr(spec, side)) for side in SIDES}
         object.__setattr__(self, "game", dataclasses.replace(spec, **pins))
 

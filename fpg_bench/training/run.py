@@ -37,7 +37,7 @@ class Run:
     ...     run = Run(f"{folder}/ppo", config)
     ...     agent = run.train(evaluations=0, progress=False)
     ...     again = Run(f"{folder}/ppo")  # as in another process
-    ...     results = again.evaluate("ally-v1", matches=1)
+    ...     results = again.evaluate("ally-v2", matches=1)
     ...     difference = again.export(f"{folder}/mine/seed_0")
     >>> again.config.algorithm, len(results), difference < 1e-4
     ('ppo', 1, True)

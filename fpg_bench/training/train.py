@@ -29,6 +29,7 @@ from torch.distributions import Distribution
 from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, one_line
+from fpg_bench.common.files import naming
 from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load
 from fpg_bench.common.rows import Row
@@ -141,7 +142,7 @@ def train(
         for side, suite in zip(run.sides, run.suites, strict=True)
         if evaluations
     }
-    with run.folder.locked():
+    with run.folder.locked(), naming(run.folder.path):
         state = run.folder.state(run.about, allow_unfinished=restart or resume)
         if state is None or not state.finished:
             if state is not None and resume:

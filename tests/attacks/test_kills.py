@@ -220,7 +220,7 @@ def test_files_of_another_user_are_one_line_that_names_them(words, named, tmp_pa
     shared, own = tmp_path / "shared", tmp_path / "own"
     for folder in (own, shared / "hidden"):
         folder.mkdir(parents=True)
-    evaluate(["idle"], "ally-v1", shared / "results", matches=1)
+    evaluate(["idle"], "ally-v2", shared / "results", matches=1)
     (shared / "hidden.yml").touch()
     for path in (shared / "hidden", shared / "hidden.yml"):
         path.chmod(0)

@@ -34,7 +34,7 @@ from tests.training.tiny import settings
 __all__ = ["hub"]
 
 VERBS = {
-    "evaluate": "evaluate expert idle --suite ally-v1 --matches 2 --out FOLDER",
+    "evaluate": "evaluate expert idle --suite ally-v2 --matches 2 --out FOLDER",
     "compare": "plan compare hold hill-climb --suite planner-v1 --matches 2 --out FOLDER",
     "reproduce": "reproduce yang-2026 fig4 --n-seeds 1 --n-jobs 1 --out FOLDER",
 }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import gzip
 import json
 import random
 import tracemalloc
+import urllib.parse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +15,7 @@ from typing import Any
 import pytest
 
 from fpg_bench.common.errors import printable
-from fpg_bench.products.language_models.client import ERRORS, MOST_TOKENS, read_completion, read_reply
+from fpg_bench.products.language_models.client import ERRORS, MOST_TOKENS, read_completion, read_reply, redact
 from tests.attacks import SCALE, SEED
 from tests.attacks.json_texts import hostile_text
 from tests.products.language_models.fault_server import FaultServer, completion
@@ -64,6 +66,22 @@ def _somewhere(rng: random.Random, word: str) -> Any:
         word,
     ]
     return rng.choice(places)
+
+
+@pytest.mark.parametrize("before", ["", "x", "Bearer "])
+def test_a_key_is_struck_out_however_it_is_written(before):
+    key = "sk-abc/DEF+12é34"
+    said = before + key
+    for form in (
+        said,
+        " ".join(said),
+        json.dumps(said),
+        urllib.parse.quote(said, safe=""),
+        "".join(f"%{byte:02x}" for byte in said.encode()),
+        base64.b64encode(f"{said}yz".encode()).decode(),
+        base64.urlsafe_b64encode(said.encode()).decode(),
+    ):
+        assert len(redact(key, f"the key is {form}.")) < len(f"the key is {form}.") - len(key) + 5, form
 
 
 def _tokens(rng: random.Random, key: str) -> tuple[Any, dict[str, str]]:

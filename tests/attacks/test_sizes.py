@@ -82,7 +82,7 @@ def test_a_suite_has_no_more_rounds_than_can_be_played(changes, tmp_path):
 
 
 def test_a_table_of_many_entries_draws_the_first_and_ranks_none(tmp_path):
-    suite = dataclasses.replace(load_suite("ally-v1"), matches=2, rivals=load_suite("ally-v1").rivals[:1])
+    suite = dataclasses.replace(load_suite("ally-v2"), matches=2, rivals=load_suite("ally-v2").rivals[:1])
     records = [
         record for k in range(MOST_RANKED + 1) for record in records_of(suite, f"entry {k}", [[k, k + 1.0]])
     ]

@@ -17,7 +17,7 @@ from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.game.scenario import Scenario
 
 
-def write_run(folder, algorithm="ppo", seed=0, slope=1.0, suite="ally-v1", steps=(0, 100, 200, 400)):
+def write_run(folder, algorithm="ppo", seed=0, slope=1.0, suite="ally-v2", steps=(0, 100, 200, 400)):
     folder.mkdir(parents=True)
     about = {"algorithm": algorithm, "training_seed": seed, "suite": suite}
     (folder / "run.json").write_text(json.dumps(about))
@@ -54,11 +54,11 @@ def test_runs_of_one_algorithm_are_named_by_their_folders(runs, tmp_path):
 
 
 def test_runs_that_cannot_be_drawn_together_are_refused(runs, tmp_path):
-    write_run(tmp_path / "other", suite="opponent-v1")
+    write_run(tmp_path / "other", suite="opponent-v2")
     write_run(tmp_path / "blind", steps=(0,))
     (tmp_path / "empty").mkdir()
     for folder, message in (
-        ("other", "was evaluated on ally-v1, .*other on opponent-v1; draw them apart"),
+        ("other", "was evaluated on ally-v2, .*other on opponent-v2; draw them apart"),
         ("blind", "blind was not evaluated during its training; see --n-evals"),
         ("empty", r"empty holds no evaluations\.jsonl; name the folder of a run"),
     ):

@@ -18,7 +18,7 @@ from fpg_bench.players.card import AgentCard
 
 @pytest.fixture(scope="module")
 def suite():
-    return dataclasses.replace(load_suite("ally-v1"), matches=1)
+    return dataclasses.replace(load_suite("ally-v2"), matches=1)
 
 
 @pytest.fixture(scope="module")

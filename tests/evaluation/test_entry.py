@@ -16,7 +16,7 @@ from tests.training.making import make_agent, make_zoo
 
 @pytest.fixture(scope="module")
 def suite():
-    return load_suite("ally-v1")
+    return load_suite("ally-v2")
 
 
 @pytest.fixture
@@ -102,6 +102,20 @@ def test_two_policies_of_one_training_seed_are_refused_and_one_by_two_names_is_o
     with pytest.raises(UserError, match=r"ppo: two different players of training seed 0; .* with a --name"):
         entries_of([one, other], suite)
     assert names([one, same], suite) == [("ppo", 0)]
+
+
+@pytest.mark.parametrize("name", ["mine (2)", "modèle", "a(b) c"])
+def test_a_name_of_ones_own_may_have_parentheses_and_accents(suite, name):
+    script = "by-type(hold_s=3)"
+    assert [each.name for each in entries_of([f"{name}=expert"], suite)] == [name]
+    assert [each.name for each in entries_of([script], suite)] == [script]
+
+
+def test_one_player_is_a_list_of_one_and_no_player_is_refused(suite):
+    assert [each.name for each in entries_of("expert", suite)] == ["expert"]
+    for none in ([], {}, {"mine": []}):
+        with pytest.raises(UserError, match="players: there are none; name at least one"):
+            entries_of(none, suite)
 
 
 def test_a_player_may_have_a_name_of_ones_own(suite, agent):

@@ -128,7 +128,7 @@ def test_a_folder_whose_description_is_no_evaluations_is_named(suite, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / "rows.jsonl").write_text('{"player": "expert"}\n')
-    for about in ({"suite": "ally-v1", "panel_hash": "0", "rounds": 2}, {"suite": 5}, {}):
+    for about in ({"suite": "ally-v2", "panel_hash": "0", "rounds": 2}, {"suite": 5}, {}):
         (out / "evaluation.json").write_text(json.dumps(about))
         for use in (lambda: read_results(out), lambda: evaluate(["idle"], suite, out)):
             with pytest.raises(
@@ -151,7 +151,7 @@ def test_an_evaluation_that_never_began_claims_no_folder(suite, tmp_path):
         evaluate(["expertt"], suite, tmp_path / "out")
     assert not (tmp_path / "out").exists()
     (tmp_path / "out").mkdir()
-    about = {"suite": "opponent-v1", "suite_hash": "0", "matches": 2}
+    about = {"suite": "opponent-v2", "suite_hash": "0", "matches": 2}
     (tmp_path / "out" / "evaluation.json").write_text(json.dumps(about))
     (tmp_path / "out" / "records.jsonl").touch()
     assert evaluate(["idle"], suite, tmp_path / "out")
@@ -332,7 +332,7 @@ def test_entries_of_one_name_and_seed_are_refused_however_they_come(suite, tmp_p
 def test_a_file_in_the_place_of_the_results_folder_is_refused_by_name(tmp_path):
     (tmp_path / "mine").write_text("")
     with pytest.raises(UserError, match=r"out: .*mine is a file; name a folder"):
-        evaluate(["expert"], "ally-v1", tmp_path / "mine", matches=1)
+        evaluate(["expert"], "ally-v2", tmp_path / "mine", matches=1)
 
 
 @pytest.mark.parametrize("name", ["", "a\tb", "x" * 201])

@@ -16,7 +16,7 @@ from fpg_bench.evaluation.suite import load_suite
 
 @pytest.fixture(scope="module")
 def suite():
-    whole = load_suite("ally-v1")
+    whole = load_suite("ally-v2")
     return dataclasses.replace(whole, matches=20, rivals=whole.rivals[:2])
 
 

@@ -22,7 +22,7 @@ def test_logged_scores_become_one_curve_of_all_seeds(tmp_path):
     for seed in (0, 1):
         for steps in (0, 100, 200):
             row = fpg_bench.log_evaluation(tmp_path / f"seed_{seed}", Still(), steps, steps / 50, rounds=1)
-    assert row["score"] == fpg_bench.PolicyEvaluator("ally-v1", rounds=1).score(Still())["score"]
+    assert row["score"] == fpg_bench.PolicyEvaluator("ally-v2", rounds=1).score(Still())["score"]
     rows = read_runs([tmp_path])
     assert {each["training_seed"] for each in rows} == {0, 1}
     assert curves(rows, "steps")["Still"].x[[0, -1]] == pytest.approx([100, 200])
@@ -33,6 +33,8 @@ def test_a_folder_keeps_the_scores_of_one_training(tmp_path):
     before = (tmp_path / "own/evaluations.jsonl").read_bytes()
     with pytest.raises(UserError, match="has a score of 100 steps already"):
         fpg_bench.log_evaluation(tmp_path / "own", Still(), 100, 1.0, rounds=1)
+    with pytest.raises(UserError, match="seconds: expected a finite number, 0 or more, got nan"):
+        fpg_bench.log_evaluation(tmp_path / "late", Still(), 1, float("nan"))
     with pytest.raises(UserError, match="training of another algorithm; choose another folder"):
         fpg_bench.log_evaluation(tmp_path / "own", Still(), 200, 1.0, rounds=1, algorithm="other")
     assert (tmp_path / "own/evaluations.jsonl").read_bytes() == before
@@ -46,9 +48,9 @@ def test_a_loop_over_evaluation_seeds_is_warned_of_once(monkeypatch, caplog):
     caplog.set_level(logging.WARNING, "fpg_bench")
     monkeypatch.setattr(logging.getLogger("fpg_bench"), "propagate", True)
     for _ in range(4):
-        fpg_bench.evaluate(["idle"], "ally-v1", matches=1)
+        fpg_bench.evaluate(["idle"], "ally-v2", matches=1)
     assert not caplog.records
     for _ in range(5):
-        fpg_bench.evaluate({"mine": Still()}, "ally-v1", matches=1)
+        fpg_bench.evaluate({"mine": Still()}, "ally-v2", matches=1)
     (record,) = caplog.records
     assert "PolicyEvaluator" in record.message

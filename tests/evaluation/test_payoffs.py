@@ -66,7 +66,7 @@ def test_matching_pennies_are_played_evenly_and_nobody_gains_by_another_answer()
 
 @pytest.fixture(scope="module")
 def suite():
-    whole = load_suite("ally-v1")
+    whole = load_suite("ally-v2")
     return dataclasses.replace(whole, matches=3, rivals=whole.rivals[:3])
 
 

@@ -12,7 +12,7 @@ from fpg_bench.players.scripted import Scripted
 
 @pytest.fixture(scope="module")
 def suite():
-    whole = load_suite("ally-v1")
+    whole = load_suite("ally-v2")
     return dataclasses.replace(whole, matches=6, rivals=whole.rivals[5:8])
 
 
@@ -22,7 +22,7 @@ def suite():
 def test_a_line_says_who_met_whom_and_what_came_of_it(suite):
     record = play(player_entry("expert"), suite, suite.rivals[0])
     told = (record.suite, record.suite_hash, record.entry, record.fingerprint, record.rival)
-    assert told == ("ally-v1", suite.hash[:16], "expert", "expert", suite.rivals[0].name)
+    assert told == ("ally-v2", suite.hash[:16], "expert", "expert", suite.rivals[0].name)
     assert len(record.returns) == suite.rounds == 6
     assert record.tally["steps"] == 6 * 300 == sum(record.ally_points) == sum(record.jam_points)
     assert sum(record.returns) == pytest.approx(record.tally["ally_return"], abs=0.01)
@@ -51,7 +51,7 @@ def test_the_hash_is_of_the_rounds_and_not_of_the_name(suite):
 
 
 def test_an_opponents_suite_counts_the_opponents_returns():
-    suite = dataclasses.replace(load_suite("opponent-learned-v1"), matches=2)
+    suite = dataclasses.replace(load_suite("opponent-learned-v2"), matches=2)
     best, last = (play(player_entry(name), suite, suite.rivals[1]) for name in ("adaptive", "random"))
     assert sum(best.returns) == pytest.approx(best.tally["opponent_return"], abs=0.01)
     assert best.tally["near"] > last.tally["near"]

@@ -26,7 +26,7 @@ class Following:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("who", "name"), [("following", "ally-v1"), ("random", "opponent-v1"), ("following", "ally-planner-v1")]
+    ("who", "name"), [("following", "ally-v2"), ("random", "opponent-v2"), ("following", "ally-planner-v1")]
 )
 def test_scores_are_those_of_an_evaluation_on_the_same_seeds(name, who):
     """To the digit, for players that remember and for such that draw at random."""
@@ -52,13 +52,13 @@ def test_scores_are_those_of_an_evaluation_on_the_same_seeds(name, who):
 
 
 def test_rounds_are_rounded_up_to_whole_matches():
-    assert PolicyEvaluator("ally-v1", rounds=4).suite.matches == 4
+    assert PolicyEvaluator("ally-v2", rounds=4).suite.matches == 4
     assert PolicyEvaluator("ally-planner-v1", rounds=11).suite.matches == 2  # of ten rounds
 
 
 def test_the_runs_own_scenario_is_played_and_has_no_score_but_the_return():
     short = as_scenario(None, steps_per_round=50)
-    ours, theirs = (PolicyEvaluator("ally-v1", 2, scenario) for scenario in (short, None))
+    ours, theirs = (PolicyEvaluator("ally-v2", 2, scenario) for scenario in (short, None))
     assert ours.suite.scale == Scale() != theirs.suite.scale
     found = ours.score(Following())
     assert found["return"] != theirs.score(Following())["return"]
@@ -68,13 +68,13 @@ def test_the_runs_own_scenario_is_played_and_has_no_score_but_the_return():
 
 
 def test_the_suites_own_scenario_by_another_road_keeps_its_scale():
-    suite = load_suite("ally-v1")
+    suite = load_suite("ally-v2")
     flown = as_scenario(None, opponent_path=("pursuit", "circle"))
     assert PolicyEvaluator(suite, 1, flown).suite.scale == suite.scale
 
 
 def test_a_suite_of_another_side_is_refused():
     with pytest.raises(UserError, match="measures the opponent, not the ally"):
-        PolicyEvaluator("opponent-v1", side="ally")
+        PolicyEvaluator("opponent-v2", side="ally")
     with pytest.raises(UserError, match="measures the planner, not the ally or opponent"):
         PolicyEvaluator("planner-v1")

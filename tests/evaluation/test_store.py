@@ -36,7 +36,7 @@ Store(Path(sys.argv[1])).fill(wanted(small()), slow)
 
 def small(matches=1):
     """The first rivals of a suite, met in few matches."""
-    suite = load_suite("ally-v1")
+    suite = load_suite("ally-v2")
     return dataclasses.replace(suite, matches=matches, rivals=suite.rivals[:3])
 
 
@@ -99,7 +99,7 @@ def test_another_policy_of_the_same_name_is_missing_and_a_store_of_one_suite_ref
 
 def test_records_of_another_suite_are_refused(store):
     store.fill(wanted(small()))
-    with pytest.raises(UserError, match=r"holds some of another suite \(ally-v1\); choose another folder"):
+    with pytest.raises(UserError, match=r"holds some of another suite \(ally-v2\); choose another folder"):
         store.claim(wanted(small(2)))
 
 

@@ -36,42 +36,25 @@ HASHES = {
     "ally-link-v1": "b39544c5ab49db5273b39f523bc492460298d8626e53c9f6c7e8a45299565104",
     "ally-paper-v1": "a7be5dd53db0a6f75a04c360701e2abcf13d926a628cace8b63e6322842c1216",
     "ally-planner-v1": "9542ff8bb4e492ff7b4f8fb7e1af000b7c1a4072183944a56703fef411a857bf",
-    "ally-responses-v1": "925e5b7f5cf4358f40e731c5538c97b4de25e0efffa60b38fcbb00cbfe5066ac",
     "ally-responses-v2": "adb17d5ae6fa9b03b67da85f95de91019022a3e0ee2147009ee4944805d087f0",
-    "ally-season-1": "da468645b77eeceb515c26611e21e4f1687e0066e7a88aaf2275d9e04ba0359a",
-    "ally-season-2": "a88cb669523f8d28ebd70e6fc5c8806edeba1551632713c02005de9a52982025",
     "ally-season-3": "d8ebb1d780ddd2e1cd4ec695a565738cb946c74eb0809bdc6245349947ebd1e0",
     "ally-season-4": "f977620e6a5d958c6226741b565b509c71684f0a054d6184e666f45b21671dd3",
-    "ally-shifted-v1": "f4f4d87ca97c752544bb2e1b50fa2a01bdf7fb3aa47e8535bc2b1533cd87a804",
     "ally-shifted-v2": "da4fc0f50a924d5110a172ede687c8084383b46edb634d0b26fd0d0801168f09",
-    "ally-v1": "1c8703d86b80810d5af185793ea1a4ccfa44f66e55727e7538d5bc7642466430",
     "ally-v2": "8287bf93c1bbd16810e19ada31a8c1f992b9d6ab7b744f8639324e1cf39c8551",
-    "opponent-learned-responses-v1": "146cc0428850323b4a1c28d527a783d1a0240ed07a6b019e52cfa9b358fb6f37",
     "opponent-learned-responses-v2": "881563ac034a8039e7f48e891b3ff70969c0a64828d41f8f97fa1c3c94fe47ff",
-    "opponent-learned-season-1": "eaf80a78d88790543cffb9c3a71fbb62583c9b0a574aca6f9de92b10a724dadb",
-    "opponent-learned-season-2": "48e782d914bab9a81ef6214034b02c081be1ebbeb474590ed5090f6fa2fdd34e",
     "opponent-learned-season-3": "44080c758ef8389a678ab7daed360a48588ace086fa87b877369885e567586f2",
     "opponent-learned-season-4": "14a1c4b0d059cfbdd1a358d00b1a0ddcf6719343346fe2e3b93987c1e1efff35",
-    "opponent-learned-shifted-v1": "343d70a64e57347bfbe7a00c5e05a3dcd59afd2581e7c12b3b097880eb4c904b",
     "opponent-learned-shifted-v2": "db782c5c01bc367b7f5d7e5f3b08b0d2d4ed739987626f05384604faf19debde",
-    "opponent-learned-v1": "1d923106e265ed617fb5f990c9d2ec73e8e0052474d17189f8a366b835c42efb",
     "opponent-learned-v2": "d860ff6d4c1c9c74e0d2ff8e9cc37f0f98423acd258eec1c1877786f022e4f09",
     "opponent-link-season-4": "aa7169b84a29f45b689e3fcf413130bc00c7866265dd51ff8881fef53ea1e2cf",
     "opponent-link-shifted-v1": "e4f8556120e36964a9daded4a53e49fbca5d53232ffd4b8173cc1d76fa60bacc",
     "opponent-link-v1": "c5a2f61e35e28d5a4c96caf90049f7896f0037813203ad0b4adab96540b85dcf",
     "opponent-paper-v1": "de7ba4370ee1e78ed09d5c7e264f71a6195ba0dde2040b633caa18e050c7d81a",
-    "opponent-responses-v1": "5678490f1303556f3f5ee85cbd003e52cde610896af53a205a917f5229405484",
     "opponent-responses-v2": "d4702fdac4c44093b38fa4109b7f58d97c945278795ac0e029376d20862fc4dd",
-    "opponent-season-1": "8e1fdce6ea0eb7739eaa881e80e02c7f7621c176850fab4af6aa47258ff8a2f2",
-    "opponent-season-2": "9def8ac5cb1543e35c3c9c7a61d5ee8a02a5bc694e3e92cc8c37b3a4dd647cfc",
     "opponent-season-3": "b3f647d23df55aef6ee5e9f1a58613c9221338fb9f3186b7ec35d396b883facf",
     "opponent-season-4": "1611f60e11ad823f319d50a3fb31bdccbc2357e070f4dcafe415371bb4880e4d",
-    "opponent-shifted-v1": "cda7571c9bbfe432dd2baf1ec7c890cbc08ea035f3c0549968a4f33636438ea8",
     "opponent-shifted-v2": "0f7493c2d7878d9cb3efe1e4577a46f116c746b0929a328256f4fade5b8b44c0",
-    "opponent-v1": "3a8daa473f345272e6a94cf477f557a78646c7bf780ca1a88827c6fa6636eaf1",
     "opponent-v2": "36a15b69d05807970752da8db1d93be13b710344608727329682e8201653233e",
-    "planner-season-1": "eaaf12cd0add25ad04bff2dd10f601c6cfd1040d57fc8a9473470d74ba477914",
-    "planner-season-2": "cdad0800fe1098c6740757787925069c2e32dc289cfdf5c84b64f521fdcf193b",
     "planner-season-3": "2a88234a64a46134069eee68a41b8d219223411020a99e86dacc374022fcf9ed",
     "planner-season-4": "a3cb178f7e7c996ec9e193f2b298db156e64375859fce2b95d507b894f2ce890",
     "planner-v1": "c73eed222cd62de8f0c73c1fd27d5f49f8d5bbace21c95f39b84d34540128a1b",
@@ -95,10 +78,10 @@ def test_public_suites_have_a_scale_and_rivals_that_can_be_had(name):
 
 def test_every_id_has_its_suite():
     for env_id, options, name in (
-        ("FPG/AllyVsScripted-v0", {}, "ally-v1"),
+        ("FPG/AllyVsScripted-v0", {}, "ally-v2"),
         ("FPG/AllyVsPlanner-v0", {}, "ally-planner-v1"),
-        ("FPG/OpponentVsScripted-v0", {"path": "learned"}, "opponent-learned-v1"),
-        ("FPG/OpponentVsPolicy-v0", {"path": None}, "opponent-v1"),
+        ("FPG/OpponentVsScripted-v0", {"path": "learned"}, "opponent-learned-v2"),
+        ("FPG/OpponentVsPolicy-v0", {"path": None}, "opponent-v2"),
         ("FPG/AllyVsScripted-v0", {"scenario": "link"}, "ally-link-v1"),
         ("FPG/OpponentVsPolicy-v0", {"scenario": "paper", "path": "circle"}, "opponent-paper-v1"),
     ):
@@ -167,7 +150,7 @@ def test_bad_suite_files(tmp_path, old, new, message):
 
 
 def test_an_unknown_suite_suggests_and_a_missing_file_is_said():
-    with pytest.raises(UserError, match="did you mean 'ally-v1'"):
+    with pytest.raises(UserError, match="did you mean 'ally-v2'"):
         load_suite("aly-v1")
     with pytest.raises(UserError, match=r"^suite nope\.yml: cannot be read: No such file or directory$"):
         load_suite("nope.yml")
@@ -177,17 +160,25 @@ def test_a_suite_of_another_side_names_the_command_that_plays_it():
     with pytest.raises(UserError, match=r"measures the planner, not the ally; write fpg-bench plan compare"):
         load_suite("planner-v1", side="ally")
     with pytest.raises(UserError, match=r"measures the ally, not the planner; write fpg-bench evaluate"):
-        load_suite("ally-v1", side="planner")
+        load_suite("ally-v2", side="planner")
 
 
-def test_a_public_suite_is_played_on_the_seeds_of_a_season_as_on_the_board():
-    public, season = load_suite("ally-v2"), load_suite("ally-season-2")
-    suite = load_suite("ally-v2@season-2")
-    assert suite == dataclasses.replace(public, name="ally-v2@season-2", season=season.season)
-    with pytest.raises(UserError, match="no season 'season-9' is closed; did you mean"):
-        load_suite("ally-v2@season-9")
-    with pytest.raises(UserError, match="unknown suite 'aly-v2'; did you mean 'ally-v2'"):
-        load_suite("aly-v2@season-2")
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("ally-v1", "; use 'ally-v2'"),
+        ("opponent-learned-shifted-v1", "; use 'opponent-learned-shifted-v2'"),
+        ("ally-season-1", "; use 'ally-season-4'"),
+        ("planner-season-2", "; use 'planner-season-4'"),
+        ("ally-v2@season-4", ": a suite has evaluation seeds of its own; use 'ally-v2'"),
+        ("ally-v1@season-1", ": a suite has evaluation seeds of its own; use 'ally-v2'"),
+        ("aly-v2@season-4", "; did you mean 'ally-v2'?"),
+    ],
+)
+def test_a_suite_that_went_names_the_one_that_stays(name, remedy):
+    with pytest.raises(UserError) as error:
+        load_suite(name)
+    assert str(error.value) == f"unknown suite {name!r}{remedy}"
 
 
 def test_the_hash_speaks_of_everything_that_decides():

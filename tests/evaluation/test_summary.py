@@ -13,7 +13,7 @@ STEPS = 300
 
 @pytest.fixture(scope="module")
 def suite():
-    whole = load_suite("ally-v1")
+    whole = load_suite("ally-v2")
     return dataclasses.replace(whole, matches=4, rivals=whole.rivals[:3], scale=Scale(zero=-10.0, top=30.0))
 
 
@@ -92,7 +92,7 @@ def test_an_entry_without_all_its_lines_is_left_out(suite):
     (found,) = summarise(records, suite)
     assert found.training_seeds == 1
     assert summarise(records[:2], suite) == []
-    with pytest.raises(UserError, match="suite ally-v1: records of ppo are missing"):
+    with pytest.raises(UserError, match="suite ally-v2: records of ppo are missing"):
         summary_of(records[:2], suite)
     with pytest.raises(UserError, match="records are missing"):
         summary_of([], suite)

@@ -31,7 +31,7 @@ NAMES = ("ppo", "recurrent-ppo", "expert-spread")
 
 @pytest.fixture(scope="module")
 def suite():
-    return dataclasses.replace(load_suite("ally-v1"), matches=3)
+    return dataclasses.replace(load_suite("ally-v2"), matches=3)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def summaries(suite):
         line
         for k, name in enumerate(NAMES)
         for seed in seeds[name]
-        for line in records_of(suite, name, [[9.0 - k, 3.0 - k, (seed or 0) - 4.5]] * 10, seed)
+        for line in records_of(suite, name, [[9.0 - k, 3.0 - k, (seed or 0) - 4.5]] * len(suite.rivals), seed)
     ]
     return summarise(lines, suite)
 
@@ -105,7 +105,7 @@ def test_the_files_hold_everything(summaries, suite, tmp_path):
     by_name = {line.split(" | ")[0].strip("| "): line for line in text.splitlines()}
     assert "†" in by_name["ppo"]
     assert "†" not in by_name["recurrent-ppo"] + by_name["expert-spread"]
-    assert "score: 0 = -5.66 per step (random), 100 = 22" in text
+    assert "score: 0 = -6.9 per step (random), 100 = 22" in text
     rows = list(csv.DictReader((tmp_path / "table.csv").open()))
     assert [row["entry"] for row in rows] == [summary.entry for summary in summaries]
     for row, summary in zip(rows, summaries, strict=True):

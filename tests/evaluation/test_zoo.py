@@ -63,9 +63,9 @@ def test_learners_of_papers_play_the_games_of_ally_link():
 
 def test_a_training_is_scored_on_the_usual_suite_of_its_game():
     groups = {group.name: group for group in load_zoo().groups}
-    assert groups["ally-scripted"].training_suite == "ally-v1"
+    assert groups["ally-scripted"].training_suite == "ally-v2"
     assert groups["ally-planner"].training_suite == "ally-planner-v1"
-    assert groups["opponent-learned"].training_suite == "opponent-learned-v1"
+    assert groups["opponent-learned"].training_suite == "opponent-learned-v2"
 
 
 def test_bad_zoo_files(tmp_path):

@@ -110,13 +110,15 @@ def test_an_unwritable_cache_still_plays_and_says_so(tmp_path, monkeypatch, capf
 
 @pytest.mark.full
 @pytest.mark.process
-@pytest.mark.parametrize("damage", [b"", b"\x80", b"garbage" * 9])
+@pytest.mark.parametrize("damage", [b"", b"\x80", b"garbage" * 9, None])
 def test_a_damaged_file_of_the_cache_is_compiled_anew(damage, tmp_path):
     before = use(tmp_path).stdout
     files = [path for path in tmp_path.rglob("*") if path.suffix in (".nbi", ".nbc")]
     assert files
     for file in files:
-        file.write_bytes(damage)
+        flipped = bytearray(file.read_bytes())
+        flipped[len(flipped) // 2] ^= 1  # within the machine code
+        file.write_bytes(flipped if damage is None else damage)
     again = use(tmp_path)
     assert (again.stdout, NOTICE in again.stderr) == (before, True)
     assert NOTICE not in use(tmp_path).stderr

@@ -115,6 +115,7 @@ def test_a_scenario_that_cannot_be_told_is_named_by_the_caller(own):
         ({"game": None}, "game: expected a mapping"),
         ({"game": {"id": "FPG/AllyVsScripted-v9"}}, "which this version does not have"),
         ({"game": {"id": "FPG/AllyVsScripted-v0", "pth": "circle"}}, "game: unknown key 'pth'"),
+        ({"game": {"id": "FPG/team_v0", "side": "ally"}, "skills": 5}, "skills: expected a mapping, got 5"),
         ({"training_seed": True}, "training_seed: expected a whole number or null"),
         ({"training_steps": -1}, "training_steps: expected a whole number from 0"),
         ({"policies": ["a"]}, "policies: expected a mapping"),

@@ -96,7 +96,7 @@ def test_a_live_model_scores_as_its_exported_agent(tmp_path):
     model = a_model(learned(normalized()))
     export_agent(model, tmp_path, training_seed=0)
     check_player(model, "ally")
-    scores = [row.score for row in evaluate({"live": model, "agent": str(tmp_path)}, "ally-v1", matches=1)]
+    scores = [row.score for row in evaluate({"live": model, "agent": str(tmp_path)}, "ally-v2", matches=1)]
     assert scores[0].value == pytest.approx(scores[1].value, abs=0.01)
 
 

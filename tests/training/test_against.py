@@ -103,7 +103,7 @@ def test_tables_show_the_steps_and_seconds_that_were_played_with_those_of_the_ru
     assert 1000 <= card.seconds < 1500
     about = json.loads((tmp_path / "next" / "run.json").read_text())
     assert (about["steps_done"], about["seconds"]) == (800, card.seconds)
-    summary = evaluate([str(tmp_path / "next")], "ally-v1", matches=1)
+    summary = evaluate([str(tmp_path / "next")], "ally-v2", matches=1)
     assert summary[0].training == TrainingCost(800, card.seconds)
 
 

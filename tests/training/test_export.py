@@ -163,7 +163,7 @@ def test_agents_hop_to_the_points_that_their_games_draw(way, tmp_path, monkeypat
     assert (agent.noise_size, agent.card.game.actions) == (1, "uniform-hop")
     others = [load_agent(tmp_path, trusted=False), ActorPlayer(model), model]
     rows = evaluate(
-        {"agent": agent} | {str(k): other for k, other in enumerate(others)}, "ally-v1", matches=2
+        {"agent": agent} | {str(k): other for k, other in enumerate(others)}, "ally-v2", matches=2
     )
     assert len({row.score for row in rows}) == 1
     assert rows[0].pooled.measures["hop_rate"] > 0.01
@@ -174,7 +174,7 @@ def test_a_users_own_dqn_is_exported_and_evaluated(tmp_path):
     assert export_agent(model, tmp_path / "agent", training_seed=0) == 0
     assert load_agent(tmp_path / "agent").card.game.id == "FPG/AllyVsScripted-v0"
     both = {"model": model, "agent": str(tmp_path / "agent")}
-    returns = {row.entry: row.score for row in evaluate(both, "ally-v1", matches=2)}
+    returns = {row.entry: row.score for row in evaluate(both, "ally-v2", matches=2)}
     assert returns["model"] == returns["agent"]
     model.save(tmp_path / "model.zip")
     loaded = DQN.load(tmp_path / "model.zip")  # without games

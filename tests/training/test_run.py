@@ -105,7 +105,7 @@ def test_a_recorded_command_makes_the_run_again(tmp_path, monkeypatch):
     entry["policy_kwargs"] = {"net_arch": [8], "features_extractor_class": CODE}
     file, out, again = (tmp_path / name for name in ("tiny.yml", "a run", "again"))
     file.write_text(yaml.safe_dump({ALLY: entry}))
-    options = {"hyperparams": file, "suite": "ally-shifted-v1", "n-evals": 0, "path": "circle,triangle"}
+    options = {"hyperparams": file, "suite": "ally-shifted-v2", "n-evals": 0, "path": "circle,triangle"}
     options |= {"seed": 3, "steps": 400, "allow": CODE, "out": out}
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     policy, command = by_command_line(["train", "ppo", ALLY, *words], out)
@@ -128,12 +128,12 @@ def test_a_run_of_python_s_objects_has_no_command(tmp_path):
 
 
 def test_another_suite_for_the_same_run_is_refused(tmp_path):
-    train_tiny("ppo", tmp_path / "run", suite="ally-shifted-v1")
-    train_tiny("ppo", tmp_path / "run", suite="ally-shifted-v1")
-    for options in ({}, {"suite": "ally-v1", "resume": True}):
+    train_tiny("ppo", tmp_path / "run", suite="ally-shifted-v2")
+    train_tiny("ppo", tmp_path / "run", suite="ally-shifted-v2")
+    for options in ({}, {"suite": "ally-v2", "resume": True}):
         with pytest.raises(UserError) as raised:
             train_tiny("ppo", tmp_path / "run", **options)
         assert str(raised.value) == (
-            f"{tmp_path / 'run'}: holds this run scored on ally-shifted-v1, not on ally-v1; keep its suite "
-            "(--suite ally-shifted-v1), or choose another folder"
+            f"{tmp_path / 'run'}: holds this run scored on ally-shifted-v2, not on ally-v2; keep its suite "
+            "(--suite ally-shifted-v2), or choose another folder"
         )

@@ -45,8 +45,8 @@ def test_the_other_side_is_named_once_and_a_suite_follows_from_the_side():
         run_config("ppo", POLICY, against="expert", ally="idle")
     with pytest.raises(UserError, match="both sides learn; omit it"):
         run_config("maddpg", DUEL, against="expert")
-    assert RunConfig("maddpg", DUEL).suites() == ["ally-v1", "opponent-v1"]
-    assert run_config("ppo", POLICY, path="learned").suites() == ["opponent-learned-v1"]
+    assert RunConfig("maddpg", DUEL).suites() == ["ally-v2", "opponent-v2"]
+    assert run_config("ppo", POLICY, path="learned").suites() == ["opponent-learned-v2"]
     assert RunConfig("ppo", ALLY, suite="ally-v2").suites() == ["ally-v2"]
     assert run_config("ppo", ALLY, path="circle", suite="ally-v2").suites() == ["ally-v2"]
 
@@ -74,7 +74,7 @@ def test_an_id_of_discrete_actions_is_the_plain_id_with_an_option():
     config = RunConfig("dqn", "fpg_bench:FPG/AllyVsScriptedDiscrete-v0")
     assert config.spec == run_config("dqn", ALLY, actions="discrete").spec
     assert config.spec.to_dict() == {"id": ALLY, "actions": "discrete"}
-    assert config.suites() == ["ally-v1"]
+    assert config.suites() == ["ally-v2"]
     with pytest.raises(UserError, match="the id says discrete, got 'continuous'"):
         run_config("dqn", "FPG/AllyVsScriptedDiscrete-v0", actions="continuous")
 
@@ -122,7 +122,7 @@ def test_a_run_describes_how_it_was_made(run, hyperparams):
     assert about["steps_done"] == 2400
     assert about["hyperparameters"]["n_steps"] == 300
     assert about["versions"]["torch"].startswith("2.")
-    assert about["suite"] == "ally-v1"
+    assert about["suite"] == "ally-v2"
     assert about["scenario_fields"] == {}
     # Seconds are written in tenths, and the speed without a fraction
     assert about["seconds"] == pytest.approx(2400 / about["steps_per_s"], abs=0.06, rel=0.02)
@@ -154,12 +154,12 @@ def test_the_policy_is_evaluated_during_training(run):
     for row in rows:
         assert row.keys() == {"side", "steps", "seconds", "score", "return", "rivals", "measures"}
         assert row["side"] == "ally"
-        assert len(row["rivals"]) == 10
+        assert len(row["rivals"]) == 15
     seconds = [row["seconds"] for row in rows]
     assert seconds == sorted(seconds)
     assert rows[0]["score"] != rows[-1]["score"]
     assert (run / "curve.png").read_bytes().startswith(b"\x89PNG")
-    result = PolicyEvaluator("ally-v1", EVALUATION_ROUNDS).score(load_agent(run / "agent"))
+    result = PolicyEvaluator("ally-v2", EVALUATION_ROUNDS).score(load_agent(run / "agent"))
     assert result["score"] == pytest.approx(rows[-1]["score"], abs=2)
 
 
@@ -254,7 +254,7 @@ def test_unknown_and_impossible_options_are_refused(tmp_path):
         ("ppo", "FPG/AllyVsScript-v0", {}, "did you mean 'FPG/AllyVsScripted-v0'"),
         ("ppo", DUEL, {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
         ("maddpg", ALLY, {}, "maddpg: trains both sides, in FPG/duel_v0"),
-        ("maddpg", DUEL, {"suite": "ally-v1"}, "each side of FPG/duel_v0 is scored on its own suite"),
+        ("maddpg", DUEL, {"suite": "ally-v2"}, "each side of FPG/duel_v0 is scored on its own suite"),
         ("maddpg", DUEL, {"opponent": "tone"}, "unexpected keyword argument 'opponent'"),
         ("dqn", ALLY, {"steps": 1000}, "add --actions discrete"),
         ("stable_baselines3:DQN", ALLY, {"steps": 1, "actions": "multi-discrete"}, "add --actions discrete"),

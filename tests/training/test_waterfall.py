@@ -74,7 +74,7 @@ def test_a_model_and_its_agent_score_the_same_and_the_agent_may_be_submitted(tmp
     model = make_model(DQN)
     export_agent(model, tmp_path / "agent", training_seed=0)
     agent = load_agent(tmp_path / "agent")
-    scores = [row.score for row in evaluate({"model": model, "agent": agent}, "ally-v1", matches=2)]
+    scores = [row.score for row in evaluate({"model": model, "agent": agent}, "ally-v2", matches=2)]
     assert scores[0] == scores[1]
     check_player(agent, "ally")
     check_player(as_player(model, "ally", as_scenario(None)), "ally")

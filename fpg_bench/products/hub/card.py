@@ -13,7 +13,6 @@ from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import markdown
 from fpg_bench.players.card import AgentCard
-from fpg_bench.products.leaderboard.tracks import task_id
 from fpg_bench.version import __version__
 
 _TASK = "reinforcement-learning"
@@ -109,7 +108,7 @@ def results_yaml(benchmark: str, repository: str, summaries: Sequence[Summary]) 
     return yaml.safe_dump(
         [
             {
-                "dataset": {"id": benchmark, "task_id": task_id(summary.suite.name)},
+                "dataset": {"id": benchmark, "task_id": summary.suite.name},
                 "value": round(summary.score.value, 1),
                 "source": source.copy(),
                 "notes": f"95 % interval {_ends(summary.score, 1)} over {summary.over}; "

@@ -5,8 +5,6 @@ directions:`` if there is one, and within it the last JSON object with ``waypoin
 read strictly; any other text by its bracketed triples, which must be exactly as many as asked for, since it
 cannot be known which of them are the path. The answer names the rule that was broken. No pattern backtracks
 far: each reads any text in time linear in its length.
-
-The parser has versions. A transcript is read by the version that it was recorded with.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,8 +22,6 @@ from numpy.typing import NDArray
 from fpg_bench.common.strict_json import Json
 from fpg_bench.players.planner import Array, Limits, Request
 
-PARSER = 2  # version of the parser that reads new answers
-PARSERS = (1, PARSER)
 READ_CHARS = 200_000  # about 2000 waypoints as indented JSON; a longer answer is not read
 BOX_SLACK = 0.05  # by the box's side: a point this far outside is moved in
 
@@ -59,7 +55,7 @@ class Answer:
     refused: bool = False
 
 
-def read_answer(text: str, limits: Limits, parser: int = PARSER) -> Answer:
+def read_answer(text: str, limits: Limits) -> Answer:
     """Read the waypoints in a model's answer; never raises, whatever the text.
 
     A remainder of more than ``READ_CHARS`` characters, without the reasoning, is not valid.
@@ -67,16 +63,14 @@ def read_answer(text: str, limits: Limits, parser: int = PARSER) -> Answer:
     Args:
         text: what the model wrote.
         limits: of the path that was asked for.
-        parser: a version in ``PARSERS``.
     """
-    thoughts, read = _VERSIONS[parser]
-    answer = _without_thoughts(text, thoughts).translate(_ASCII).strip()
+    answer = _without_thoughts(text).translate(_ASCII).strip()
     if len(answer) > READ_CHARS:
         problem = f"the answer has {len(answer)} characters, but at most {READ_CHARS} are read"
         return Answer(None, "none", problem=problem)
-    rung, points = read(answer)
+    rung, points = _read_last(answer)
     if points is not None:
-        return _checked(points, rung, limits, cuts_triples=parser == 1)
+        return _checked(points, rung, limits)
     problem = f"no points found, expected {limits.waypoints}"
     return Answer(None, "none", problem=problem, refused=bool(_REFUSAL.search(answer)))
 
@@ -128,7 +122,6 @@ _THOUGHTS = re.compile(
     """,
     re.IGNORECASE | re.VERBOSE,
 )
-_FIRST_THOUGHTS = re.compile(r"<(?P<tag>/?)think(?:ing)?>", re.IGNORECASE)  # of version 1
 
 # Full-width forms of ASCII, and the brackets, commas, quotes and minus that have none
 _ASCII = {code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)} | str.maketrans(
@@ -136,7 +129,7 @@ _ASCII = {code: code - 0xFEE0 for code in range(0xFF01, 0xFF5F)} | str.maketrans
 )
 
 
-def _without_thoughts(text: str, marks: re.Pattern[str]) -> str:
+def _without_thoughts(text: str) -> str:
     """Return the text outside reasoning.
 
     An end mark without a start closes all text before it, unless answers end with it as well (``stop``); a
@@ -144,7 +137,7 @@ def _without_thoughts(text: str, marks: re.Pattern[str]) -> str:
     """
     kept: list[str] = []
     start, thinking = 0, False
-    for mark in marks.finditer(text):
+    for mark in _THOUGHTS.finditer(text):
         ends = any(mark.groupdict().values())
         if mark.lastgroup == "stop" and not thinking:
             continue
@@ -158,22 +151,11 @@ def _without_thoughts(text: str, marks: re.Pattern[str]) -> str:
     return " ".join(kept if thinking else [*kept, text[start:]])  # a space: digits must not join
 
 
-# The parsers: each returns the place of the points, and the points; None: there are none
-
-
-def _read_first_found(text: str) -> tuple[str, list[Point] | None]:
-    """Version 1: the first of three parsers that finds points in all of the text."""
-    content = _json(text)
-    items = content.get("waypoints") if isinstance(content, dict) else content
-    if isinstance(items, list) and all(isinstance(item, list | dict) for item in items):
-        return "json", _json_points(items)
-    if (start := _directions_end(text)) and (points := _triples(text[start:])):
-        return "directions", points
-    return "triples", _triples(text)
+# The parser
 
 
 def _read_last(text: str) -> tuple[str, list[Point] | None]:
-    """Version 2: what stands last."""
+    """Return where the points that stand last were found, and the points; None: there are none."""
     if (path := _json_path(text)) is not None:
         return "json", path
     start = _directions_end(text)
@@ -254,11 +236,6 @@ def _triples(text: str) -> list[Point] | None:
     return [tuple(float(part) for part in match.groups() if part) for match in _TRIPLE.finditer(text)] or None
 
 
-_VERSIONS: dict[int, tuple[re.Pattern[str], Callable[[str], tuple[str, list[Point] | None]]]] = {
-    1: (_FIRST_THOUGHTS, _read_first_found),
-    2: (_THOUGHTS, _read_last),
-}
-
 # Possessive repeats (++, *+) give nothing back, so a number is read whole and only once
 _NUMBER = r"([-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:e[-+]?[0-9]++)?|[-+]?(?:nan|inf(?:inity)?)\b)"
 _METRES = r"(?:\s*+(?:m|met(?:er|re)s?|米)\b)?"
@@ -280,12 +257,12 @@ _REFUSAL = re.compile(
 )
 
 
-# After the parsers
+# After the parser
 
 
-def _checked(points: list[Point], rung: str, limits: Limits, cuts_triples: bool) -> Answer:
+def _checked(points: list[Point], rung: str, limits: Limits) -> Answer:
     n = limits.waypoints
-    if len(points) < n or (len(points) > n and rung != "json" and not cuts_triples):
+    if len(points) < n or (len(points) > n and rung != "json"):
         return Answer(None, rung, problem=f"expected {n} points, got {len(points)}")
     asked = points[:n]
     for number, point in enumerate(asked, 1):

@@ -9,10 +9,12 @@ needs.
 from __future__ import annotations
 
 import asyncio
+import base64
 import functools
 import importlib
 import json
 import logging
+import re
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -412,10 +414,23 @@ def read_completion(body: Json) -> Reply:
 
 
 def redact(secret: str | None, text: str) -> str:
-    """Return a text with the key struck out, as it is and as JSON writes it; very short keys are left."""
+    """Return a text with the key struck out; very short keys are left.
+
+    It may be written as it is, as JSON or an address writes it, with blanks between its letters, or in
+    base64, also within a longer text.
+    """
     if secret is None or len(secret) < SHORTEST_SECRET:
         return text
-    return text.replace(secret, "***").replace(json.dumps(secret)[1:-1], "***")
+    letters = []
+    for letter in secret:
+        percent = "".join(f"%{byte:02x}" for byte in letter.encode())
+        letters.append("|".join(map(re.escape, (percent, letter, json.dumps(letter)[1:-1]))))
+    forms = [r"\s*".join(f"(?:{each})" for each in letters)]
+    for before in range(3):  # bytes; the first and the last letter may also stand for a neighbour's bits
+        coded = base64.b64encode(b"\0" * before + secret.encode()).decode().rstrip("=")
+        coded = coded[before + (before > 0) : -1]
+        forms.append("".join({"+": "[+-]", "/": "[/_]"}.get(letter, letter) for letter in coded))
+    return re.sub("|".join(forms), "***", text, flags=re.IGNORECASE)
 
 
 def one_line(text: str) -> str:

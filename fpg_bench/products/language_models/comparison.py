@@ -13,17 +13,16 @@ from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
 from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.entry import EvaluatedPlayer
-from fpg_bench.evaluation.seeds import SeasonKey, current_season
+from fpg_bench.evaluation.seeds import current_season
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.planner import PLANNERS
-from fpg_bench.products.language_models.answers import PARSER
 from fpg_bench.products.language_models.budget import CallBudget
 from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlanner
 from fpg_bench.products.language_models.options import LLMOptions
 from fpg_bench.products.language_models.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.products.language_models.servers import endpoint_from_environment
-from fpg_bench.products.language_models.transcript import Header, RunHeader, Transcript, chain_start
+from fpg_bench.products.language_models.transcript import Header, RunHeader, Transcript
 
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
 _SAMPLING = ("temperature", "sampling_seed")
@@ -48,7 +47,6 @@ def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, 
         "prompt_hash": load_prompt(prompt).hash,
         "temperature": endpoint.server.temperature if llm.temperature is None else llm.temperature,
         "sampling_seed": llm.sampling_seed or 0,
-        "parser": PARSER,
         "suite": suite.name,
         "suite_hash": suite.hash,
         "matches": suite.matches,
@@ -58,19 +56,17 @@ def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, 
     }
     about = parse(RunHeader, content, f"planner {name}")
     if season is not None:
-        about = about.model_copy(update={"nonce": nonce_of(about, season)})
+        about = about.model_copy(update={"nonce": nonce_of(about, season.seed)})
     arguments = llm.arguments()
     budget = _budget(folder, {cap: arguments.pop(cap) for cap in _CAPS if cap in arguments})
 
     def make(ally: Rival) -> LLMPlanner:
-        header = _claim(folder, about, suite)
+        _claim(folder, about, suite)
         planner = LLMPlanner(
             suite.scenario,
             endpoint,
             transcript=folder / transcript_name(ally.name),
             mode="record",
-            chain=chain_start(header.to_dict(), transcript_name(ally.name)),
-            parser=header.parser,
             **arguments | {"prompt": prompt, "control": control},
         )
         planner.budget = budget
@@ -104,24 +100,19 @@ def _replayed_entry(folder: Path, suite: Suite) -> EvaluatedPlayer:
         raise UserError(f"transcripts {folder}: its {PROMPT} is not the prompt that was recorded")
 
     def make(ally: Rival) -> LLMPlanner:
-        chain = chain_start(about.to_dict(), transcript_name(ally.name))
-        return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name), chain)
+        return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name))
 
     return EvaluatedPlayer(folder.name, None, _fingerprint(about), make)
 
 
-def nonce_of(about: RunHeader, season: SeasonKey) -> str:
+def nonce_of(about: RunHeader, season_seed: str) -> str:
     """Return a hash of a season's seed and of a run's description, which nobody knew before the season."""
-    words = [season.seed, about.model, about.control, about.prompt_hash, about.suite_hash]
+    words = [season_seed, about.model, about.control, about.prompt_hash, about.suite_hash]
     return hashlib.sha256("/".join(words).encode()).hexdigest()
 
 
-def _claim(folder: Path, about: RunHeader, suite: Suite) -> RunHeader:
-    """Write the description and the prompt beside transcripts; refuse those of another planner.
-
-    Returns:
-        The description in the folder, written when the run was begun.
-    """
+def _claim(folder: Path, about: RunHeader, suite: Suite) -> None:
+    """Write the description and the prompt beside transcripts; refuse those of another planner."""
     if any(path.stat().st_size for path in folder.glob("*.jsonl")):
         known = read_header(folder)
         _check_suite(folder, known, suite)
@@ -131,14 +122,13 @@ def _claim(folder: Path, about: RunHeader, suite: Suite) -> RunHeader:
                 raise other_content(
                     f"transcripts {folder}", f"answers recorded with {key} {before}, not {now}"
                 )
-        return known
+        return
     if (folder / ABOUT).exists():  # the run was begun with another ally, and nothing was answered yet
         known = read_header(folder)
-        if all(getattr(known, key) == getattr(about, key) for key in (*_DECIDING, "parser", "suite_hash")):
-            return known
+        if all(getattr(known, key) == getattr(about, key) for key in (*_DECIDING, "suite_hash")):
+            return
     write_whole(folder / PROMPT, prompt_file(about.prompt).read_bytes())
     write_json(folder / ABOUT, about.to_dict())
-    return about
 
 
 def _check_suite(folder: Path, about: RunHeader, suite: Suite) -> None:
@@ -158,7 +148,7 @@ def read_header(folder: Path) -> RunHeader:
 
 def _fingerprint(about: RunHeader) -> str:
     given = about.to_dict()
-    values = [given[key] for key in (*_DECIDING, "parser") if key in given]
+    values = [given[key] for key in _DECIDING if key in given]
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
@@ -188,7 +178,6 @@ def replaying(
     prompt: Prompt,
     header: Header,
     transcript: Path,
-    chain: str | None = None,
 ) -> LLMPlanner:
     """Return a language model's planner that takes its answers from a transcript; no server is asked.
 
@@ -197,13 +186,12 @@ def replaying(
         prompt: the prompt that was recorded.
         header: that with which every attempt must have been made.
         transcript: the file.
-        chain: the first hash of its chain of hashes; None: no chain.
 
     Raises:
-        UserError: an attempt was made with another model, prompt, control or parser.
+        UserError: an attempt was made with another model, prompt or control.
     """
     planner = LLMPlanner(
-        scenario, prompt=prompt, control=header.control, transcript=transcript, mode="replay", chain=chain
+        scenario, prompt=prompt, control=header.control, transcript=transcript, mode="replay"
     )
     planner.transcript.check_header(header)
     return planner

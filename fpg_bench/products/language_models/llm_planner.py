@@ -19,7 +19,6 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.planner import BatchPlanner, Limits, Patrol, Plan, Request
 from fpg_bench.products.language_models.answers import (
-    PARSERS,
     answer_schema,
     points_in,
     read_answer,
@@ -78,14 +77,11 @@ class LLMPlanner(BatchPlanner):
             :class:`fpg_bench.products.language_models.budget.CallBudget`.
         deadline_s: time for each call; None: 30 s.
         concurrency: number of games asked for at once. Calls under way may exceed the caps.
-        chain: the start of the transcript's chain of hashes; None: no chain.
         temperature: sampling temperature; None: that of the server's profile.
         sampling_seed: determines the seeds that are sent to the server.
-        parser: the version of the parser that reads new answers; None: that of the transcript's first
-            attempt, the newest where there is none. Recorded attempts are read by theirs.
 
     Raises:
-        UserError: no endpoint, an unknown prompt, control, mode or parser, a cap or deadline that is not a
+        UserError: no endpoint, an unknown prompt, control or mode, a cap or deadline that is not a
             positive number, a temperature that the server does not take; while planning: a transcript that
             holds other requests, or in a replay lacks one, or a server that cannot be reached, knows no such
             address or refuses the key.
@@ -109,10 +105,8 @@ class LLMPlanner(BatchPlanner):
         seconds: float = SECONDS,
         deadline_s: float | None = None,
         concurrency: int = 1,
-        chain: str | None = None,
         temperature: float | None = None,
         sampling_seed: int = 0,
-        parser: int | None = None,
     ) -> None:
         control = control or self.control
         if control not in CONTROLS:
@@ -125,12 +119,9 @@ class LLMPlanner(BatchPlanner):
         self.name = "llm" if control == "none" else f"llm-{control}"
         self.control = control
         mode = mode or ("live" if transcript is None else "record")
-        self.transcript = Transcript(transcript, mode, chain)
+        self.transcript = Transcript(transcript, mode)
         self.budget = CallBudget(calls, tokens, seconds)
         self.concurrency, self.sampling_seed = concurrency, integer(sampling_seed, "sampling_seed", 0)
-        if parser not in (None, *PARSERS):
-            raise UserError(f"parser: expected one of {', '.join(map(str, PARSERS))}, got {parser!r:.40}")
-        self._parser = parser
         self._circle = Patrol("circle", scenario)
         self._is_answered = False  # any call of this planner
         self._client: Client | None = None
@@ -141,11 +132,6 @@ class LLMPlanner(BatchPlanner):
             prompt = prompt or asked.server.prompt
         prompt = prompt or self.transcript.first_prompt()
         self.prompt = prompt if isinstance(prompt, Prompt) else load_prompt(prompt)
-
-    @property
-    def parser(self) -> int:
-        """Version of the parser that reads new answers."""
-        return self._parser or self.transcript.first_parser()
 
     def plan_batch(self, requests: Sequence[Request]) -> list[Plan]:
         """Return the plans of some games; an answer's plan does not depend on ``concurrency``.
@@ -207,7 +193,7 @@ class LLMPlanner(BatchPlanner):
         messages = self.prompt.messages(talk.request, self.control)
         if number == LAST:
             first = talk.attempts[FIRST]
-            problem = read_answer(first.text or "", talk.request.limits, first.parser).problem
+            problem = read_answer(first.text or "", talk.request.limits).problem
             messages = reask(messages, first.text or "", problem or "no valid path")
         if self._client is None:
             return {"messages": messages}
@@ -218,8 +204,7 @@ class LLMPlanner(BatchPlanner):
         """Add an attempt to the transcript, with fields for readers that a replay does not need."""
         assert self._client is not None
         request, prompt = talk.request, self.prompt
-        parser = self.parser
-        judged = judge(reply.text, reply.error, request.limits, parser)
+        judged = judge(reply.text, reply.error, request.limits)
         attempt = Attempt(
             seed=request.seed,
             match=request.match,
@@ -238,7 +223,6 @@ class LLMPlanner(BatchPlanner):
             tokens_in=reply.tokens_in,
             tokens_out=reply.tokens_out,
             model=reply.model,
-            parser=parser,
         )
         raw = reply.raw if len(text := _text(reply.raw)) <= _RAW_CHARS else text[:_RAW_CHARS]
         server = self._client.endpoint.server.name
@@ -247,7 +231,7 @@ class LLMPlanner(BatchPlanner):
 
     def _checked(self, attempt: Attempt, limits: Limits) -> Attempt:
         """Return an attempt of the transcript whose fields still follow from its text."""
-        judged = judge(attempt.text, attempt.error, limits, attempt.parser)
+        judged = judge(attempt.text, attempt.error, limits)
         for name, value in judged._asdict().items():
             if getattr(attempt, name) != value:
                 problem = f"is changed: its {name} are not what its text says"
@@ -266,7 +250,7 @@ class LLMPlanner(BatchPlanner):
             source, path = "held", np.array(self._checked(earlier[-1], request.limits).waypoints)
         else:
             source, path = "circle", self._circle.plan_batch([request])[0].waypoints
-        answer = None if last.text is None else read_answer(last.text, request.limits, last.parser)
+        answer = None if last.text is None else read_answer(last.text, request.limits)
         problem = (answer and answer.problem) or last.detail or last.status
         return Plan(path, source, f"fallback-{last.status}", talk.tokens, talk.seconds, problem=problem)
 

@@ -3,9 +3,7 @@
 Files are append-only. Rows have a ``kind``: ``attempt`` (a request with its answer) or ``flown`` (the plan
 that a round flew, where planning runs beside the game); rows of other kinds are left as they are.
 
-A transcript may hold a chain of hashes: each row has a hash of itself and of the hash before it. A row cannot
-be changed, left out or inserted later without a new hash in every row after it, and rows of two runs do not
-go together. The chain does not prove authorship: a complete transcript can always be chained anew.
+Nothing in a file proves who answered: it shows what was changed by accident, not what was made up.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ import logging
 import operator
 import re
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -29,7 +27,7 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import Expected, Strict, parse
 from fpg_bench.common.strict_json import JsonObject, read_object
 from fpg_bench.players.planner import Limits, Request
-from fpg_bench.products.language_models.answers import PARSER, read_answer
+from fpg_bench.products.language_models.answers import read_answer
 from fpg_bench.products.language_models.client import read_completion
 from fpg_bench.products.language_models.prompts import PROMPTS
 
@@ -37,7 +35,6 @@ MODES = ("live", "record", "replay")
 UNANSWERED = ("timeout", "http", "budget")  # errors without any answer of the model
 FIRST, LAST = 0, 1  # the two attempts at a plan: the second one names the rule that the first broke
 TOLERANCE = 0.02  # numbers in a prompt: another machine's last bits may round a reward the other way
-KEY = "chain"  # a row's hash in the chain
 
 # Bounds on transcripts of others
 MOST_BYTES = 16_000_000  # of one transcript, unpacked; that of 4 matches is about 0.3 MB
@@ -62,7 +59,6 @@ Line = Annotated[
     AfterValidator(_printable),
     Expected("a line of at most 1000 characters"),
 ]
-_Version = Annotated[int, Field(ge=1, le=PARSER), Expected(f"a whole number from 1 to {PARSER}")]
 Body = JsonObject  # a request without headers
 Where = tuple[int, int, int, int]  # seed, match, round, attempt
 Place = tuple[int, int, int]  # seed, match, round
@@ -86,7 +82,6 @@ class Attempt(Strict, extra="ignore"):
         seconds: duration of the calls.
         tokens_in, tokens_out: as the server counts them; None: it does not.
         model: the model that answered, as the server reports it; the one asked for is in the request.
-        parser: the version of the parser that read the text; rows without it were read by the first.
     """
 
     seed: int
@@ -108,7 +103,6 @@ class Attempt(Strict, extra="ignore"):
     tokens_in: int | None
     tokens_out: int | None
     model: str | None
-    parser: _Version = 1
 
     def messages(self) -> Iterator[tuple[str, str]]:
         """Yield who says what: the messages of the request, then the answer or the error."""
@@ -160,14 +154,13 @@ class Attempt(Strict, extra="ignore"):
 
 
 class Header(Strict, extra="allow"):
-    """Settings that all attempts of a run share; further keys are kept, since the chain hashes them all.
+    """Settings that all attempts of a run share; further keys are kept.
 
     Attributes:
         model: name of the model that was asked.
         control: what was withheld from it; ``none``: nothing.
         prompt_hash: hash of the prompt.
         temperature, sampling_seed: of sampling; runs of early versions do not say.
-        parser: the version of the parser that read the answers; runs without it were read by the first.
     """
 
     model: Line
@@ -175,7 +168,6 @@ class Header(Strict, extra="allow"):
     prompt_hash: Line
     temperature: int | float | None = None
     sampling_seed: int = 0
-    parser: _Version = 1
 
     def to_dict(self) -> dict[str, object]:
         """Return the keys that it was read from or made with."""
@@ -227,18 +219,17 @@ class Judged(NamedTuple):
     status: str
 
 
-def judge(text: str | None, error: str | None, limits: Limits, parser: int = PARSER) -> Judged:
+def judge(text: str | None, error: str | None, limits: Limits) -> Judged:
     """Return the waypoints, rung and status of an attempt with this reply.
 
     Args:
         text, error: of the reply.
         limits: of the path that was asked for.
-        parser: the version of the parser; see :func:`fpg_bench.products.language_models.answers.read_answer`.
     """
     if error is not None or text is None:
         status = error if error in (*UNANSWERED, "refused") else "invalid"
         return Judged(None, "none", status)
-    answer = read_answer(text, limits, parser)
+    answer = read_answer(text, limits)
     if answer.waypoints is None:
         return Judged(None, answer.rung, "refused" if answer.refused else "invalid")
     status = "repaired" if answer.repaired else "ok"
@@ -252,40 +243,6 @@ def agree(asked: object, recorded: object) -> bool:
         return False
     pairs = zip(x[1::2], y[1::2], strict=True)
     return all(a == b or abs(float(a) - float(b)) <= TOLERANCE for a, b in pairs)
-
-
-# The chain of hashes
-
-
-def chain_start(header: Mapping[str, object], name: str) -> str:
-    """Return the hash at which a transcript's chain begins: of its run's header and its own name."""
-    return _digest([dict(header), name])
-
-
-def linked(before: str, row: Row) -> Row:
-    """Return a row with its hash in the chain.
-
-    Args:
-        before: the hash of the row before, or the chain's start.
-        row: to be written; a hash that it holds already does not count.
-    """
-    content = {name: value for name, value in row.items() if name != KEY}
-    return content | {KEY: _digest([before, content])}
-
-
-def follows(before: str, row: Row, where: str) -> str:
-    """Return the hash of a row that was read.
-
-    Raises:
-        UserError: the row does not follow from the one before; ``where`` begins the message.
-    """
-    link = linked(before, row)[KEY]
-    if row.get(KEY) != link:
-        raise UserError(
-            f"{where} does not follow from the lines before it: one was changed, left out or put in, or the "
-            "lines are of several runs"
-        )
-    return str(link)
 
 
 def _digest(content: object) -> str:
@@ -335,14 +292,13 @@ class Transcript:
         path: the file; None in mode ``live``, and only there. One that is packed (``.gz``) can be replayed.
         mode: ``live``; ``record``: attempts in the file are used, all others are made and appended;
             ``replay``: all must be in the file.
-        chain: the start of its chain of hashes; None: no chain.
 
     Raises:
         UserError: an unknown mode, a path in mode ``live`` or none in another; on first use: no such
             file to replay, another process writes it, or a line is broken.
     """
 
-    def __init__(self, path: str | Path | None = None, mode: str = "live", chain: str | None = None) -> None:
+    def __init__(self, path: str | Path | None = None, mode: str = "live") -> None:
         if mode not in MODES:
             raise UserError(f"transcript: mode is {mode!r}; choose one of {', '.join(MODES)}")
         if (path is None) != (mode == "live"):
@@ -351,8 +307,7 @@ class Transcript:
         self.path = None if path is None else Path(path)
         if mode == "record" and self._is_packed:
             raise UserError(f"transcript {path}: is packed, and can only be replayed; unpack it to go on")
-        self.mode, self.chain = mode, chain
-        self._link = chain  # of the last row
+        self.mode = mode
         self._attempts: dict[Where, Attempt] | None = None
         self._flown: dict[Place, Flown] = {}
         self._held = contextlib.ExitStack()
@@ -366,7 +321,7 @@ class Transcript:
         return twin
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Transcript, (self.path, self.mode, self.chain)
+        return Transcript, (self.path, self.mode)
 
     def close(self) -> None:
         """Release the file for other processes; it is read again when it is next needed."""
@@ -384,12 +339,8 @@ class Transcript:
         name = next((attempt.prompt for attempt in self.attempts()), None)
         return name if name in PROMPTS else "standard"
 
-    def first_parser(self) -> int:
-        """Return the version of the parser that read the first attempt; the newest without attempts."""
-        return next((attempt.parser for attempt in self.attempts()), PARSER)
-
     def check_header(self, header: Header) -> None:
-        """Check that every attempt was made with the model, prompt, control and parser of the run's header.
+        """Check that every attempt was made with the model, prompt and control of the run's header.
 
         Raises:
             UserError: the first attempt that was not.
@@ -397,7 +348,7 @@ class Transcript:
         for attempt in self.attempts():
             model = header.model if attempt.request is None else attempt.request.get("model")
             used = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
-            for name, value in {**used, "parser": attempt.parser}.items():
+            for name, value in used.items():
                 if value != (stated := getattr(header, name)):
                     problem = f"was recorded with {name} {value}, and not {stated} as its header says"
                     raise UserError(self.complaint(attempt.where, problem))
@@ -444,7 +395,7 @@ class Transcript:
             elif attempt.where in attempts:
                 return attempts[attempt.where]
             else:
-                self._append(self.path, [{**attempt.row(), **extra}])
+                RowFile(self.path).append([{**attempt.row(), **extra}])
                 attempts[attempt.where] = attempt
             return attempt
 
@@ -477,7 +428,7 @@ class Transcript:
         with self._lock:
             self._read()
             if self.path is not None and plans:
-                self._append(self.path, [{"kind": "flown", **plan.model_dump()} for plan in plans])
+                RowFile(self.path).append([{"kind": "flown", **plan.model_dump()} for plan in plans])
                 self._flown |= {(plan.seed, plan.match, plan.round): plan for plan in plans}
 
     def complaint(self, where: Sequence[int], problem: str) -> str:
@@ -497,16 +448,6 @@ class Transcript:
                 self._attempts = {} if self.path is None else self._load(self.path)
             return self._attempts
 
-    def _append(self, path: Path, rows: Sequence[Row]) -> None:
-        """Write rows; the chain goes on once they are written."""
-        link, chained = self._link, list(rows)
-        for index, row in enumerate(rows):
-            if link is not None:
-                chained[index] = linked(link, row)
-                link = chained[index][KEY]
-        RowFile(path).append(chained)
-        self._link = link
-
     def _load(self, path: Path) -> dict[Where, Attempt]:
         if self.mode == "record":
             self._held.enter_context(RowFile(path).locked())
@@ -514,11 +455,8 @@ class Transcript:
             raise UserError(f"transcript {path}: no such file to replay")
         attempts: dict[Where, Attempt] = {}
         rows = packed_rows(path) if self._is_packed else RowFile(path).read()
-        self._link = self.chain
         for number, row in enumerate(rows, 1):
             where = f"transcript {path}: line {number}"
-            if self._link is not None:
-                self._link = follows(self._link, row, where)
             if row.get("kind") == "flown":
                 plan = parse(Flown, row, f"{where} is not a valid round")
                 self._flown[plan.seed, plan.match, plan.round] = plan

@@ -9,7 +9,6 @@ from types import MappingProxyType
 
 import numpy as np
 from pydantic import TypeAdapter
-from scipy.stats import ttest_ind
 
 from fpg_bench.common.ids import other_side
 from fpg_bench.evaluation.payoffs import nash
@@ -36,7 +35,6 @@ from fpg_bench.products.leaderboard.result import Result, round_finite
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import (
     PUBLIC,
-    PUBLIC_SEEDS,
     SCENARIOS,
     SHIFTED,
     TRACKS,
@@ -48,8 +46,6 @@ from fpg_bench.products.leaderboard.trail import first_returns, play_options, pl
 from fpg_bench.version import __version__
 
 CROSSPLAY = "cross-play"
-# Points by which a score on public seeds may exceed that on the season's seeds, beyond the track's median.
-SEEDS_GAP = 5.0
 _SAME_WITHIN = 0.005  # of the range of a matrix of cross-play: one player twice
 Matrix = list[list[float | None]]
 
@@ -110,18 +106,6 @@ class UnitScores:
 
     seeds: tuple[tuple[float, ...], ...]
     matches: tuple[tuple[float, ...], ...]
-
-
-@dataclass(frozen=True)
-class SeedsGap:
-    """Score on public seeds minus that on the season's seeds, in points above the track's median.
-
-    Attributes:
-        is_flagged: the gap is large, and larger than chance explains.
-    """
-
-    value: float
-    is_flagged: bool
 
 
 @dataclass(frozen=True)
@@ -192,7 +176,6 @@ class Figures:
     by_seed: Mapping[int, float]
     training_seeds: int
     has_few_seeds: bool
-    seeds_gap: SeedsGap | None
     is_late: bool
     same_policies: tuple[str, ...]
     measures: Mapping[str, float | None]
@@ -406,7 +389,6 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
     )
     placed = standings([item.summaries[role] for item in ranked if not _is_reference(item)])
     ranking = [item.summaries[role] for item in ranked]
-    gaps = _seeds_gaps(verified)
     entries = [
         _make_entry(
             item.submission,
@@ -415,7 +397,6 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
                 item.summaries.get(role, item.summaries[PUBLIC]),
                 worst_case(item.slug, track.side, item.summaries, every.pairs.results.values()),
                 placed.get(item.slug),
-                seeds_gap=gaps.get(item.slug),
                 is_late=_is_late(item.submission, every.suites.season(track)),
                 exploited=_exploited(item, every),
             ),
@@ -487,33 +468,6 @@ def _is_late(submission: Submission, season: SeasonKey | None) -> bool:
     return season is not None and bool(policies) and not season.met(name, policies)
 
 
-def _seeds_gaps(verified: Iterable[VerifiedEntry]) -> dict[str, SeedsGap]:
-    """Return how much more each entry gains on public seeds than the median entry does.
-
-    It is flagged if it exceeds :data:`SEEDS_GAP` and its 95 % interval lies above the median.
-    """
-    gaps = {
-        item.slug: _seeds_gap(item.summaries[PUBLIC_SEEDS], item.summaries[PUBLIC])
-        for item in verified
-        if PUBLIC_SEEDS in item.summaries
-    }
-    median = float(np.median([value for value, _ in gaps.values()])) if gaps else 0.0
-    return {
-        slug: SeedsGap(round_finite(value - median), value - median > SEEDS_GAP and low > median)
-        for slug, (value, low) in gaps.items()
-    }
-
-
-def _seeds_gap(on_public_seeds: Summary, on_season_seeds: Summary) -> tuple[float, float]:
-    """Return the difference of two scores, and the lower end of its 95 % interval over matches, by Welch."""
-    one, other = (
-        summary.suite.scale.score(summary.rewards.mean(axis=(0, 1)))
-        for summary in (on_public_seeds, on_season_seeds)
-    )
-    low = ttest_ind(one, other, equal_var=False).confidence_interval().low
-    return float(one.mean() - other.mean()), float(low)
-
-
 def _make_entry(
     submission: Submission,
     figures: Figures | None = None,
@@ -548,7 +502,6 @@ def _make_figures(
     ranking: Summary,
     worst: WorstCase,
     placed: Standing | None,
-    seeds_gap: SeedsGap | None,
     is_late: bool,
     exploited: Exploited | None,
 ) -> Figures:
@@ -567,13 +520,12 @@ def _make_figures(
             for role, summary in summaries.items()
         },
         first_rounds={role: first_returns(summary.records) for role, summary in summaries.items()},
-        units={role: _make_units(summary) for role, summary in summaries.items() if role != PUBLIC_SEEDS},
+        units={role: _make_units(summary) for role, summary in summaries.items()},
         by_seed={
             seed: round_finite(score) for seed, score in ranking.seed_scores().items() if seed is not None
         },
         training_seeds=public.training_seeds,
         has_few_seeds=0 < public.training_seeds < FEW_SEEDS,
-        seeds_gap=seeds_gap,
         is_late=is_late,
         same_policies=item.same_policies,
         measures={"return": public.reward.value, **public.measures},
@@ -629,13 +581,13 @@ def worst_case(
     Args:
         slug: the entry's slug.
         side: ``ally``, ``opponent`` or ``planner``.
-        summaries: by role of the suite; changed rules and public seeds do not count.
+        summaries: by role of the suite; changed rules do not count.
         pairs: results of cross-play.
     """
     other = other_side(side)
     cases: list[tuple[Interval, str, str]] = []
     for role, summary in summaries.items():
-        if role not in (SHIFTED, PUBLIC_SEEDS):
+        if role != SHIFTED:
             cases.append((summary.by_rival[summary.worst], summary.worst, role))
     for pair in pairs:
         if side in SIDES and getattr(pair, side) == slug:
@@ -662,7 +614,7 @@ def lowest_rival(
     met = [
         (rewards, rival.name, role)
         for role, summary in summaries.items()
-        if role not in (SHIFTED, PUBLIC_SEEDS)
+        if role != SHIFTED
         for rewards, rival in zip(summary.rewards.swapaxes(0, 1), summary.suite.rivals, strict=True)
     ]
     other = other_side(side)

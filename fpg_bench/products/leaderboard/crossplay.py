@@ -37,7 +37,7 @@ from fpg_bench.products.leaderboard.folders import crossplay_file, submission_fo
 from fpg_bench.products.leaderboard.playing import Part, parts_of, running_player, work_store
 from fpg_bench.products.leaderboard.result import round_finite
 from fpg_bench.products.leaderboard.submission import Submission
-from fpg_bench.products.leaderboard.tracks import PUBLIC, SCENARIOS
+from fpg_bench.products.leaderboard.tracks import PUBLIC, SCENARIOS, ranked_by
 from fpg_bench.products.leaderboard.verdicts import (
     EXACT,
     SHARE_OF_ROUNDS,
@@ -230,7 +230,7 @@ def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayE
 def players_of(cases: Iterable[Case]) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
     """Return the allies and opponents among cases whose results are verified, scenario by scenario."""
     entries = [
-        CrossplayEntry.of(case.submission, case.suites[PUBLIC], case.suites[PUBLIC].season)
+        CrossplayEntry.of(case.submission, case.suites[PUBLIC], case.suites[ranked_by(case.suites)].season)
         for case in cases
         if case.result is not None and case.result.verified and case.submission.track in SIDES
     ]

@@ -12,7 +12,7 @@ from itertools import islice
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest, shown
-from fpg_bench.common.files import write_whole
+from fpg_bench.common.files import folder_beside, write_whole
 from fpg_bench.common.folders import user_cache
 from fpg_bench.common.locks import locked
 from fpg_bench.players.agent import baselines_folder
@@ -20,6 +20,7 @@ from fpg_bench.players.agent import baselines_folder
 TRACK_FOLDERS = ("ally", "opponent", "planner")  # folders of submissions; opponents have two tables
 ANSWERED = "ally"  # the track with responses: those to an opponent leave it what pursuit pays anyway
 RESPONSE_ABOUT = "response.yaml"
+_KEPT = ("submissions", "results", "responses")  # of a board that another one begins with
 _MOST_NAMES = 200
 
 
@@ -52,12 +53,16 @@ def start_board(board: Path, source: Path | None = None) -> None:
             raise UserError(f"leaderboard {board}: is a file; name a folder")
         if board.is_dir() and any(board.iterdir()):
             raise UserError(f"leaderboard {board}: holds files already; name an empty or a new folder")
-        for track in TRACK_FOLDERS:
-            for kind in ("submissions", "results"):
-                write_whole(board / kind / track / ".gitkeep", "")  # git keeps no empty folders
-        for kind in ("submissions", "results", "responses"):
-            if source is not None and (source / kind).is_dir():
-                shutil.copytree(source / kind, board / kind, dirs_exist_ok=True)
+        with folder_beside(board.absolute()) as temporary:
+            for track in TRACK_FOLDERS:
+                for kind in _KEPT[:2]:
+                    write_whole(temporary / kind / track / ".gitkeep", "")  # git keeps no empty folders
+            files = [] if source is None else (f for kind in _KEPT for f in (source / kind).rglob("*"))
+            for file in filter(Path.is_file, files):
+                write_whole(temporary / os.path.relpath(file, source), file.read_bytes())
+            board.mkdir(exist_ok=True)
+            for folder in temporary.iterdir():
+                os.replace(folder, board / folder.name)
 
 
 def submission_folders(board: Path, names: Sequence[str] = ()) -> list[Path]:

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
-from fpg_bench.evaluation.seeds import SEASON, SeasonKey, current_seasons
-from fpg_bench.evaluation.suite import Suite, load_suite
-from fpg_bench.players.agent import suites_folder
+from fpg_bench.evaluation.seeds import SeasonKey, current_seasons
+from fpg_bench.evaluation.suite import Suite, load_suite, suite_names
 
-PUBLIC, PUBLIC_SEEDS, UNSEEN, SHIFTED, RESPONSES = "public", "public-seeds", "unseen", "shifted", "responses"
-PUBLIC_SEEDS_MATCHES = 25  # on public seeds: only to see whether they were learned by heart
+PUBLIC, UNSEEN, SHIFTED, RESPONSES = "public", "unseen", "shifted", "responses"
 TRANSCRIPT_MATCHES = 4  # of each ally: 200 plans in all, which a small or paid model can be asked for
 
 
@@ -67,9 +65,8 @@ class TrackSuites:
         """Return the suites that an entry of a track plays, by role.
 
         ``public`` is the public suite, ``unseen`` that of the season, ``shifted`` trained rivals under
-        changed rules, ``responses`` best responses to single entries. All are played on seeds that follow
-        from the season's seed, which nobody knew before entries were closed. ``public-seeds`` is the public
-        suite on public seeds. Before the first season is closed, everything is played on public seeds.
+        changed rules, ``responses`` best responses to single entries. The evaluation seeds of the season's
+        suite follow from its seed, which nobody knew before entries were closed; those of others are public.
 
         Args:
             track: the track.
@@ -85,19 +82,10 @@ class TrackSuites:
         if transcripts:
             return {PUBLIC: dataclasses.replace(public, matches=min(public.matches, TRANSCRIPT_MATCHES))}
         season = self.season(track)
-        seeds = SEASON if season is None else season.seed
-        suites = {PUBLIC: dataclasses.replace(public, season=seeds)}
-        others = {}
-        if season is not None:
-            suites[PUBLIC_SEEDS] = dataclasses.replace(
-                public, matches=min(public.matches, PUBLIC_SEEDS_MATCHES)
-            )
-            others[UNSEEN] = season.suite_name(track.public)
-        others |= {role: track.suite_name(role) for role in (SHIFTED, RESPONSES)}
-        for role, name in others.items():
-            if (suites_folder() / f"{name}.yml").is_file():
-                suites[role] = dataclasses.replace(self._load(name), season=seeds)
-        return suites
+        names = {} if season is None else {UNSEEN: season.suite_name(track.public)}
+        names |= {role: track.suite_name(role) for role in (SHIFTED, RESPONSES)}
+        shipped = suite_names()
+        return {PUBLIC: public} | {role: self._load(name) for role, name in names.items() if name in shipped}
 
     def _load(self, name: str) -> Suite:
         if name not in self._loaded:
@@ -145,8 +133,3 @@ def track_of(side: str, path: str | None, scenario: str) -> Track:
     """Return the track of a submission by its side, path and scenario."""
     key = (side, path, scenario)
     return next(track for track in TRACKS.values() if (track.side, track.path, track.scenario) == key)
-
-
-def task_id(suite: str) -> str:
-    """Return the task of a suite on the Hub, in ``eval.yaml`` of the benchmark and in a model's results."""
-    return suite.replace("@", "_")

@@ -14,7 +14,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_json
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import parse
-from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_key
+from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_seed
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.players.planner import Limits
 from fpg_bench.products.language_models.comparison import (
@@ -33,8 +33,6 @@ from fpg_bench.products.language_models.transcript import (
     Attempt,
     RunHeader,
     Where,
-    chain_start,
-    follows,
     packed_rows,
 )
 from fpg_bench.products.leaderboard.folders import folder_problem, list_names
@@ -149,7 +147,7 @@ def _check_nonce(file: Path, about: RunHeader) -> None:
         return
     if number is None or current is None or not 1 <= number <= current.number:
         raise UserError(f"{file}: season: expected the number of a closed one, got {number!r:.40}")
-    if about.nonce != nonce_of(about, season_key(number)):
+    if about.nonce != nonce_of(about, season_seed(number)):
         raise UserError(f"{file}: nonce: does not follow from the seed of season {number} and what was asked")
 
 
@@ -196,9 +194,6 @@ def _check_transcript(file: Path, about: RunHeader, suite: Suite) -> None:
         raise UserError(f"transcript {file}: lacks the second attempt{_at(lacking[0])}")
     if extra := sorted(attempts.keys() - expected - again):
         raise UserError(f"transcript {file}: holds an attempt that nothing asks for{_at(extra[0])}")
-    link = chain_start(about.to_dict(), file.name.removesuffix(PACKED))
-    for number, row in enumerate(rows, 1):
-        link = follows(link, row, f"transcript {file}: line {number}")
     _check_order(list(attempts.values()), f"transcript {file}")
 
 
@@ -265,7 +260,7 @@ def _check_made(attempt: Attempt, row: Row, about: RunHeader, where: str) -> Non
         raise UserError(f"{where} does not show the model and messages of its request")
     model = about.model if attempt.request is None else attempt.request["model"]
     made = {"model": model, "prompt_hash": attempt.prompt_hash, "control": attempt.control}
-    for name, value in {**made, "parser": attempt.parser}.items():
+    for name, value in made.items():
         if value != (stated := getattr(about, name)):
             raise UserError(f"{where} was made with {name} {value!r:.60}, and not {stated!r:.60}")
     raw = row.get("raw")

@@ -348,7 +348,6 @@ RECORD = Tolerances(
     training_seed=EXACT,
     fingerprint=EXACT,
     rival=EXACT,
-    season=EXACT,
     lost=Within(1 - SHARE_OF_ROUNDS, _ROUNDS),
     plans=PLANS,
     tally=_Sums(),

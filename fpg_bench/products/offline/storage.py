@@ -63,6 +63,18 @@ def part_digests(path: Path) -> bytes:
         return bytes(file[_DIGESTS][()].tobytes())
 
 
+def check_sizes(folder: Path, most: int) -> None:
+    """Raise ValueError for an array of more than so many numbers, which a file may declare and not hold."""
+
+    def check(name: str, found: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(found, h5py.Dataset) and name != _DIGESTS and found.size > most:
+            raise ValueError(f"{name} declares {found.size:,} numbers, a round has {most:,} at most")
+
+    for path in sorted(folder.glob("*.hdf5")):
+        with h5py.File(path) as file:
+            file.visititems(check)
+
+
 def link_parts(folder: Path, sizes: Sequence[int]) -> None:
     """Write the main file, which links the rounds of all parts.
 

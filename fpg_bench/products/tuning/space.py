@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import optuna
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
@@ -75,6 +75,15 @@ class Choice(Strict):
 
     kind: Literal["choice"]
     choices: Annotated[list[Any], Field(min_length=1)]
+
+    @field_validator("choices")
+    @classmethod
+    def _check(cls, choices: list[Any]) -> list[Any]:
+        try:
+            json.dumps(choices, allow_nan=False)
+        except ValueError:
+            raise UserError(f"expected finite numbers, got {choices!r:.60}") from None
+        return choices
 
     def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
         """Suggest a value."""

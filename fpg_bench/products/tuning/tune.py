@@ -111,15 +111,15 @@ def tune(
         raise other_content(out, f"another study ({', '.join(others)})", remedy)
     study = open_study(opened, name, task)
     with opened.errors():
-        is_finished = count_finished(study) >= n_trials
-    if is_finished:
+        left = n_trials - count_finished(study)
+    if left <= 0:
         _logger.info("this study was already finished; nothing was trained")
     elif workers.is_alone:
         run_worker(study, opened, partial(Objective, task, allow=allow), n_trials, timeout)
     else:
         folder = Path(out).absolute()
         work = partial(_work, task, folder, storage, name, n_trials, timeout, allow)
-        jobs = [Job(f"worker {index}", work) for index in range(workers.n_jobs)]
+        jobs = [Job(f"worker {index}", work) for index in range(min(workers.n_jobs, left))]
         check_all_done(run_jobs(jobs, workers))
     with opened.errors():
         _log_result(study, task)

@@ -61,7 +61,8 @@ def run_worker(
 
         callbacks: list[Callable[[optuna.Study, FrozenTrial], None]] = [
             partial(_log_trial, n_trials=n_trials),
-            MaxTrialsCallback(n_trials, FINISHED),
+            # the trials of other workers, too, which will be finished
+            MaxTrialsCallback(n_trials, (*FINISHED, TrialState.RUNNING)),
             stop_if_requested,
             _check_failures,
         ]

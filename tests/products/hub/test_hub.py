@@ -87,7 +87,7 @@ def test_a_pushed_agent_is_pulled_with_the_same_bits_and_plays_the_same_rounds(h
     assert json.loads(pulled.pop("hub.json")) == origin
     assert pulled == own
     players = {"own": SHIPPED, "pulled": str(out), "named": NAME}
-    results = {each.entry: each for each in fpg_bench.evaluate(players, "ally-v1", matches=1)}
+    results = {each.entry: each for each in fpg_bench.evaluate(players, "ally-v2", matches=1)}
     rounds = {name: [record.rounds_sha256 for record in of.records] for name, of in results.items()}
     assert rounds["own"] == rounds["pulled"] == rounds["named"]
     assert results["own"].score.value == results["named"].score.value
@@ -103,13 +103,13 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert head["model_name"] == "mine"
     assert "model-index" not in head
     assert ".eval_results/fpg-bench.yaml" not in files
-    assert "| 47.6 | [46.0, 49.2]" in text
+    assert "| 47.2 | [45.5, 48.8]" in text
     about = json.loads(files["agent.json"])
     assert about["command"] in text
     assert "fpg-bench play --ally hf://me/mine" in text
     records = [json.loads(line) for line in files["records.jsonl"].splitlines()]
     assert {record["fingerprint"] for record in records} == {about["policy_sha256"][:16]}
-    assert {record["suite"] for record in records} == {"ally-v2@season-4", "ally-v1", "ally-season-4"}
+    assert {record["suite"] for record in records} == {"ally-v2", "ally-season-4"}
     assert files["replay.html"].startswith(b"<!DOCTYPE html>")
     assert "curve.png" not in files
     assert TOKEN.encode() not in b"".join(files.values())
@@ -122,14 +122,14 @@ def test_scores_are_written_as_the_hub_reads_them_for_tasks_of_the_benchmark(hub
     entries = forms.parse_eval_result_entries(found)
     assert forms.eval_result_entries_to_yaml(entries) == found  # the Hub's own client knows each field
     values = {entry.task_id: entry.value for entry in entries}
-    assert values.keys() == {"ally-v1", "ally-v2_season-4", "ally-season-4"}
-    first = next(entry for entry in entries if entry.value == 47.6)
+    assert values.keys() == {"ally-v2", "ally-season-4"}
+    first = next(entry for entry in entries if entry.value == 47.2)
     assert (first.dataset_id, first.source_url) == ("fpg/fpg-bench", "https://huggingface.co/me/mine")
-    assert first.notes.startswith("95 % interval [46.0, 49.2] over matches; 6.86 per step [")
+    assert first.notes.startswith("95 % interval [45.5, 48.8] over matches; 6.73 per step [")
     about = yaml.safe_load(benchmark_yaml(example_board(1)))
     assert list(about) == ["name", "description", "evaluation_framework", "tasks"]
     assert all(list(task) == ["id", "config", "split"] for task in about["tasks"])
-    assert values.keys() - {"ally-v2_season-4"} <= {task["id"] for task in about["tasks"]}
+    assert values.keys() <= {task["id"] for task in about["tasks"]}
     run("push", SHIPPED, "me/mine")
     assert ".eval_results/fpg-bench.yaml" not in hub.repositories["me/mine"].files()
     with pytest.raises(UserError, match="hf://fpg"):
@@ -158,7 +158,7 @@ def test_one_of_several_seeds_is_pushed_with_a_curve_of_its_own(finished):
 @pytest.mark.slow
 def test_a_run_is_pushed_with_its_curve_and_results_and_again_without_them(hub, finished, tmp_path):
     own = finished / "agent"
-    fpg_bench.evaluate([str(own), "expert"], "ally-v1", finished / "results", matches=1)
+    fpg_bench.evaluate([str(own), "expert"], "ally-v2", finished / "results", matches=1)
     run("push", finished, "me/mine", "--revision", "next")
     repository = hub.repositories["me/mine"]
     files = repository.files("next")

@@ -15,7 +15,6 @@ from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.planner import Limits
 from fpg_bench.products.language_models.answers import (
     EXAMPLE,
-    PARSER,
     READ_CHARS,
     REPEATED,
     STILL,
@@ -137,10 +136,8 @@ def test_a_broken_answer_names_the_rule(text, problem):
         (four(p1=[-0.1, -75, 630]), four(p1=[0, 0, 600])),
     ],
 )
-@pytest.mark.parametrize("form", ["lists", "directions", "tuples"])
-def test_points_too_many_or_just_outside_the_box_are_repaired(form, points, read):
-    parser = PARSER if form == "lists" else 1  # later ones ask again outside JSON
-    answer = read_answer(FORMS[form][0](points), FOUR, parser)
+def test_points_too_many_or_just_outside_the_box_are_repaired(points, read):
+    answer = read_answer(FORMS["lists"][0](points), FOUR)
     assert answer.waypoints.tolist() == read
     assert answer.repaired
 

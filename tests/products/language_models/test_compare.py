@@ -240,9 +240,9 @@ def test_transcripts_that_were_changed_are_refused(folder, asks):
         asks(server)
         compare(["llm"], "mine.yml", "out", llm={"prompt": "paper"})
     for name, old, new, message in (
-        ("planner.json", '"toy"', '"huge"', "line 1 does not follow from the lines before it"),
+        ("planner.json", '"toy"', '"huge"', "with model toy, and not huge as its header says"),
         ("prompt.yml", "UAV", "UFO", r"its prompt.yml is not the prompt that was recorded"),
-        ("idle.jsonl", '"control":"none"', '"control":"no-history"', "line 1 does not follow from the lines"),
+        ("idle.jsonl", '"control":"none"', '"control":"no-history"', "with control no-history, and not none"),
     ):
         file = folder / "out/transcripts/llm" / name
         text = file.read_text()

@@ -70,27 +70,6 @@ def test_a_run_that_was_stopped_goes_on_and_calls_nothing_twice(recorded):
     assert_same(again, play(planner(transcript=file, mode="replay")))
 
 
-def test_a_transcript_is_read_by_the_version_of_the_parser_that_it_was_recorded_with(tmp_path):
-    file = tmp_path / "transcript.jsonl"
-    surplus = ", ".join(f"[{i + 1}, 2, 3]" for i in range(17))  # cut by version 1, asked again by version 2
-    with FaultServer([ok(surplus)]) as server:
-        played = play(planner(server, transcript=file, parser=1))
-    rows = [json.loads(line) for line in file.read_text().splitlines()]
-    for row in rows:
-        assert row.pop("parser") == 1
-    file.write_text("".join(json.dumps(row) + "\n" for row in rows[:-1]))  # as before there were versions
-    assert set(statuses(played[0])) == {"repaired"}
-    with FaultServer([ok(surplus)]) as server:
-        resumed = play(planner(server, transcript=file))
-        assert len(server.requests) == 1
-    assert np.array_equal(resumed[1], played[1])
-    assert_same(resumed, play(planner(transcript=file, mode="replay")))
-    with FaultServer([ok(surplus)]) as server:
-        assert set(statuses(play(planner(server))[0])) == {"fallback-invalid"}
-    with pytest.raises(UserError, match="parser: expected one of 1, 2, got 3"):
-        planner(server, parser=3)
-
-
 def set_field(index, name, value):
     return lambda rows: rows[index].update({name: value})
 

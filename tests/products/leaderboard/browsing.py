@@ -46,7 +46,7 @@ def rounds() -> list[Replay]:
     submission = Submission.model_construct(
         folder=Path("player-3"), track="ally", name=HOSTILE[0], script="expert-spread"
     )
-    suite = load_suite("ally-v1")
+    suite = load_suite("ally-v2")
     return [
         simulate_round(submission, "expert-spread", suite, rival, f"against {rival.name}", f"{FOLDER}/{k}.js")
         for k, rival in enumerate(suite.rivals[:2])

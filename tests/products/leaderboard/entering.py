@@ -72,6 +72,7 @@ def close_season(baselines: Path, number: int = 1, **suites: dict[str, Any]) -> 
     season = {"number": number, "protocol": PROTOCOL, "seed": seed_from(PROTOCOL, number, ()), "entries": {}}
     (folder / "season.yml").write_text(yaml.safe_dump(season))
     for public, content in SUITES.items():
+        content = content | {"season": season["seed"]}
         track = public.rpartition("-v")[0]
         write_suite(baselines, f"{track}-season-{number}", content | suites.get(track.replace("-", "_"), {}))
     return season["seed"]

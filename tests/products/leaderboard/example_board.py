@@ -25,13 +25,12 @@ from fpg_bench.products.leaderboard.board import (
     Improvement,
     NashMixture,
     Profiles,
-    SeedsGap,
     UnitScores,
     WorstCase,
 )
 from fpg_bench.products.leaderboard.exploited import RESPONSE, Attack, Exploited
 from fpg_bench.products.leaderboard.site import page_data
-from fpg_bench.products.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
+from fpg_bench.products.leaderboard.tracks import PUBLIC, SHIFTED, UNSEEN
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -142,7 +141,6 @@ def _suites(side: str, public: list[str], season: int | None) -> tuple[BoardSuit
     """Return the public suite alone before a season is closed, all that there can be after it."""
     rivals = {PUBLIC: (f"{side}-v2", public)}
     if season is not None:
-        rivals[PUBLIC_SEEDS] = f"{side}-v2", public
         rivals[UNSEEN] = f"{side}-season-{season}", [f"trained-{k}" for k in range(3)]
         rivals[SHIFTED] = f"{side}-shifted-v1", [f"{public[0]}, {change}" for change in CHANGED_RULES]
     return tuple(
@@ -214,7 +212,6 @@ def _figures(
         by_seed={} if kind == "script" else {k: score + k - 2 for k in range(5)},
         training_seeds=0 if kind == "script" else 5,
         has_few_seeds=index % 4 == 1,
-        seeds_gap=SeedsGap(7.25, True) if index == 2 else SeedsGap(-1.0, False),
         is_late=index == 1,
         same_policies=("ally/player-9",) if index == 6 else (),
         measures=_measures(rng),

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from fpg_bench.products.language_models.transcript import KEY, Attempt, chain_start, linked
+from fpg_bench.products.language_models.transcript import Attempt
 from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.fault_server import FaultServer, answer
 
@@ -68,18 +68,7 @@ def rows_of(file: Path) -> list[dict[str, Any]]:
 
 
 def write_rows(file: Path, rows: list[dict[str, Any]]) -> None:
-    """Write a transcript whose keys fit its requests, and its chain its lines, as a careful forger would."""
+    """Write a transcript whose keys fit its requests, as a careful forger would."""
     for row in rows:
         row["key"] = Attempt.read(row, "here").key
-    write_chained(file, rows)
-
-
-def write_chained(file: Path, rows: list[dict[str, Any]]) -> None:
-    """Write a transcript whose chain fits its lines."""
-    about = json.loads((file.parent / "planner.json").read_text())
-    text, link = "", chain_start(about, file.name)
-    for row in rows:
-        chained = linked(link, row)
-        link = chained[KEY]
-        text += json.dumps(chained) + "\n"
-    file.write_text(text)
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))

@@ -15,16 +15,15 @@ from fpg_bench.products.leaderboard import result, submission
 from fpg_bench.products.leaderboard.board import CROSSPLAY, make_board
 from fpg_bench.products.leaderboard.crossplay import play_missing
 from fpg_bench.products.leaderboard.entries import load_entries
-from fpg_bench.products.leaderboard.folders import result_file
 from fpg_bench.products.leaderboard.site import replays
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.site.page_data import policy_data, submitted_policies
-from fpg_bench.products.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, SHIFTED, UNSEEN
+from fpg_bench.products.leaderboard.tracks import PUBLIC, SHIFTED, UNSEEN
 from fpg_bench.products.leaderboard.verbs import build
-from fpg_bench.products.leaderboard.verification import load_case, verify
+from fpg_bench.products.leaderboard.verification import verify
 from tests.logged import logged
 from tests.policies import model, node, remembering, weights
-from tests.products.leaderboard.entering import SUITE, close_season, enter, write_suite, write_verified
+from tests.products.leaderboard.entering import SUITE, close_season, enter, write_suite
 
 pytestmark = pytest.mark.slow
 
@@ -77,7 +76,6 @@ def test_entries_are_ranked_and_marked(entered):
     assert entries["linear"].kind == "submitted"
     assert (entries["linear"].offline, entries["few"].offline) == ((), ("fpg/ally-mixed-v0",))
     assert all(1 <= of.rank[0] <= of.rank[1] <= 4 for of in figures.values())
-    assert wise.seeds_gap is None
     for of in figures.values():
         assert of.score.value == pytest.approx(ally.scale.score(of.measures["return"]), rel=1e-4)
         worst = of.worst
@@ -220,50 +218,18 @@ def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
     assert (board.season, board.protocol) == (1, PROTOCOL)
     ally = track_of(board, "ally")
     assert ally.ranked_by == UNSEEN
-    roles = [PUBLIC, PUBLIC_SEEDS, UNSEEN, SHIFTED]
+    roles = [PUBLIC, UNSEEN, SHIFTED]
     assert [suite.role for suite in ally.suites] == roles
-    assert ally.suites[2].rivals == ("tone", "comb")
+    assert ally.suites[1].rivals == ("tone", "comb")
     all_figures = figures_of(ally).values()
     for figures in all_figures:
         assert list(figures.scores) == list(figures.by_rival) == roles
         assert figures.score == figures.scores[UNSEEN]
         assert figures.worst.where in (PUBLIC, UNSEEN)
-        assert figures.seeds_gap is not None
         assert figures.rank is not None
     unseen = [figures.scores[UNSEEN].value for figures in all_figures]
     assert unseen == sorted(unseen, reverse=True)
     assert unseen != sorted((figures.scores[PUBLIC].value for figures in all_figures), reverse=True)
-
-
-def improve_public(board, slug, points):
-    """Write a result whose rounds on public seeds score so many points more than they did."""
-    case = load_case(board, board / "submissions/ally" / slug)
-    public = case.suites[PUBLIC_SEEDS]
-    more = np.array(points) / 100 * (public.scale.top - public.scale.zero) * public.scenario.steps_per_round
-    records = [
-        dataclasses.replace(record, returns=tuple((np.array(record.returns) + more).tolist()))
-        if record.suite_hash == public.hash[:16]
-        else record
-        for record in case.result.records
-    ]
-    write_verified(case, records)
-
-
-def flagged(board):
-    figures = figures_of(make_board(load_entries(board)).tracks[0])
-    return {slug for slug, of in figures.items() if of.seeds_gap.is_flagged}
-
-
-def test_seeds_that_were_learned_by_heart_are_flagged(season):
-    """An entry that earns much more on public seeds than others do, and more than by chance."""
-    assert flagged(season) == set()
-    result = result_file(season, "ally", "wise")
-    played = result.read_bytes()
-    improve_public(season, "wise", [160, -80, 160, -80])
-    assert flagged(season) == set()
-    result.write_bytes(played)
-    improve_public(season, "wise", 40)
-    assert flagged(season) == {"wise"}
 
 
 def test_an_empty_board_is_a_board(board):

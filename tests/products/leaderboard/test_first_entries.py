@@ -1,5 +1,6 @@
 """The board as it is committed: who stands on it, and what a small sample of it says when played again."""
 
+import errno
 import importlib.util
 import json
 import re
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 
 from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.zoo import load_zoo
@@ -215,6 +217,25 @@ def test_a_leaderboard_starts_empty_and_is_built_with_the_game(tmp_path):
     assert "has not been played" in (tmp_path / "site" / "crossplay.html").read_text()
     with pytest.raises(UserError, match="holds files already"):
         start_board(tmp_path / "own")
+
+
+def test_a_board_begins_whole_or_not_at_all(tmp_path, monkeypatch):
+    written = []
+
+    def write_eight(path, content):
+        written.append(path)
+        if len(written) == 9:
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        write_whole(path, content)
+
+    monkeypatch.setattr(f"{start_board.__module__}.write_whole", write_eight)
+    with pytest.raises(OSError, match="No space left"):
+        start_board(tmp_path / "own", repository_board())
+    monkeypatch.undo()
+    boards = tmp_path / "own", repository_board()
+    start_board(*boards)
+    own, source = ({path.relative_to(board) for path in board.glob("results/**/*.jsonl")} for board in boards)
+    assert own == source
 
 
 def test_a_site_is_built_again_only_if_it_or_what_it_is_made_of_changed(tmp_path, capsys):

@@ -11,7 +11,7 @@ from fpg_bench.game.scenario import STANDARD
 from fpg_bench.products.leaderboard.board import CROSSPLAY, lowest_rival, worst_case
 from fpg_bench.products.leaderboard.crossplay import Pair
 from fpg_bench.products.leaderboard.ranking import improvements, profiles, runs
-from fpg_bench.products.leaderboard.tracks import PUBLIC, PUBLIC_SEEDS, RESPONSES, SHIFTED, UNSEEN
+from fpg_bench.products.leaderboard.tracks import PUBLIC, RESPONSES, SHIFTED, UNSEEN
 
 
 def summary(name, **means):
@@ -30,11 +30,10 @@ def pair(ally, opponent, ally_rewards, opponent_rewards=(0.0,)):
 
 
 SUMMARIES = {
-    PUBLIC: summary("ally-v1", tone=8, comb=5),
-    PUBLIC_SEEDS: summary("ally-v1", tone=8, comb=-9),
+    PUBLIC: summary("ally-v2", tone=8, comb=5),
     UNSEEN: summary("ally-season-1", one=3, other=4),
-    SHIFTED: summary("ally-shifted-v1", fast=-20),
-    RESPONSES: summary("ally-responses-v1", strong=2),
+    SHIFTED: summary("ally-shifted-v2", fast=-20),
+    RESPONSES: summary("ally-responses-v2", strong=2),
 }
 WEAK, HARD, OTHER = pair("own", "weak", [9, 9]), pair("own", "hard", [0, 2]), pair("other", "x", [-5, -5])
 
@@ -44,7 +43,7 @@ WEAK, HARD, OTHER = pair("own", "weak", [9, 9]), pair("own", "hard", [0, 2]), pa
     [
         ("ally", SUMMARIES, (), (2, "strong", RESPONSES)),
         ("ally", [PUBLIC, UNSEEN], (), (3, "one", UNSEEN)),
-        ("ally", [PUBLIC, PUBLIC_SEEDS, SHIFTED], (), (5, "comb", PUBLIC)),  # neither of these counts
+        ("ally", [PUBLIC, SHIFTED], (), (5, "comb", PUBLIC)),  # changed rules do not count
         ("ally", SUMMARIES, [WEAK, HARD, OTHER], (1, "hard", CROSSPLAY)),
         (
             "opponent",  # by its own returns
@@ -85,7 +84,7 @@ def test_its_interval_is_over_training_seeds_and_matches_where_these_are_known()
 
 MATCHES = 40
 CHANCE = np.random.default_rng(0).normal(0, 3, (10, MATCHES))  # of the rounds, which all entries share
-SUITE = dataclasses.replace(load_suite("ally-v1"), scale=Scale(0, 20))
+SUITE = dataclasses.replace(load_suite("ally-v2"), scale=Scale(0, 20))
 
 
 def script(name, value):

@@ -25,7 +25,7 @@ from tests.products.leaderboard.entering import SUITE
 @pytest.fixture(scope="module")
 def suites(tmp_path_factory):
     """Two suites, as a track has them; the second one is played on other seeds."""
-    file = tmp_path_factory.mktemp("suites") / "ally-v1.yml"
+    file = tmp_path_factory.mktemp("suites") / "ally-v2.yml"
     file.write_text(yaml.safe_dump(SUITE))
     public = load_suite(str(file))
     return {"public": public, "shifted": dataclasses.replace(public, season="5eed")}
@@ -120,7 +120,7 @@ def test_forged_lines_that_fit_their_hash_are_refused(forge, refused, change, me
         ({"slug": "wiser"}, "is the result of ally/wiser"),
         ({"fingerprint": 3}, "its first line is not that of a result"),
         ({"fingerprint": {"protocol": "0", "suites": {}}}, OLDER),
-        ({"fingerprint": {"protocol": PROTOCOL, "suite": "ally-v1"}}, OLDER),
+        ({"fingerprint": {"protocol": PROTOCOL, "suite": "ally-v2"}}, OLDER),
         ({"fingerprint": {"protocol": PROTOCOL, "suites": {}}}, "lacks version, policies, submission"),
     ],
 )

@@ -216,7 +216,6 @@ def test_the_lowest_known_return_stands_beside_the_worst_case_with_who_found_it(
     ("number", "in_ranking", "on_page"),
     [
         (1, "late entry", "Late entry: it was submitted or changed"),
-        (2, "scores 7.2 more on public seeds", "It scores 7.2 more on public seeds than"),
         (4, "1,234 of 5,000 rounds lost by rule", "1,234 of 5,000 rounds lost by rule: its answer"),
         (
             6,

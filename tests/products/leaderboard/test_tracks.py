@@ -23,7 +23,6 @@ from fpg_bench.products.leaderboard import tracks
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.tracks import (
-    PUBLIC_SEEDS_MATCHES,
     TRACKS,
     TRANSCRIPT_MATCHES,
     TrackSuites,
@@ -32,9 +31,7 @@ from fpg_bench.products.leaderboard.tracks import (
 from fpg_bench.products.leaderboard.verification import verify
 from tests.products.leaderboard.entering import SUITE, close_season, enter, write_suite
 
-NAMES = tuple(
-    f"{track}-shifted-v{version}" for track in ("ally", "opponent", "opponent-learned") for version in (1, 2)
-)
+NAMES = ("ally-shifted-v2", "opponent-shifted-v2", "opponent-learned-shifted-v2")
 UNCHANGED = (
     *("hop_cost", "spread_cost_from_s", "spread_cost_per_s", "distance_reward", "distance_reward_m"),
     *("snr_cap_db", "snr_threshold_db", "snr_drop_weight", "steps_per_round", "frequency_points"),
@@ -101,20 +98,20 @@ def test_before_a_season_everybody_plays_the_public_suite(small_suites):
         assert ranked_by(suites) == "public"
 
 
-def test_a_closed_season_adds_its_suite_and_plays_all_on_its_seeds(small_suites):
+def test_a_closed_season_adds_its_suite_whose_seeds_alone_are_the_season_s(small_suites):
     write_suite(small_suites, "ally-v2", SUITE | {"matches": 40})
     seed = close_season(small_suites, ally={"rivals": [{"opponent": "tone"}]})
     assert current_season() == SeasonKey(1, seed)
     suites = suites_of("ally")
-    assert [suite.matches for suite in suites.values()] == [40, PUBLIC_SEEDS_MATCHES, 4]
-    assert names(suites) == {"public": "ally-v2", "public-seeds": "ally-v2", "unseen": "ally-season-1"}
-    assert [suite.season for suite in suites.values()] == [seed, SEASON, seed]
-    assert len({suite.hash for suite in suites.values()}) == 3
+    assert [suite.matches for suite in suites.values()] == [40, 4]
+    assert names(suites) == {"public": "ally-v2", "unseen": "ally-season-1"}
+    assert [suite.season for suite in suites.values()] == [SEASON, seed]
+    assert len({suite.hash for suite in suites.values()}) == 2
     assert ranked_by(suites) == "unseen"
     assert names(suites_of("opponent-learned"))["unseen"] == "opponent-learned-season-1"
     (small_suites / "suites/planner-season-1.yml").unlink()
     suites = suites_of("planner")
-    assert (list(suites), ranked_by(suites)) == (["public", "public-seeds"], "public")
+    assert (list(suites), ranked_by(suites)) == (["public"], "public")
 
 
 def test_the_newest_season_that_is_closed_is_on(small_suites):
@@ -143,7 +140,7 @@ def test_a_season_s_file_that_was_edited_is_refused(small_suites, text):
         current_season()
 
 
-@pytest.mark.parametrize("player", ["os:getcwd", "./agents/a", "a/../../b", "suite:ally-v1/x", "~/a"])
+@pytest.mark.parametrize("player", ["os:getcwd", "./agents/a", "a/../../b", "suite:ally-v2/x", "~/a"])
 def test_a_board_s_suite_names_only_players_of_the_package(small_suites, player, monkeypatch):
     monkeypatch.setattr("fpg_bench.players.registry.import_object", lambda *how: 1 / 0)
     for key in ("opponent", "planner"):
@@ -160,7 +157,8 @@ def test_shifted_rules_and_responses_are_played_where_they_are_published(small_s
     assert list(suites_of("opponent-learned")) == ["public", "shifted"]
     assert list(suites_of("opponent-pursuit")) == ["public"]
     seed = close_season(small_suites)
-    assert {suite.season for role, suite in suites_of("ally").items() if role != "public-seeds"} == {seed}
+    seeds = {role: suite.season for role, suite in suites_of("ally").items()}
+    assert seeds == {"public": SEASON, "unseen": seed, "shifted": SEASON, "responses": SEASON}
 
 
 @pytest.mark.parametrize("seasons", [{}, {"standard": SeasonKey(1, "5eed")}])

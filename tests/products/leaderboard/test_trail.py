@@ -8,7 +8,6 @@ import pytest
 from typer.testing import CliRunner
 
 from fpg_bench.cli.main import app
-from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.products.leaderboard.result import read_result
 from fpg_bench.products.leaderboard.submission import load_submission
 from fpg_bench.products.leaderboard.tracks import PUBLIC, RESPONSES, SHIFTED, TRACKS, UNSEEN, TrackSuites
@@ -63,8 +62,4 @@ def test_a_season_s_rival_says_how_it_was_trained(suites):
     _, rival = rival_of(suites, "ally", UNSEEN, "o20")
     met = "ally-scripted/sac, ally-population/ppo, ally-population/ppo-stack8"
     assert training_of(rival) == f"PPO-stack8, trained against {met}"
-    older = load_suite("ally-season-1").named("o04")
-    assert training_of(older) == (
-        "TD3, trained against ally-planner/td3, expert-spread, ally/plain-torch, ally-population/td3, expert"
-    )
     assert training_of(rival_of(suites, "ally", PUBLIC, "tone/pursuit")[1]) == ""

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def suites():
-    return {"public": load_suite("ally-v1")}
+    return {"public": load_suite("ally-v2")}
 
 
 AGENT = "0123456789abcdef"  # the hash of a policy
@@ -87,7 +87,7 @@ def test_one_round_of_a_hundred_may_be_another(records, suites, span, count, agr
 
 def test_other_means_sums_points_and_lost_rounds_are_told(records, suites, span):
     then, points = records[0], [0] * len(records[0].ally_points)
-    where, steps, jammed = f"ally-v1, {then.rival}", then.tally["steps"], then.tally["jammed"]
+    where, steps, jammed = f"ally-v2, {then.rival}", then.tally["steps"], then.tally["jammed"]
     returns = (then.returns[0] + 2 * span, *then.returns[1:])
     (line,) = disagreements(records, changed(records, returns=returns, rounds_sha256="other"), suites)
     assert line.startswith(f"{where}: mean return ")
@@ -103,7 +103,7 @@ def test_other_sums_of_the_same_rounds_were_edited(records, suites):
     for name in TALLIES:
         kept = changed(records, tally=moved(records[0], **{name: 10.0}))
         (line,) = disagreements(records, kept, suites)
-        assert line.startswith(f"ally-v1, {records[0].rival}: {name} ")
+        assert line.startswith(f"ally-v2, {records[0].rival}: {name} ")
 
 
 @pytest.mark.parametrize(
@@ -180,10 +180,9 @@ def test_every_field_of_a_record_has_a_tolerance_or_a_reason():
 
 
 def test_no_field_of_a_record_between_scripts_can_be_edited(between_scripts, suites):
-    record = dataclasses.replace(between_scripts[0], plans=Plans({"plan": 3}, 5, 1.0, {"far": 1}), season="1")
+    record = dataclasses.replace(between_scripts[0], plans=Plans({"plan": 3}, 5, 1.0, {"far": 1}))
     played = [record, between_scripts[1]]
     edits = {
-        "season": "2",
         "returns": (record.returns[0] + 1e-3, *record.returns[1:]),
         "tally": [record.tally | {name: value * 1.00001 + 1e-5} for name, value in record.tally.items()],
         "ally_points": (1 + record.ally_points[0], *record.ally_points[1:]),

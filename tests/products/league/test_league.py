@@ -63,9 +63,9 @@ def interrupt(*arguments, **options):
 @pytest.mark.parametrize(
     ("side", "scenario", "suite"),
     [
-        ("ally", STANDARD, "ally-v1"),
-        ("ally", as_scenario(None, opponent_path=("circle", "pursuit")), "ally-v1"),
-        ("opponent", as_scenario(None, opponent_path="learned"), "opponent-learned-v1"),
+        ("ally", STANDARD, "ally-v2"),
+        ("ally", as_scenario(None, opponent_path=("circle", "pursuit")), "ally-v2"),
+        ("opponent", as_scenario(None, opponent_path="learned"), "opponent-learned-v2"),
         ("ally", PAPER, None),
         ("ally", as_scenario(None, hop_cost=41), None),
     ],
@@ -79,7 +79,7 @@ def test_scores_are_on_the_scale_of_the_side_s_public_suite_in_its_own_scenario(
 
 @pytest.mark.parametrize("seeds", [None, tuning_seeds])
 def test_the_evaluation_equals_that_of_a_suite_with_the_same_players(seeds):
-    suite = dataclasses.replace(load_suite("ally-v1"), matches=10)
+    suite = dataclasses.replace(load_suite("ally-v2"), matches=10)
     others = {"mine": "tone", "yours": "comb"}
     summary = evaluation.evaluate_against("idle", others, "ally", STANDARD, matches=10, seeds=seeds)
     for name, other in (("mine", "tone/pursuit"), ("yours", "comb/pursuit")):
@@ -151,7 +151,7 @@ def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys, caplog):
 def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, result):
     out = ally.parent.parent / "responses"
     assert json.loads((out / "best_responses.json").read_text()) == result
-    suite = dataclasses.replace(load_suite("ally-v1"), matches=5)
+    suite = dataclasses.replace(load_suite("ally-v2"), matches=5)
     for seed, row in enumerate(result["responses"]):
         assert (row["algorithm"], row["steps"], row["training_seed"]) == ("ppo", 400, seed)
         agent = run_folder(out, seed) / "agent"

@@ -222,7 +222,7 @@ def test_agents_of_other_data_sets_are_other_entries(mixed, expert, tmp_path):
     for name, data in (("a", mixed), ("b", expert)):
         learn("bc", data, tmp_path / name, steps=10)
     agents = [str(tmp_path / name / "agent") for name in ("a", "b")]
-    entries = entries_of([*agents, "ally-scripted/ppo/seed_0"], load_suite("ally-v1"))
+    entries = entries_of([*agents, "ally-scripted/ppo/seed_0"], load_suite("ally-v2"))
     assert len({entry.name for entry in entries}) == 3
 
 
@@ -254,8 +254,8 @@ def test_unfit_input_is_one_line(mixed, discrete, tmp_path, monkeypatch):
         RunConfig.offline("ppo", mixed)
     with pytest.raises(UserError, match=r"unknown algorithm 'td3bc'.*td3-bc"):
         RunConfig.offline("td3bc", mixed)
-    with pytest.raises(UserError, match="suite opponent-v1: measures the opponent, not the ally"):
-        train(RunConfig.offline("bc", mixed, suite="opponent-v1"), tmp_path / "run", progress=False)
+    with pytest.raises(UserError, match="suite opponent-v2: measures the opponent, not the ally"):
+        train(RunConfig.offline("bc", mixed, suite="opponent-v2"), tmp_path / "run", progress=False)
     with pytest.raises(UserError, match="bc: is trained by fpg-bench offline ALGORITHM DATASET"):
         train(RunConfig("bc", "FPG/AllyVsScripted-v0"), tmp_path / "run", progress=False)
     with pytest.raises(UserError, match="unknown key 'beta'; known: action_noise, alpha, batch_size"):

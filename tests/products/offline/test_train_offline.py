@@ -42,7 +42,7 @@ def test_agents_are_trained_and_scored_once_and_stand_in_the_table(here, monkeyp
     text = (here / "page.md").read_text()
     assert text.startswith("before\n")
     assert text.endswith("after\n")
-    (line,) = (line for line in text.splitlines() if line.startswith("| `ally-random-v0` | ally-v1 |"))
+    (line,) = (line for line in text.splitlines() if line.startswith("| `ally-random-v0` | ally-v2 |"))
     assert f"| {script.number(rows[0]['score'])} | {mean:.1f} [" in line
     assert "old" not in text
     few = " {}, {} |".format(*(script.number(row["score"]) for row in rows[1:3]))

@@ -25,7 +25,7 @@ TASK = {
     "game": GameSpec("FPG/AllyVsScripted-v0"),
     "steps": 10,
     "n_seeds": 2,
-    "suite": "ally-v1",
+    "suite": "ally-v2",
     "suite_hash": "0",
     "rounds": 1,
     "space": {"x": {"kind": "float", "low": 0.0, "high": 10.0}},

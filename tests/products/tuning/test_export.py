@@ -37,7 +37,7 @@ def test_where_they_come_from_stands_above_them(tmp_path):
     for said in (
         "study 'ppo on it', trial 7 (of 20): score 61.2 [58.0, 64.5]",
         "fresh training seeds 200000 to 200002 of 1,500,000 steps each, 65.4 in the study",
-        "suite ally-v1 on tuning seeds, 100 rounds per rival",
+        "suite ally-v2 on tuning seeds, 100 rounds per rival",
         "stable-baselines3 2.",
         "optuna 5.",
     ):

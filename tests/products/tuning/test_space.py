@@ -69,6 +69,7 @@ def test_present_values_are_tried_as_far_as_they_lie_in_the_space(space):
         ("gamma: {kind: float, low: 0, high: 1, log: true}", "must start above 0"),
         ("gamma: {kind: float, low: 0, high: 1, log: 1}", "log: expected true or false"),
         ("gamma: {kind: choice, choices: 3}", "choices: expected a list"),
+        ("gamma: {kind: choice, choices: [0.5, .inf]}", "expected finite numbers, got"),
         ("gamma: {kind: choice, choices: []}", "choices: expected a list"),
         ("n_timesteps: {kind: int, low: 1, high: 2}", "'n_timesteps' is not a hyper-parameter that can be"),
         ("1: {kind: int, low: 1, high: 2}", "1 is not a hyper-parameter"),

@@ -65,7 +65,7 @@ def test_a_study_has_its_trials_and_what_it_tunes(study):
     assert [trial.state.is_finished() for trial in study.trials] == [True] * 3
     first, task = study.trials[0], study.user_attrs["task"]
     assert first.params == {"learning_rate": 0.001, "policy_kwargs.net_arch": "[8]"}
-    assert (task["steps"], task["n_seeds"], task["suite"]) == (480, 2, "opponent-v1")
+    assert (task["steps"], task["n_seeds"], task["suite"]) == (480, 2, "opponent-v2")
     assert first.state == TrialState.COMPLETE
     assert sorted(first.intermediate_values) == [1, 2, 3, 4, 5, 6, 7]
     low, high, over = first.user_attrs["interval"]
@@ -127,7 +127,7 @@ def test_a_policy_is_scored_in_the_scenario_that_is_tuned_on(words, files):
 @pytest.mark.parametrize("side", ["ally", "opponent"])
 def test_both_sides_are_trained_and_that_of_the_suite_is_scored(side):
     task = make_task("maddpg", "fpg_bench:FPG/duel_v0", n_seeds=1, steps=960, suite=f"{side}-v1", rounds=2)
-    assert (task.game.id, make_task("maddpg", "FPG/duel_v0", n_seeds=1).suite) == ("FPG/duel_v0", "ally-v1")
+    assert (task.game.id, make_task("maddpg", "FPG/duel_v0", n_seeds=1).suite) == ("FPG/duel_v0", "ally-v2")
     values = {"learning_starts": 200, "batch_size": 16, "policy_kwargs.net_arch": [8]}
     objective, models = Objective(task), []
     make = objective._model
@@ -169,8 +169,8 @@ def test_training_that_diverges_says_so(algorithm):
         ({"env_id": "FPG/OpponentVsScriptd-v0"}, f"did you mean '{ENV_ID}'"),
         ({"workers": 0}, "^n_jobs: "),
         *(({name: 0}, f"^{name}: ") for name in ("n_trials", "n_seeds", "steps", "rounds")),
-        ({"suite": "oponent-v1"}, "did you mean 'opponent-v1'"),
-        ({"suite": "ally-v1"}, "measures the ally"),
+        ({"suite": "oponent-v2"}, "did you mean 'opponent-v2'"),
+        ({"suite": "ally-v2"}, "measures the ally"),
         ({"algorithm": "maddpg"}, "maddpg: trains both sides, in FPG/duel_v0; got"),
         ({"env_id": "FPG/duel_v0"}, "ppo: trains one side, not both"),
         ({"ally": "exprt"}, "did you mean 'expert'"),

@@ -130,7 +130,7 @@ def _write_yaml(path: Path, header: str, content: dict[str, object]) -> None:
 
 
 def load_season(name: str | Path) -> Season:
-    """Load a shipped season by name (``season-1``) or one in a folder, and check its members.
+    """Load a shipped season by name (``season-4``) or one in a folder, and check its members.
 
     Raises:
         UserError: no such season, an invalid file, or a policy with another hash.

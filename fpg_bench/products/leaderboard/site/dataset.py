@@ -9,7 +9,6 @@ import yaml
 from fpg_bench.common.output import csv_text
 from fpg_bench.evaluation.suite import suite_names
 from fpg_bench.products.leaderboard.board import Board
-from fpg_bench.products.leaderboard.tracks import task_id
 
 _COLUMNS = (
     *("track", "entry", "name", "algorithm", "training_seeds", "best_rank", "worst_rank"),
@@ -41,9 +40,7 @@ def benchmark_yaml(board: Board) -> str:
         "description": "Anti-jamming communication of UAVs: agents that keep a radio link by hopping and "
         "spreading, and agents that jam it. The score of a suite is 0 for random play and 100 for a bound.",
         "evaluation_framework": "fpg-bench",
-        "tasks": [
-            {"id": task, "config": "default", "split": "train"} for task in sorted(map(task_id, names))
-        ],
+        "tasks": [{"id": task, "config": "default", "split": "train"} for task in sorted(names)],
     }
     return yaml.safe_dump(content, sort_keys=False)
 

@@ -25,7 +25,6 @@ from fpg_bench.products.leaderboard.site.views import (
     safe_link,
     same_policies_text,
     scale_text,
-    seeds_gap_text,
     worst_view,
 )
 from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
@@ -67,7 +66,6 @@ class FiguresView:
     axis: Axis
     worst: WorstView
     exploited: ExploitedView | None
-    seeds_gap: str
     lost: str
     same_policies: str
     scores: list[tuple[BoardSuite, Interval]]
@@ -136,7 +134,6 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
         axis=Axis.of_scores(charted),
         worst=worst_view(board, track, figures),
         exploited=exploited_view(board, track, figures),
-        seeds_gap=seeds_gap_text(figures),
         lost=lost_text(figures),
         same_policies=same_policies_text(figures),
         scores=_by_suite(ordered_suites(track, without=()), figures.scores),

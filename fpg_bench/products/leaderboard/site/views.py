@@ -16,7 +16,6 @@ from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, B
 from fpg_bench.products.leaderboard.exploited import RESPONSE
 from fpg_bench.products.leaderboard.tracks import (
     PUBLIC,
-    PUBLIC_SEEDS,
     RESPONSES,
     SCENARIOS,
     SHIFTED,
@@ -100,7 +99,6 @@ ROLES = {
     UNSEEN: Role("Held-out", "rivals that were trained after entries were closed"),
     SHIFTED: Role("Shifted", "trained rivals under changed rules"),
     RESPONSES: Role("Best responses", "rivals that were trained to beat one entry"),
-    PUBLIC_SEEDS: Role("Public seeds", "the public suite on seeds that were known before"),
 }
 
 
@@ -162,8 +160,8 @@ def safe_link(text: str | None) -> str | None:
     return text if text is not None and len(text) < 500 and _LINK.fullmatch(text) else None
 
 
-def ordered_suites(track: BoardTrack, without: Sequence[str] = (PUBLIC_SEEDS,)) -> list[BoardSuite]:
-    """Return a track's suites in the order in which pages list them, by default without the public seeds."""
+def ordered_suites(track: BoardTrack, without: Sequence[str] = ()) -> list[BoardSuite]:
+    """Return a track's suites in the order in which pages list them."""
     return sorted(
         (suite for suite in track.suites if suite.role not in without),
         key=lambda suite: list(ROLES).index(suite.role),
@@ -275,19 +273,10 @@ def warnings(figures: Figures | None) -> list[str]:
     texts = [
         "reference: it sees the ally's path" if figures.is_reference else "",
         "late entry" if figures.is_late else "",
-        seeds_gap_text(figures),
         lost_text(figures),
         same_policies_text(figures),
     ]
     return [text for text in texts if text]
-
-
-def seeds_gap_text(figures: Figures) -> str:
-    """Describe a flagged gain on public seeds; empty where there is none."""
-    gap = figures.seeds_gap
-    if gap is None or not gap.is_flagged:
-        return ""
-    return f"scores {format_number(gap.value)} more on public seeds"
 
 
 def same_policies_text(figures: Figures) -> str:
@@ -405,7 +394,7 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
     verified = list(track.verified())
     measured = {name for _, figures in verified for name in figures.measures}
     rows = [row_view(board, track, entry) for entry in track.entries]
-    heat_suites = ordered_suites(track, without=(SHIFTED, RESPONSES, PUBLIC_SEEDS))
+    heat_suites = ordered_suites(track, without=(SHIFTED, RESPONSES))
     top = max(
         [100.0]
         + [

@@ -75,7 +75,7 @@
   }
 
   const asked = new URLSearchParams(location.hash.slice(1)).get("matrix");
-  if (asked in SHOWN) shown.value = asked;
+  if (Object.hasOwn(SHOWN, asked)) shown.value = asked;
   shown.addEventListener("change", () => {
     history.replaceState(null, "", `#matrix=${shown.value}`);
     draw();

@@ -1,0 +1,90 @@
+"""Whatever surrounds a program, verbs and public calls give the same result, or one line."""
+
+import json
+import os
+import stat
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import fpg_bench
+from tests.programs import ROOT
+from tests.training.tiny import ALLY, settings
+
+VERBS = {
+    "evaluate": ("evaluate", "idle", "--suite", "ally-v2", "--matches", "1", "--out", "made"),
+    "play": ("play", "--every", "100", "--out", "made.html"),
+    "train": ("train", "ppo", ALLY, "--opponent", "tone, comb", "--n-evals", "1", "--out", "made"),
+}
+SURROUNDINGS = {
+    "notebook": ({"MPLBACKEND": "module://nowhere.backend_inline"}, 0o022),
+    "plain": ({"LC_ALL": "C", "PYTHONUTF8": "0", "COLUMNS": "20", "TERM": "dumb"}, 0o027),
+    "private": ({"PYTHONWARNINGS": "error::DeprecationWarning:fpg_bench", "MPLCONFIGDIR": "/proc"}, 0o077),
+}
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("surroundings", SURROUNDINGS)
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_verb_works_in_any_surroundings(tmp_path, verb, surroundings):
+    environment, umask = SURROUNDINGS[surroundings]
+    words = [*VERBS[verb]]
+    if verb == "train":
+        words += ["--hyperparams", json.dumps(settings("ppo"))]
+    done = subprocess.run(
+        [sys.executable, "-m", "fpg_bench", *words],
+        cwd=tmp_path,
+        env=dict(os.environ) | environment | {"PYTHONPATH": str(ROOT)},
+        umask=umask,
+        capture_output=True,
+    )
+    assert done.returncode == 0, done.stderr.decode(errors="replace")
+    files = [path for path in tmp_path.rglob("*") if path.is_file() and path.name[0] != "."]
+    assert {"evaluate": "table.png", "play": "made.html", "train": "curve.png"}[verb] in {
+        p.name for p in files
+    }
+    assert not [path for path in files if stat.S_IMODE(path.stat().st_mode) & umask]
+
+
+@pytest.mark.process
+def test_an_argument_that_is_no_text_is_one_line(tmp_path):
+    words = [sys.executable, "-m", "fpg_bench", "play", "--out", b"\xff.html"]
+    done = subprocess.run(
+        words, cwd=tmp_path, capture_output=True, env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
+    assert (done.returncode, done.stderr.decode(errors="replace").count("\n")) == (2, 1)
+    assert b"is not valid UTF-8" in done.stderr
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.uint8, np.int16])
+def test_whole_numbers_may_be_those_of_numpy(kind):
+    given = fpg_bench.RunConfig("ppo", ALLY, seed=kind(3), steps=kind(16))
+    plain = fpg_bench.RunConfig("ppo", ALLY, seed=3, steps=16)
+    assert given == plain
+    assert {type(each) for each in (given.seed, given.steps)} == {int}
+
+
+PROGRAM = """\
+import fpg_bench
+
+results = fpg_bench.evaluate(["expert"], "ally-v2", matches=1)
+names: list[str] = [summary.entry for summary in results]
+config = fpg_bench.RunConfig("ppo", fpg_bench.GameSpec("FPG/AllyVsScripted-v0"), seed=1)
+seed: int = config.seed
+wrong: str = config.seed
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_a_user_s_program_is_type_checked_as_the_package_says(tmp_path):
+    (tmp_path / "program.py").write_text(PROGRAM)
+    (tmp_path / "found").mkdir()
+    (tmp_path / "found" / "fpg_bench").symlink_to(ROOT / "fpg_bench")
+    assert (ROOT / "fpg_bench" / "py.typed").is_file()
+    words = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "program.py"]
+    environment = {**os.environ, "MYPYPATH": str(tmp_path / "found")}
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert [line.split(":")[1] for line in done.stdout.splitlines()[:-1]] == ["7"], done.stdout
