@@ -20,13 +20,12 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
 from fpg_bench.common.imports import SUITE, check_allowed, code_fingerprint, is_code, names_object
-from fpg_bench.common.products import files_of_products
 from fpg_bench.common.schema import Items, PositiveInt, Strict, Word, parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.seeds import SEASON
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec, OtherGame, game_product, other_game
-from fpg_bench.players.agent import read_card, suites_folder
+from fpg_bench.players.agent import read_card, shipped_files
 from fpg_bench.players.player import Player, PlayerSpec
 from fpg_bench.players.remote import is_remote
 
@@ -284,7 +283,7 @@ def suite_names() -> list[str]:
 
 
 def _suite_files() -> dict[str, Path]:
-    return {path.stem: path for path in (*suites_folder().glob("*.yml"), *files_of_products("suites/*.yml"))}
+    return shipped_files("suites")
 
 
 class _ScaleFile(Strict):

@@ -103,7 +103,7 @@ class GameSpec:
         if self.is_duel:
             self._check_lacks(_ONE_SIDED, f"in {DUEL} you play both sides")
             return {}
-        config = find_env(self.id)
+        config = self.config
         mode = config.action_mode(self.actions)  # type: ignore[arg-type]  # refuses a mapping
         for name, value, known in (
             (f"actions of the {config.side}", mode, action_modes(config.side)),

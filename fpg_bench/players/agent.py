@@ -15,7 +15,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError, first_line, meant, one_line
 from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_bounded, read_json
-from fpg_bench.common.products import load
+from fpg_bench.common.products import files_of_products, load
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.spec import GameSpec, OtherGame, kind_of, observation_size, option_names
 from fpg_bench.players.card import FILE, AgentCard
@@ -294,6 +294,12 @@ def baselines_folder() -> Path:
     package = Path(str(resources.files("fpg_bench")))
     installed = package / "baselines"
     return installed if installed.is_dir() else package.parent / "baselines"
+
+
+def shipped_files(folder: str) -> dict[str, Path]:
+    """Return the YAML files of a folder of the products and of the baselines, which prevail, by name."""
+    files = (*files_of_products(f"{folder}/*.yml"), *(baselines_folder() / folder).glob("*.yml"))
+    return {path.stem: path for path in files}
 
 
 def suites_folder() -> Path:

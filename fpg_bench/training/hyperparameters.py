@@ -16,7 +16,7 @@ from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Expected, Strict, problems_of
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.agent import baselines_folder, shipped_files
 from fpg_bench.players.card import MOST_STEPS
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
 from fpg_bench.training.config import Hyperparams
@@ -161,7 +161,7 @@ def _named_file(file: Path) -> Path:
     """
     if file.suffix or file.is_file():
         return file
-    shipped = {path.stem: path for path in (baselines_folder() / "hyperparams").glob("*.yml")}
+    shipped = shipped_files("hyperparams")
     if str(file) not in shipped:
         hint = nearest(str(file), shipped)
         raise UserError(f"hyper-parameters {file}: neither a file nor a shipped name{hint}")
@@ -170,14 +170,14 @@ def _named_file(file: Path) -> Path:
 
 def _shipped_file(algorithm: Algorithm, game: GameSpec) -> Path:
     """Return the shipped file of an algorithm; stacked frames fall back to the plain algorithm's file."""
-    folder = baselines_folder() / "hyperparams"
     names = [algorithm.name, algorithm.base]
     if game.action_mode != "continuous":
         names.insert(0, f"{algorithm.base}-discrete")
     elif game.path == ("learned",) and game.sides == ("opponent",):
         names.insert(0, f"{algorithm.base}-learned")
-    files = [folder / f"{name}.yml" for name in names]
-    return next((file for file in files if file.is_file()), files[-1])
+    shipped = shipped_files("hyperparams")
+    missing = baselines_folder() / "hyperparams" / f"{names[-1]}.yml"
+    return next((shipped[name] for name in names if name in shipped), missing)
 
 
 def _parse(algorithm: Algorithm, content: Entry, where: str) -> Hyperparameters:

@@ -14,7 +14,7 @@ from pydantic import Field, field_validator, model_validator
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.schema import Expected, Strict, parse
-from fpg_bench.players.agent import baselines_folder
+from fpg_bench.players.agent import shipped_files
 from fpg_bench.training.rl_zoo3_format import Entry
 
 _MOST = 10**12
@@ -118,11 +118,10 @@ def load_space(algorithm: str, file: Path | None = None, actions: str = "continu
     Raises:
         UserError: there is no shipped space, or the file is not a search space.
     """
-    folder = baselines_folder() / "search"
+    shipped = shipped_files("search")
     is_discrete = algorithm == "ppo" and actions != "continuous"
-    path = file or folder / f"{'ppo-discrete' if is_discrete else algorithm}.yml"
-    if file is None and not path.is_file():
-        shipped = [path.stem for path in folder.glob("*.yml")]
+    path = file or shipped.get("ppo-discrete" if is_discrete else algorithm)
+    if path is None:
         raise UserError(
             f"no search space for {algorithm!r}{nearest(algorithm, shipped)} (or provide your own file)"
         )
