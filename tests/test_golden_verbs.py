@@ -101,8 +101,10 @@ CASES = {
     ),
     "submit-check": Case("submit check board/submissions/ally/idle"),
     "submit-run": Case("submit run board/submissions/opponent/tone", ("board/results/opponent/tone.jsonl",)),
-    "leaderboard-verify": Case("leaderboard verify ally/idle --folder board --sample 1% --sample-seed 3"),
-    "leaderboard-crossplay": Case("leaderboard crossplay --folder board", ("board/results/crossplay.jsonl",)),
+    "leaderboard-verify": Case(
+        "leaderboard verify ally/idle --folder board --sample 1% --sample-seed 3",
+        ("board/results/crossplay.jsonl",),
+    ),
     "leaderboard-build": Case(
         "leaderboard build --folder board --no-replays --out site", ("site/board.json", "site/ranking.html")
     ),

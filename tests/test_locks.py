@@ -35,7 +35,6 @@ WRITERS = {
     "submit run": ("board/submissions/ally/idle", BOARD),
     "leaderboard init": ("board", BOARD),
     "leaderboard verify": ("--folder board", BOARD),
-    "leaderboard crossplay": ("--folder board", BOARD),
     "leaderboard break": ("ally/idle agent --name Me --author Me --folder board", BOARD),
     "leaderboard build": ("--folder board --out site", "site"),
     "leaderboard close-season": ("4 --folder board --work work --out season", "work/at-work-ally"),

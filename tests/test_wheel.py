@@ -93,7 +93,6 @@ EXTRAS = {
             "curves nowhere",
             "submit run nowhere",
             "leaderboard verify --folder nowhere",
-            "leaderboard crossplay --folder nowhere",
             "leaderboard break ally/idle nowhere --name Me --author Me --folder nowhere",
             "fpg_bench.evaluate(['nobody'])",
             "fpg_bench.write_agent('nowhere', b'')",

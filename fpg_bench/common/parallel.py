@@ -196,12 +196,17 @@ def outcome_of(run: Callable[[], Any]) -> Outcome:
     start = time.perf_counter()
     try:
         return Outcome(run(), seconds=time.perf_counter() - start)
-    except UserError as error:
-        return Outcome(error=str(error))
-    except OSError as error:  # a full disk, most often
-        return Outcome(error=": ".join(filter(None, [error.filename, error.strerror or str(error)])))
     except Exception as error:
-        return Outcome(error=described(error))
+        return Outcome(error=line_on(error))
+
+
+def line_on(error: Exception) -> str:
+    """Return one line on an exception."""
+    if isinstance(error, UserError):
+        return str(error)
+    if isinstance(error, OSError):  # a full disk, most often
+        return ": ".join(filter(None, [error.filename, error.strerror or str(error)]))
+    return described(error)
 
 
 _Call = Callable[[], Outcome]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
@@ -15,11 +16,25 @@ from fpg_bench.common.locks import locked
 from fpg_bench.common.strict_json import JsonObject, read_object
 
 Row = JsonObject
+SEAL = "sha256"  # key of a row's hash
 _LARGEST = 2**30  # bytes; those of a long run are a few million
 
 
 def _text(rows: Iterable[Row]) -> str:
     return "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows)
+
+
+def sealed(row: Row) -> Row:
+    """Return a row with the hash of its content, by which an edit or a damaged byte is found."""
+    return row | {SEAL: hashlib.sha256(_text([row]).encode()).hexdigest()[:16]}
+
+
+def unsealed(row: Row, where: str) -> Row:
+    """Return a row without its hash; raises UserError, which begins with ``where``, if they do not fit."""
+    content = {key: value for key, value in row.items() if key != SEAL}
+    if sealed(content) != row:
+        raise UserError(f"{where}: was edited or damaged: it does not fit its hash")
+    return content
 
 
 class RowFile:
@@ -38,7 +53,8 @@ class RowFile:
         """Return all complete rows.
 
         Args:
-            on_invalid: called with a message for each invalid line, which is skipped; None: raise.
+            on_invalid: called with a message for each invalid or partial line, which is skipped; None: raise
+                for an invalid one.
 
         Raises:
             UserError: the file cannot be read, is too large, or holds an invalid line.
@@ -48,6 +64,8 @@ class RowFile:
         lines = data.splitlines(keepends=True)
         if lines and not lines[-1].endswith(b"\n"):
             lines.pop()  # partial: the run that wrote it was stopped
+            if on_invalid is not None:
+                on_invalid(f"rows {self.path}: line {len(lines) + 1} is cut off; it is skipped")
         rows = []
         for number, line in enumerate(lines, 1):
             try:

@@ -122,6 +122,11 @@ class Record:
             del row["plans"]["useless"]
         return row
 
+    @classmethod
+    def read(cls, row: Row, where: str) -> Record:
+        """Return the record of an untrusted row; see :func:`read_record`."""
+        return read_record(row, where)
+
 
 @dataclass(frozen=True)
 class Pooled:

@@ -12,11 +12,11 @@ import logging
 from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, Self, TypeVar
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
-from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.rows import Row, RowFile, sealed, unsealed
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.evaluation.entry import EvaluatedPlayer, check_distinct
 from fpg_bench.evaluation.play import play
@@ -50,13 +50,22 @@ class EncounterResult(Protocol):
     def row(self) -> Row:
         """Return the result as a row of JSON."""
 
+    @classmethod
+    def read(cls, row: Row, where: str) -> Self:
+        """Return the result of an untrusted row; raises UserError, which begins with ``where``."""
+
 
 class StrictResult(Strict):
-    """Base class of models of results."""
+    """Base class of models of results, whose rows have a hash each."""
 
     def row(self) -> Row:
-        """Return the result as a row of JSON."""
-        return self.model_dump()
+        """Return the result as a row of JSON, with its hash."""
+        return sealed(self.model_dump(mode="json"))
+
+    @classmethod
+    def read(cls, row: Row, where: str) -> Self:
+        """Return the result of an untrusted row, which must fit its hash."""
+        return parse(cls, unsealed(row, where), where)
 
 
 M = TypeVar("M", bound=Encounter)
@@ -126,7 +135,7 @@ class EncounterStore(Generic[M, R]):
         results = []
         for number, row in enumerate(self._file.read(on_invalid), 1):
             try:
-                results.append(parse(self._kind, row, f"{self.path}: row {number}"))
+                results.append(self._kind.read(row, f"{self.path}: row {number}"))
             except UserError as error:
                 if on_invalid is None:
                     raise

@@ -15,19 +15,18 @@ import yaml
 from typer.testing import CliRunner
 
 from fpg_bench.cli.main import app
-from fpg_bench.products.leaderboard import crossplay, verification
+from fpg_bench.products.leaderboard import cases, crossplay
 from fpg_bench.products.leaderboard.board import make_board
-from fpg_bench.products.leaderboard.crossplay import play_missing
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.folders import crossplay_file, result_file
 from fpg_bench.products.leaderboard.site.build import build_site
-from fpg_bench.products.leaderboard.submission import problems
 from fpg_bench.products.leaderboard.verification import verify
 from tests.attacks import SCALE, SEED
 from tests.attacks.json_texts import hostile_text, hostile_texts
 from tests.logged import logged
-from tests.products.leaderboard.entering import enter
+from tests.products.leaderboard.entering import bad_pairs, enter, resealed
 from tests.products.leaderboard.example_board import small_zoo
+from tests.products.leaderboard.making import problems
 
 # What is written into the place of a text of submission.yaml, as YAML; the reader is YAML's own.
 _TEXTS = (
@@ -183,7 +182,7 @@ def test_hostile_entries_stop_nobody_else(stormed, tmp_path, messages, monkeypat
     verdicts = {verdict.name: verdict.is_good for verdict in verify(stormed)}
     assert len(verdicts) == COUNT + 3
     assert {name for name, good in verdicts.items() if good} == {"ally/wise", "ally/linear", "opponent/near"}
-    assert play_missing(stormed) == []
+    assert bad_pairs(stormed) == {}
     board = make_board(load_entries(stormed))
     ranked = [entry.slug for entry, figures in board.tracks[0].verified() if figures.rank]
     assert sorted(ranked) == ["linear", "wise"]
@@ -193,31 +192,32 @@ def test_hostile_entries_stop_nobody_else(stormed, tmp_path, messages, monkeypat
 
 
 def test_a_hostile_line_of_cross_play_is_left_out_alone(entered, tmp_path):
-    play_missing(entered)
+    bad_pairs(entered)
     file = crossplay_file(entered)
     (sound,) = (json.loads(line) for line in file.read_text().splitlines() if '"wise"' in line)
     forged = [sound | {"ally_rewards": [99.0, 99.0]}, sound | {"lost": "x"}, sound | {"ally": "linear"}]
     texts = [text.replace(b"\n", b" ") for _, text in hostile_texts(40, base=sound)]
-    texts += [json.dumps(row).encode() for row in forged]
+    texts += [resealed(row).strip().encode() for row in forged]
     file.write_bytes(file.read_bytes() + b"\n".join(texts) + b"\n")
     with logged() as messages:
         board = make_board(load_entries(entered))
     assert any("crossplay.jsonl" in line and "left out" in line for line in messages)
     assert repr(board.crossplay).count("99.0") == 0
     build_site(board, tmp_path / "site", {})
-    assert play_missing(entered) == []
+    assert "crossplay.jsonl" in bad_pairs(entered)
+    assert bad_pairs(entered, update=True) == {}
     assert len(file.read_bytes().splitlines()) == 2
 
 
 def test_even_a_bug_of_ours_stops_nobody_else(entered, monkeypatch):
-    load_submission = verification.load_submission
+    admit = cases.admit
 
     def fails(folder, *how):
         if folder.name == "wise":
             raise KeyError("nobody thought of this")
-        return load_submission(folder, *how)
+        return admit(folder, *how)
 
-    monkeypatch.setattr(verification, "load_submission", fails)
+    monkeypatch.setattr(cases, "admit", fails)
     lines = {verdict.name: verdict.line for verdict in verify(entered) if not verdict.is_good}
     assert lines.keys() == {"ally/wise"}
     assert lines["ally/wise"].startswith("KeyError: 'nobody thought of this', in ")

@@ -101,7 +101,6 @@ WORKING = (
     "leaderboard build --folder nowhere",
     "submit run nowhere",
     "leaderboard verify --folder nowhere",
-    "leaderboard crossplay --folder nowhere",
     "leaderboard break ally/idle agent --name Me --author Me --folder nowhere",
     "leaderboard close-season 9 --work work --folder nowhere",
     "leaderboard season season-9 --folder nowhere",

@@ -53,6 +53,17 @@ def verified(top, head):
     return done.returncode, done.stdout
 
 
+def merge(base):
+    """Commit what lies there as the pull request, merge it, and return its head."""
+    git(base, "add", "--all")
+    git(base, "commit", "--quiet", "--message", "change")
+    head = git(base, "rev-parse", "change")
+    git(base, "checkout", "--quiet", "-b", "merged", "main")
+    git(base, "merge", "--quiet", "--no-ff", "--message", "merge", "change")
+    git(base, "checkout", "--quiet", "main")
+    return head
+
+
 def test_a_pull_request_cannot_verify_itself(base):
     git(base, "checkout", "--quiet", "-b", "change")
     shutil.copytree(ROOT / "leaderboard/submissions" / ENTRY, base / "leaderboard/submissions" / ENTRY)
@@ -62,14 +73,7 @@ def test_a_pull_request_cannot_verify_itself(base):
     result.write_text(re.sub(r'"returns":\[[-\d.]+', '"returns":[999.9', honest.read_text()))
     (base / "fpg_bench/verifier.sh").write_text("echo ally/always-hop: verified: unseen 99.9\n")
     (base / ".github/verify-pull-request").write_text("#!/bin/sh\necho verified: unseen 99.9\n")
-    git(base, "add", "--all")
-    git(base, "commit", "--quiet", "--message", "change")
-
-    head = git(base, "rev-parse", "change")
-    git(base, "checkout", "--quiet", "-b", "merged", "main")
-    git(base, "merge", "--quiet", "--no-ff", "--message", "merge", "change")
-    git(base, "checkout", "--quiet", "main")
-
+    head = merge(base)
     status, report = verified(base, "0" * 40)
     assert status != 0
     assert "has moved on" in report
@@ -82,3 +86,14 @@ def test_a_pull_request_cannot_verify_itself(base):
     assert "unseen 99.9" not in report
     assert "ally/always-hop: replaced" in report
     assert "commit this one" in report
+
+
+def test_more_changed_names_than_a_pipe_holds_are_counted(base):
+    git(base, "checkout", "--quiet", "-b", "change")
+    (base / "docs").mkdir()
+    for number in range(800):
+        (base / f"docs/{number:03}{'x' * 120}").touch()
+    status, report = verified(base, merge(base))
+    assert status == 0, report
+    assert "  and 780 more\n" in report
+    assert "0 verdicts, all good" in report

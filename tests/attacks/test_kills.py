@@ -21,7 +21,7 @@ from fpg_bench.products.leaderboard import crossplay, verification
 from fpg_bench.products.leaderboard.folders import at_work, crossplay_file, work_folder
 from fpg_bench.products.leaderboard.verification import verify
 from fpg_bench.training.checkpoint import load_checkpoint
-from tests.products.leaderboard.entering import enter
+from tests.products.leaderboard.entering import bad_pairs, enter
 
 STOPS = """
 import os, signal, sys
@@ -189,9 +189,9 @@ def test_pairs_that_cannot_be_written_are_kept_where_they_were_played(board, in_
     with monkeypatch.context() as disk:
         disk.setattr("fpg_bench.common.rows.write_whole", full)
         with pytest.raises(OSError, match="No space left"):
-            crossplay.play_missing(board)
+            bad_pairs(board)
     monkeypatch.setattr(crossplay, "play_pair", lambda *pair: pytest.fail("is played again"))
-    assert crossplay.play_missing(board) == []
+    assert bad_pairs(board) == {}
     assert len(crossplay_file(board).read_text().splitlines()) == 1
     assert not (work_folder(board) / "crossplay").exists()
 

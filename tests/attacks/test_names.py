@@ -14,12 +14,11 @@ from fpg_bench.products.leaderboard import submission
 from fpg_bench.products.leaderboard.about import name_skeleton, read_about
 from fpg_bench.products.leaderboard.submission import (
     Reader,
-    load_submission,
-    name_conflicts,
-    problems,
+    Refusal,
+    admit,
 )
 from tests.attacks import SCALE, SEED
-from tests.products.leaderboard.making import FIELDS, write_submission
+from tests.products.leaderboard.making import FIELDS, problems, write_submission
 
 # What looks like each character in either case: Unicode's confusables.txt (in NFKC) and a few more
 LETTERS = {
@@ -137,7 +136,7 @@ def test_no_number_of_entries_hides_whose_name_is_taken(tmp_path):
     for number in range(250):
         (board / f"twin-{number}").mkdir()
         (board / f"twin-{number}" / "submission.yaml").write_bytes(text)
-    assert len(list(name_conflicts(load_submission(mine), Reader()))) == 250
+    assert len(problems(mine)) == 250
 
 
 def test_the_names_of_a_board_are_read_once_for_all_entries(tmp_path, monkeypatch):
@@ -148,8 +147,7 @@ def test_the_names_of_a_board_are_read_once_for_all_entries(tmp_path, monkeypatc
         for k in range(20)
     ]
     reader = Reader()
-    entries = [load_submission(folder, reader=reader) for folder in folders]
-    assert not any(line for entry in entries for line in name_conflicts(entry, reader))
+    assert [admit(folder, reader).slug for folder in folders] == [folder.name for folder in folders]
     assert len(read) == len(folders)
 
 
@@ -159,8 +157,12 @@ def test_of_many_entries_with_one_name_the_first_has_it_and_each_is_asked_once_f
         name = "Population PPO" if k % 2 else "popu1ation-pp0"
         write_submission(board / f"mine-{k:02}", seeds=(), training=None, script="expert", name=name)
     reader = Reader(lambda folder: asked.append(folder) or (folder.name != "mine-07", folder.name))
-    entries = [load_submission(folder, reader=reader) for folder in sorted(board.iterdir())]
-    taken = [entry.slug for entry in entries if any(name_conflicts(entry, reader, earlier=True))]
-    assert taken == [entry.slug for entry in entries if entry.slug != "mine-07"]
-    assert next(name_conflicts(entries[0], reader)).endswith("is the name of 'mine-07', too; choose another")
-    assert len(asked) == 2 * len(entries)  # once among the slugs, once among the names
+    refused = {}
+    for folder in sorted(board.iterdir()):
+        try:
+            assert admit(folder, reader).slug == "mine-07"
+        except Refusal as refusal:
+            refused[folder.name] = refusal.lines[0]
+    assert list(refused) == [f"mine-{k:02}" for k in range(20) if k != 7]
+    assert refused["mine-00"].endswith("is the name of 'mine-07', too; choose another")
+    assert len(asked) == 40  # once among the slugs, once among the names

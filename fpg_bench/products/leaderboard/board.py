@@ -27,11 +27,12 @@ from fpg_bench.evaluation.table import Standing, learning_curve, over_rounds, st
 from fpg_bench.players.planner import TIERS
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.about import Training, board_name
+from fpg_bench.products.leaderboard.cases import Case
 from fpg_bench.products.leaderboard.crossplay import Pair, Pairs, fully_played, pair_key
-from fpg_bench.products.leaderboard.entries import Entries, VerifiedEntry
+from fpg_bench.products.leaderboard.entries import Entries
 from fpg_bench.products.leaderboard.exploited import Attack, Exploited
 from fpg_bench.products.leaderboard.ranking import improvements, profiles
-from fpg_bench.products.leaderboard.result import Result, round_finite
+from fpg_bench.products.leaderboard.result import PlannerFacts, round_finite
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import (
     PUBLIC,
@@ -154,7 +155,7 @@ class Figures:
         by_seed: scores by training seed.
         training_seeds: 0 for scripts and planners.
         is_late: entered or changed after the season was closed.
-        same_policies: other entries, ``track/slug``, that have one of its policies.
+        same_policies: other entries, ``track/slug``, that play the same.
         has_few_seeds: it has training seeds, but fewer than three.
         measures: over all rounds of the public suite; ``return`` is per step.
         histograms: share of time per frequency point, of the ally (``ally``) and of jamming (``jam``).
@@ -399,6 +400,7 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
                 placed.get(item.slug),
                 is_late=_is_late(item.submission, every.suites.season(track)),
                 exploited=_exploited(item, every),
+                same_policies=tuple(every.shared.get(item.name, ())),
             ),
             replays=replays.get(item.key, ()),
         )
@@ -433,19 +435,19 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
     )
 
 
-def _exploited(item: VerifiedEntry, every: Entries) -> Exploited | None:
+def _exploited(item: Case, every: Entries) -> Exploited | None:
     """Return the lowest known return of a player over suites, cross-play and responses to it."""
     side = item.track.side
     if side not in SIDES:
         return None
-    attacks = every.attacks.get(f"{side}/{item.slug}", ())
+    attacks = every.attacks.get(item.name, ())
     seeds = [policy.seed for policy in item.submission.policies]
     rival = lowest_rival(item.slug, side, item.summaries, every.pairs.results.values(), seeds)
-    return Exploited(min((*attacks, rival), key=lambda each: each.return_per_step.value), attacks)
+    return Exploited.of(rival, attacks, seeds)
 
 
-def _is_reference(item: VerifiedEntry) -> bool:
-    planner = item.result.fingerprint.planner
+def _is_reference(item: Case) -> bool:
+    planner = item.fingerprint.planner
     return planner is not None and planner.tier == TIERS[-1]
 
 
@@ -498,12 +500,13 @@ def _make_entry(
 
 
 def _make_figures(
-    item: VerifiedEntry,
+    item: Case,
     ranking: Summary,
     worst: WorstCase,
     placed: Standing | None,
     is_late: bool,
     exploited: Exploited | None,
+    same_policies: tuple[str, ...],
 ) -> Figures:
     summaries = item.summaries
     public = summaries[PUBLIC]
@@ -527,7 +530,7 @@ def _make_figures(
         training_seeds=public.training_seeds,
         has_few_seeds=0 < public.training_seeds < FEW_SEEDS,
         is_late=is_late,
-        same_policies=item.same_policies,
+        same_policies=same_policies,
         measures={"return": public.reward.value, **public.measures},
         histograms={
             side: tuple(round_finite(share) for share in counts / max(counts.sum(), 1))
@@ -536,8 +539,8 @@ def _make_figures(
         lost=sum(record.lost for record in played),
         rounds=sum(len(record.returns) for record in played),
         records=len(played),
-        planner=_make_planner_figures(public, item.result),
-        fingerprint=item.result.fingerprint.to_dict(),
+        planner=_make_planner_figures(public, item.fingerprint.planner),
+        fingerprint={} if item.result is None else item.result.fingerprint.to_dict(),
         exploited=exploited,
     )
 
@@ -548,9 +551,8 @@ def _make_units(summary: Summary) -> UnitScores:
     return UnitScores(tuple(map(tuple, seeds.T.tolist())), tuple(map(tuple, matches.tolist())))
 
 
-def _make_planner_figures(public: Summary, result: Result) -> PlannerFigures | None:
+def _make_planner_figures(public: Summary, facts: PlannerFacts | None) -> PlannerFigures | None:
     plans = public.pooled.plans
-    facts = result.fingerprint.planner
     if plans is None or facts is None:
         return None
     return PlannerFigures(

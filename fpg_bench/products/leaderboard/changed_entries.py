@@ -38,12 +38,10 @@ class Changes:
         entries: ``track/name`` of the entries whose submission or result changed.
         others: all other files, relative to the top of the checkout, sorted; but for the file of cross-play,
             responses to entries and their results, whose trusted rows :func:`rows_at` returns.
-        has_pairs: true if the file of cross-play changed.
     """
 
     entries: frozenset[str] = frozenset()
     others: tuple[str, ...] = ()
-    has_pairs: bool = False
 
 
 def changed_entries(board: Path, revision: str) -> Changes:
@@ -70,7 +68,6 @@ def changed_entries(board: Path, revision: str) -> Changes:
             and path not in (pairs, responses)
             and not (_is_response(Path(path), home) and path not in credits)
         ),
-        pairs in changed,
     )
 
 

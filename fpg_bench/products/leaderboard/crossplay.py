@@ -6,9 +6,7 @@ import contextlib
 import hashlib
 import json
 import logging
-import random
-import secrets
-from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,41 +15,33 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
 
-from fpg_bench.common.errors import UserError
-from fpg_bench.common.parallel import Workers
-from fpg_bench.common.rows import Row
-from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt, parse
+from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.play import LOST_SCORE, lost_rounds
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
-from fpg_bench.evaluation.store import EncounterStore, StrictResult
-from fpg_bench.evaluation.suite import Scale, Suite
-from fpg_bench.game.flight import rotary_wing_w
-from fpg_bench.game.rules import radio_record
+from fpg_bench.evaluation.store import StrictResult
+from fpg_bench.evaluation.suite import Scale
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.player import SIDES, Abilities, Memory, Player, Prediction
 from fpg_bench.players.registry import as_player
-from fpg_bench.products.leaderboard.folders import crossplay_file, submission_folders
-from fpg_bench.products.leaderboard.playing import Part, parts_of, running_player, work_store
+from fpg_bench.products.leaderboard.cases import Case, verified_cases
+from fpg_bench.products.leaderboard.encounters import Kind, Verification
+from fpg_bench.products.leaderboard.folders import crossplay_file
+from fpg_bench.products.leaderboard.playing import Part, parts_of, running_player
 from fpg_bench.products.leaderboard.result import round_finite
-from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SCENARIOS, ranked_by
 from fpg_bench.products.leaderboard.verdicts import (
     EXACT,
     SHARE_OF_ROUNDS,
-    Check,
     Replayed,
     Tolerances,
     Verdict,
     Verdicts,
     Within,
-    check_share,
-    draw,
 )
 from fpg_bench.products.leaderboard.verdicts import WITHIN as SAME_WITHIN
-from fpg_bench.products.leaderboard.verification import Case, board_reader, load_case
 
 _logger = logging.getLogger(__name__)
 
@@ -89,8 +79,9 @@ class CrossplayEntry:
     season: str
 
     @classmethod
-    def of(cls, submission: Submission, public: Suite, season: str) -> CrossplayEntry:
-        """Return the entry of a submission that plays this public suite."""
+    def of(cls, case: Case) -> CrossplayEntry:
+        """Return the entry of a case."""
+        submission, public = case.submission, case.suites[PUBLIC]
         scenario = as_scenario(submission.scenario, opponent_path=submission.path or "pursuit")
         return cls(
             submission.slug,
@@ -99,8 +90,13 @@ class CrossplayEntry:
             tuple(parts_of(submission)),
             scenario,
             public.scale,
-            season,
+            case.suites[ranked_by(case.suites)].season,
         )
+
+    @property
+    def name(self) -> str:
+        """Its name on the board, ``side/slug``."""
+        return f"{self.side}/{self.slug}"
 
     @cached_property
     def identity(self) -> list[str]:
@@ -165,75 +161,10 @@ class Pair(StrictResult):
         seeds = len(self.ally_rewards), len(self.opponent_rewards)
         return names and seeds == (len(ally.parts), len(opponent.parts))
 
-    def is_possible(self, ally: CrossplayEntry, opponent: CrossplayEntry) -> bool:
-        """Return True if rounds of these two entries can have this result (Eq. 5 and 6).
-
-        The ally earns at most the greatest worth of its link. The opponent earns at most what the ally's link
-        is worth less than that, plus the reward for being near. Neither earns less than the costs of the
-        whole round, or than a lost round counts. What the opponent took in a round that the ally lost is not
-        in the ally's return.
-        """
-        scenario, lost_by_ally = opponent.scenario, self.lost[0] / self.rounds
-        if self.rounds != ROUNDS or max(self.lost) > self.rounds:
-            return False
-        bounds = _step_bounds(scenario)
-        if bounds is None:
-            return True
-        lowest, most, costs = bounds
-        least = min(lowest - costs, ally.scale.reward(LOST_SCORE))
-        left = most - self.reward("ally") + lost_by_ally * (most - lowest)
-        near = max(scenario.distance_reward, 0.0)
-        tolerance = _UNEVEN * (max(self.ally_rewards) - min(self.ally_rewards)) + WITHIN
-        return (
-            least - WITHIN <= min(self.ally_rewards)
-            and max(self.ally_rewards) <= most + WITHIN
-            and min(0.0, opponent.scale.reward(LOST_SCORE)) - WITHIN <= min(self.opponent_rewards)
-            and self.reward("opponent") <= near + scenario.snr_drop_weight * (left + tolerance) + WITHIN
-        )
-
-
-def _step_bounds(scenario: Scenario) -> tuple[float, float, float] | None:
-    """Return bounds of a step of an ally: the least and the greatest worth of its link, and its costs.
-
-    The costs are a hop, spreading all the time, and the most power. None where the SNR has no cap.
-    """
-    costs = scenario.hop_cost + max(scenario.spread_cost_per_s) * scenario.steps_per_round
-    radio = radio_record(scenario)
-    if radio is not None:
-        power = max(map(rotary_wing_w, scenario.ally_speed_m_s)) - radio[0]["least_power"]
-        costs += float(radio[0]["flight_cost_per_w"] * power)
-        return 0.0, float(radio[0]["top_utility"].max()), costs
-    if scenario.snr_cap_db is None:
-        return None
-    threshold = scenario.snr_threshold_db
-    return _LEAST_SNR_DB - threshold, scenario.snr_cap_db - threshold, costs
-
-
-def read_pair(row: Row) -> Pair | None:
-    """Return the pair of an untrusted row; None if it is not a pair, or of an older protocol."""
-    try:
-        return parse(Pair, row, "pair")
-    except UserError:
-        return None
-
-
-def players_of_board(board: Path) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
-    """Return the verified allies and opponents of a board; see :func:`players_of`."""
-    reader, cases = board_reader(board), []
-    for folder in submission_folders(board):
-        if folder.parent.name in SIDES:
-            with contextlib.suppress(UserError, OSError):  # leaderboard verify names the problem
-                cases.append(load_case(board, folder, reader=reader))
-    return players_of(cases)
-
 
 def players_of(cases: Iterable[Case]) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
-    """Return the allies and opponents among cases whose results are verified, scenario by scenario."""
-    entries = [
-        CrossplayEntry.of(case.submission, case.suites[PUBLIC], case.suites[ranked_by(case.suites)].season)
-        for case in cases
-        if case.result is not None and case.result.verified and case.submission.track in SIDES
-    ]
+    """Return the allies and opponents among verified cases, scenario by scenario."""
+    entries = [CrossplayEntry.of(case) for case in cases if case.submission.track in SIDES]
     entries.sort(key=lambda entry: SCENARIOS.index(entry.preset))
     allies, opponents = ([entry for entry in entries if entry.side == side] for side in SIDES)
     return allies, opponents
@@ -252,13 +183,11 @@ class Pairs:
     Attributes:
         allies, opponents: the entries, in each scenario by name.
         results: by :func:`pair_key`.
-        is_clean: true if the file holds nothing else.
     """
 
     allies: list[CrossplayEntry]
     opponents: list[CrossplayEntry]
     results: Mapping[Hashable, Pair]
-    is_clean: bool = True
 
     def every(self) -> list[EntryPair]:
         """Return all pairs, ally by ally; those of a pair play the same scenario."""
@@ -284,18 +213,15 @@ def read_pairs(board: Path, players: tuple[list[CrossplayEntry], list[CrossplayE
     Raises:
         UserError: the file cannot be read.
     """
-    store, bad = _store(board), list[str]()
-    sound = store.records(bad.append)
-    if bad:
-        _logger.info(f"{store.path}: {len(bad)} lines are left out: not a pair, or of an older protocol")
     wanted = {each.key: each for each in Pairs(*players, {}).every()}
-    own = [pair for pair in sound if pair.key in wanted and pair.is_of(*wanted[pair.key])]
-    results: dict[Hashable, Pair] = {pair.key: pair for pair in own if pair.is_possible(*wanted[pair.key])}
-    for pair in own:
-        if pair.key not in results:
-            name = wanted[pair.key].name
-            _logger.warning(f"{store.path}: {name}: no rounds can earn this; it is left out")
-    return Pairs(*players, results, not bad and len(results) == len(sound))
+    known = PAIRS.read(board)
+    results: dict[Hashable, Pair] = {
+        pair.key: pair for pair in known.values() if pair.key in wanted and pair.is_of(*wanted[pair.key])
+    }
+    if len(results) < len(known):
+        left = len(known) - len(results)
+        _logger.info(f"{crossplay_file(board)}: {left} rows of other entries are left out")
+    return Pairs(*players, results)
 
 
 def fully_played(pairs: Pairs) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
@@ -315,88 +241,34 @@ def fully_played(pairs: Pairs) -> tuple[list[CrossplayEntry], list[CrossplayEntr
     return allies, opponents
 
 
-# Boards
+def verify_pairs(board: str | Path, how: Verification) -> list[Verdict]:
+    """Play the pairs of a board's entries, and compare with their results or write them.
 
-
-def play_missing(
-    board: str | Path,
-    *,
-    trusted: Collection[Row] | None = None,
-    workers: Workers | int = 1,
-) -> list[Verdict]:
-    """Play the pairs of a board that have no result yet; results of entries that are gone are dropped.
+    Results of entries that are gone are dropped.
 
     Args:
         board: the leaderboard's folder.
-        trusted: trusted rows; all others are played again and replaced. None: all are trusted.
-        workers: number of pairs that are played at once, or :class:`fpg_bench.common.parallel.Workers`.
+        how: which are played again; of named entries, all that they are part of.
 
     Returns:
-        The bad verdicts: on pairs that could not be played, and on untrusted rows that did not hold.
+        The bad verdicts, and one on all pairs; none if there are no pairs.
     """
-    board = Path(board)
-    pairs = read_pairs(board, players_of_board(board))
-    trusted_pairs = None if trusted is None else {pair for row in trusted if (pair := read_pair(row))}
-    results = {
-        key: pair for key, pair in pairs.results.items() if trusted_pairs is None or pair in trusted_pairs
-    }
-    every = pairs.every()
-    missing = [each for each in every if each.key not in results]
-    _logger.info(f"crossplay: {len(missing)} of {len(every)} pairs to play")
-    verdicts = Verdicts(logging.DEBUG)
-    with work_store(board, "crossplay", Pair) as work:
-        results |= _CHECK.verify(
-            missing, pairs.results, work, verdicts, trusted=trusted_pairs, workers=workers
-        )
-        if missing or not pairs.is_clean:
-            _store(board).write([results[each.key] for each in every if each.key in results])
-    return verdicts.bad()
-
-
-def check_pairs(
-    board: str | Path,
-    share: float,
-    seed: int | None = None,
-    *,
-    workers: Workers | int = 1,
-) -> list[Verdict]:
-    """Play some pairs again, drawn at random for each ally, and return the bad verdicts.
-
-    Args:
-        board: the leaderboard's folder.
-        share: of each ally's pairs; at least one is played.
-        seed: of the draw; None: a new one, which is logged.
-        workers: as in :func:`play_missing`.
-
-    Raises:
-        UserError: a share out of range.
-    """
-    check_share(share)
-    board, seed = Path(board), secrets.randbits(31) if seed is None else seed
-    _logger.info(f"check: {100 * share:g} % of each ally's pairs, --sample-seed {seed}")
-    pairs = read_pairs(board, players_of_board(board))
-    there = [each for each in pairs.every() if each.key in pairs.results]
-    rng, drawn = random.Random(seed), list[EntryPair]()
-    for ally in pairs.allies:
-        drawn += draw([each for each in there if each.ally is ally], share, rng)
-    verdicts = Verdicts(logging.DEBUG)
-    with work_store(board, "crossplay", Pair) as work:
-        _CHECK.verify(drawn, pairs.results, work, verdicts, workers=workers)
-    if not pairs.is_clean:
-        line = "holds lines that no pair of this board can have; fpg-bench leaderboard crossplay removes them"
-        verdicts.give(crossplay_file(board).name, False, line)
-    return verdicts.bad()
-
-
-def _store(board: Path) -> EncounterStore[EntryPair, Pair]:
-    return EncounterStore(Pair, crossplay_file(board))
+    board, verdicts = Path(board), Verdicts(logging.DEBUG)
+    every = Pairs(*players_of(verified_cases(board)), {}).every()
+    order = {each.key: number for number, each in enumerate(every)}
+    names = set(how.names)
+    wanted = [each for each in every if not names or names & {each.ally.name, each.opponent.name}]
+    PAIRS.verify(board, wanted, verdicts, how, lambda pair: order.get(pair.key))
+    if not verdicts.all():
+        return []
+    bad, all_of_them = verdicts.bad(), Verdicts()
+    for verdict in bad:
+        all_of_them.give(verdict.name, False, verdict.line)
+    all_of_them.give("cross-play", not bad, f"{len(wanted)} pairs, {len(bad)} bad verdicts")
+    return all_of_them.all()
 
 
 # Playing a pair
-
-
-def _play(pair: EntryPair) -> Pair:
-    return play_pair(*pair)
 
 
 def _compare(pair: EntryPair, now: Pair, then: Pair) -> list[str]:
@@ -418,7 +290,6 @@ TOLERANCES = Tolerances(
     jamming_success_rate=Within(SAME_WITHIN, "steps"),
     lost=Within(1 - SHARE_OF_ROUNDS, "rounds", of=" by side"),
 )
-_CHECK = Check(_play, _compare, lambda pair, now: now.model_dump_json())
 
 
 def play_pair(ally: CrossplayEntry, opponent: CrossplayEntry) -> Pair:
@@ -532,3 +403,14 @@ class Team:
         for player, games in self._members:
             lost[games] = lost_rounds(player, len(games))
         return lost
+
+
+def _play(pair: EntryPair) -> Pair:
+    return play_pair(*pair)
+
+
+def _describe(pair: EntryPair, now: Pair) -> str:
+    return f"the ally keeps {now.reward('ally'):.2f} per step"
+
+
+PAIRS = Kind("crossplay", Pair, crossplay_file, _play, _compare, _describe)

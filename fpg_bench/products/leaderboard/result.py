@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_bounded, write_whole
-from fpg_bench.common.rows import Row
+from fpg_bench.common.rows import SEAL, Row
 from fpg_bench.common.schema import Strict, parse
 from fpg_bench.common.strict_json import read_object
 from fpg_bench.evaluation.record import Record, read_record
@@ -83,7 +83,7 @@ class _Head(Strict):
     status: Literal["verified", "not verified"]
     reason: str | None
     fingerprint: Fingerprint
-    records_sha256: str
+    sha256: str
 
 
 @dataclass(frozen=True)
@@ -162,9 +162,9 @@ def write_result(path: Path, result: Result) -> None:
         "status": VERIFIED if result.verified else NOT_VERIFIED,
         "reason": result.reason,
         "fingerprint": result.fingerprint.to_dict(),
-        "records_sha256": _sha256(result.records),
     }
-    write_whole(path, _text([head]) + _text([record.row() for record in result.records]))
+    records = [record.row() for record in result.records]
+    write_whole(path, _text([head | {SEAL: _sha256([head, *records])}, *records]))
 
 
 def read_result(path: Path, suites: Suites) -> Result:
@@ -175,8 +175,7 @@ def read_result(path: Path, suites: Suites) -> Result:
         suites: the suites that the entry plays; the records of a result on other suites are not checked.
 
     Raises:
-        UserError: it cannot be read, is not a result, is of an older protocol, or was edited: its records are
-            not those that it was written with.
+        UserError: it cannot be read, is not a result, is of an older protocol, or does not fit its hash.
     """
     first, *rows = _rows(path)
     printed = first.get("fingerprint")
@@ -190,8 +189,9 @@ def read_result(path: Path, suites: Suites) -> Result:
         )
     head = parse(_Head, first, f"result {path}: line 1")
     records = tuple(read_record(row, f"result {path}: line {number}") for number, row in enumerate(rows, 2))
-    if head.records_sha256 != _sha256(records):
-        raise UserError(f"result {path}: edited by hand: its records are not those it was written with")
+    del first[SEAL]
+    if head.sha256 != _sha256([first, *(record.row() for record in records)]):
+        raise UserError(f"result {path}: was edited or damaged: it does not fit its hash")
     if head.status == NOT_VERIFIED and (records or head.reason is None):
         raise UserError(f"result {path}: edited by hand: not verified, but with records or without a reason")
     if head.status == VERIFIED and head.reason is not None:
@@ -247,5 +247,5 @@ def _text(rows: Sequence[Row]) -> str:
     return "".join(json.dumps(row, separators=(",", ":"), allow_nan=False) + "\n" for row in rows)
 
 
-def _sha256(records: Sequence[Record]) -> str:
-    return hashlib.sha256(_text([record.row() for record in records]).encode()).hexdigest()
+def _sha256(rows: Sequence[Row]) -> str:
+    return hashlib.sha256(_text(rows).encode()).hexdigest()

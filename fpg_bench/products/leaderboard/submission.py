@@ -104,14 +104,16 @@ class Submission(SubmissionFile):
 # Folders of submissions
 
 
-def problems(folder: str | Path) -> list[str]:
-    """Return all problems of a submission's folder, one line each; none if it may be played.
+class Refusal(UserError):
+    """A folder is no valid submission.
 
-    On a board (``submissions/<track>/<name>``), conflicts with the names of other entries are problems, too.
+    Attributes:
+        lines: all of its problems, one line each; the message has the first.
     """
-    reader = Reader()
-    submission, lines = read_submission(Path(folder), reader=reader)
-    return lines if submission is None else lines + list(name_conflicts(submission, reader))
+
+    def __init__(self, folder: Path, lines: Sequence[str]) -> None:
+        super().__init__(f"submission {folder}: {lines[0]}")
+        self.lines = lines
 
 
 def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str]:
@@ -141,14 +143,15 @@ class Reader:
 
     Args:
         precedence: key by which folders of submissions are sorted that have the same name; the first has it.
+            None: nobody has it.
 
     Attributes:
         suites: the suites of the tracks.
     """
 
-    def __init__(self, precedence: Callable[[Path], Any] = str) -> None:
+    def __init__(self, precedence: Callable[[Path], Any] | None = None) -> None:
         self.suites = TrackSuites()
-        self._precedence = precedence
+        self.precedence = precedence
         self._abouts: dict[Path, tuple[SubmissionFile | None, list[str]]] = {}
         self._names: dict[Path, dict[tuple[str | None, ...], list[str]]] = {}
 
@@ -178,7 +181,7 @@ class Reader:
                     for skeleton in {name_skeleton(about.name), name_skeleton(board_name(about, name))}:
                         known.setdefault((about.path, about.scenario, skeleton), []).append(name)
             for names in known.values():
-                names.sort(key=lambda name: self._precedence(track / name))
+                names.sort(key=lambda name: (self.precedence or str)(track / name))
         return [self._names[track].get(key, []) for key in keys]
 
 
@@ -192,44 +195,25 @@ def _read_about_file(folder: Path) -> tuple[SubmissionFile | None, list[str]]:
     return about, [f"{ABOUT}: {line}" for line in lines]
 
 
-def load_submission(
-    folder: str | Path, inspect_onnx: bool = True, reader: Reader | None = None
-) -> Submission:
-    """Load and check the submission of a folder; none of it is run.
+def admit(folder: str | Path, reader: Reader | None = None, inspect_onnx: bool = True) -> Submission:
+    """Check the submission of a folder, and return it; none of it is run.
 
     Args:
-        folder: the submission's folder.
-        inspect_onnx: inspect each ONNX file in a sandboxed process; not needed if no policy is played.
+        folder: the submission's folder. On a board, ``submissions/<track>/<name>``, names of other entries
+            that take precedence, or of any others for a reader without precedence, are problems.
         reader: reads each file once for many submissions; None: a new one.
+        inspect_onnx: inspect each ONNX file in a sandboxed process; not needed if no policy is played.
 
     Raises:
-        UserError: the first of its problems (see :func:`read_submission`).
+        Refusal: it has problems.
     """
-    submission, lines = read_submission(Path(folder), inspect_onnx, reader)
-    if submission is None:
-        raise UserError(f"submission {folder}: {lines[0]}")
-    return submission
-
-
-def read_submission(
-    folder: Path, inspect_onnx: bool = True, reader: Reader | None = None
-) -> tuple[Submission | None, list[str]]:
-    """Return the submission of a folder (None if it has problems), and its problems, one line each.
-
-    Conflicts with other submissions are not among them; see :func:`name_conflicts`.
-
-    Args:
-        folder: the submission's folder.
-        inspect_onnx: inspect each ONNX file in a sandboxed process; not needed if no policy is played.
-        reader: reads each file once for many submissions; None: a new one.
-    """
-    folder, reader = Path(os.path.abspath(folder)), reader or Reader()
+    given, folder, reader = Path(folder), Path(os.path.abspath(folder)), reader or Reader()
     if problem := folder_problem(folder):
-        return None, [problem]
-    about, wrong = reader.about(folder)
+        raise Refusal(given, [problem])
+    about, lines = reader.about(folder)
     if about is None:
-        return None, wrong
-    lines = [*slug_problems(folder), *wrong]
+        raise Refusal(given, lines)
+    lines = [*slug_problems(folder), *lines]
     lines += [f"{ABOUT}: {line}" for line in _location_problems(folder, about)]
     lines += [f"{ABOUT}: {line}" for line in _name_problems(folder, about)]
     policies, wrong = _read_own_policies(folder, about, inspect_onnx)
@@ -238,13 +222,15 @@ def read_submission(
         suite = reader.suites.of(TRACKS["planner"], transcripts=True)[PUBLIC]
         lines += check_transcripts(folder, suite)
     if lines:
-        return None, lines
+        raise Refusal(given, lines)
     files = list_names(folder / TRANSCRIPTS) if about.is_recorded else []
     transcripts = tuple(folder / TRANSCRIPTS / name for name in files)
     entered = Submission.model_construct(
         folder=folder, policies=policies, transcripts=transcripts, **dict(about)
     )
-    return entered, []
+    if lines := list(_name_conflicts(entered, reader)):
+        raise Refusal(given, lines)
+    return entered
 
 
 def slug_problems(folder: Path) -> Iterator[str]:
@@ -345,24 +331,19 @@ def _folder_names(seeds: Iterable[int]) -> str:
     return ", ".join(f"seed_{seed}" for seed in sorted(seeds))
 
 
-def name_conflicts(submission: Submission, reader: Reader, earlier: bool = False) -> Iterator[str]:
+def _name_conflicts(submission: Submission, reader: Reader) -> Iterator[str]:
     """Yield a line on each other submission whose name conflicts with this one's.
 
     A conflict is a name that looks the same in the same table of the board, or a folder's name in the same
     track that differs only in case.
-
-    Args:
-        submission: the submission.
-        reader: reads the names of the board once for many submissions.
-        earlier: only of those that take precedence.
     """
     if submission.folder.parent.name != submission.track:
         return
     own = (submission.path, submission.scenario, name_skeleton(submission.name))
     same_slug, same_name = reader.alike(submission.folder.parent, (submission.slug.casefold(),), own)
-    for name in _others(same_slug, submission.slug, earlier):
+    for name in _others(same_slug, submission.slug, reader.precedence is not None):
         yield f"the folder's name: differs from {shown(name)} only in case"
-    for name in _others(same_name, submission.slug, earlier):
+    for name in _others(same_name, submission.slug, reader.precedence is not None):
         yield f"{ABOUT}: name: {shown(submission.name)} is the name of {shown(name)}, too; choose another"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -59,18 +58,19 @@ def check(folder: Annotated[Path, typer.Argument(help="Folder of the submission.
 
     Example: fpg-bench submit check leaderboard/submissions/ally/my-agent
     """
-    from fpg_bench.products.leaderboard.playing import smoke_test, suites_of
-    from fpg_bench.products.leaderboard.submission import load_submission, notes, problems
-    from fpg_bench.products.leaderboard.tracks import PUBLIC, TrackSuites
+    from fpg_bench.products.leaderboard.playing import smoke_test
+    from fpg_bench.products.leaderboard.submission import Reader, Refusal, admit, notes
 
-    faults = problems(folder)
-    if not faults:
-        submission = load_submission(folder)
-        suite = suites_of(submission, TrackSuites())[PUBLIC]
+    reader, faults = Reader(), list[str]()
+    try:
+        submission = admit(folder, reader)
+        suite = reader.suites.public(submission.board_track)
         for policy in submission.policies:
             faults += [f"seed_{policy.seed}: {line}" for line in smoke_test(policy, suite)]
         for line in notes(submission):
             print_line(f"{folder}: note: {line}")
+    except Refusal as refusal:
+        faults += refusal.lines
     for line in faults:
         print_line(f"{folder}: {line}")
     if faults:
@@ -143,60 +143,37 @@ def verify(
     changes_known: ChangesKnownOption = False,
     workers: WorkersOption = Workers(1),
 ) -> None:
-    """Play entries, and responses to them, again and compare with their results; write missing results.
+    """Play entries, responses to them and pairs again, and compare with their results; write missing ones.
+
+    Pairs are the cross-play of every verified ally with every verified opponent of its scenario.
 
     Example: fpg-bench leaderboard verify --sample 5%
     """
-    from fpg_bench.products.leaderboard.folders import at_work
-    from fpg_bench.products.leaderboard.response_results import verify_responses
-    from fpg_bench.products.leaderboard.verification import verify as verify_all
+    import secrets
 
-    verdicts = []
+    from fpg_bench.products.leaderboard.crossplay import verify_pairs
+    from fpg_bench.products.leaderboard.encounters import Verification
+    from fpg_bench.products.leaderboard.folders import at_work
+    from fpg_bench.products.leaderboard.responses import verify_responses
+    from fpg_bench.products.leaderboard.verification import verify as verify_entries
+
+    drawn = None if sample is None else share(sample)
+    seed = secrets.randbits(32) if sample_seed is None else sample_seed
+    how = Verification(names or (), drawn, seed, since, update, workers)
     with at_work(folder):
-        for verify_part in (partial(verify_all, changes_known=changes_known), verify_responses):
-            verdicts += verify_part(
-                folder,
-                names or (),
-                sample=None if sample is None else share(sample),
-                sample_seed=sample_seed,
-                update=update,
-                since=since,
-                workers=workers,
-            )
+        verdicts = verify_entries(
+            folder,
+            how.names,
+            sample=how.sample,
+            sample_seed=how.seed,
+            update=update,
+            since=since,
+            changes_known=changes_known,
+            workers=workers,
+        )
+        verdicts += verify_responses(folder, how) + verify_pairs(folder, how)
     bad = sum(not verdict.is_good for verdict in verdicts)
     print_line(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
-    raise typer.Exit(1 if bad else 0)
-
-
-@leaderboard.command()
-@with_fields
-def crossplay(
-    folder: FolderOption = Path("leaderboard"),
-    check: Annotated[
-        str | None, typer.Option(help="Share of each ally's pairs to play again and compare, such as 5%.")
-    ] = None,
-    sample_seed: Annotated[
-        int | None, typer.Option(help="Seed of the draw. Default: a new one, which is printed.")
-    ] = None,
-    since: SinceOption = None,
-    workers: WorkersOption = Workers(1),
-) -> None:
-    """Play every verified ally against every verified opponent of its scenario; existing pairs are kept.
-
-    Example: fpg-bench leaderboard crossplay
-    """
-    from fpg_bench.products.leaderboard.changed_entries import rows_at
-    from fpg_bench.products.leaderboard.crossplay import check_pairs, play_missing
-    from fpg_bench.products.leaderboard.folders import at_work, crossplay_file
-
-    trusted = None if since is None else rows_at(folder, since, crossplay_file)
-    with at_work(folder):
-        if check is None:
-            bad = play_missing(folder, trusted=trusted, workers=workers)
-        else:
-            bad = check_pairs(folder, share(check), sample_seed, workers=workers)
-    for verdict in bad:
-        print_line(f"{verdict.name}: {verdict.line}")
     raise typer.Exit(1 if bad else 0)
 
 
@@ -216,7 +193,7 @@ def break_entry(
     Example: fpg-bench leaderboard break ally/clock runs/table/agent --name "A table" --author "A. Name"
     """
     from fpg_bench.products.leaderboard.folders import at_work
-    from fpg_bench.products.leaderboard.response_results import enter_response
+    from fpg_bench.products.leaderboard.responses import enter_response
 
     about = {"name": name, "authors": author} | ({} if seconds is None else {"seconds": seconds})
     with at_work(folder):

@@ -12,7 +12,7 @@ import dataclasses
 import logging
 import math
 import random
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -21,10 +21,8 @@ import numpy as np
 from fpg_bench.common.differences import first_difference
 from fpg_bench.common.errors import UserError, printable, shown
 from fpg_bench.common.ids import NAMED
-from fpg_bench.common.parallel import Workers
 from fpg_bench.evaluation.hops import HOP_BITS
 from fpg_bench.evaluation.record import Plans, Record
-from fpg_bench.evaluation.store import EncounterStore, M, R
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.game.metrics import CLEAN, GREATEST
 
@@ -248,14 +246,15 @@ class _Bits(Tolerance):
 
 
 class _Sums(Tolerance):
-    """Sums by their names, each by what it counts; those that the stored result lacks are left out."""
+    """Sums by their names, each by what it counts."""
 
     def differences(self, name: str, replays: Sequence[Replayed[Record]]) -> Iterator[str]:
         for each in replays:
             now, then = each.now.tally, each.then.tally
-            for key in then:
-                if key not in now or abs(now[key] - then[key]) > self._most(key, each):
-                    yield each.line(key, now.get(key), then[key])
+            for key in now | then:
+                is_there = key in now and key in then
+                if not is_there or abs(now[key] - then[key]) > self._most(key, each):
+                    yield each.line(key, now.get(key), then.get(key))
 
     def _most(self, key: str, replay: Replayed[Record]) -> float:
         tally, rounds = replay.now.tally, len(replay.now.returns)
@@ -268,9 +267,6 @@ class _Sums(Tolerance):
         if key in _RETURNS:
             return WITHIN * replay.units[_RETURN] * rounds
         return WITHIN * (abs(tally[key]) if key in _LEVELS else tally["steps"])
-
-    def is_same(self, now: Mapping[str, float], then: Mapping[str, float]) -> bool:
-        return then.items() <= now.items()
 
 
 class Tolerances(Tolerance, Generic[T]):
@@ -392,61 +388,3 @@ def _is_scripted(record: Record, suite: Suite) -> bool:
         return False
     rival = suite.named(record.rival)
     return rival.planner is None and set(rival.players) <= set(NAMED[suite.other_side])
-
-
-# Stores
-
-
-@dataclass(frozen=True)
-class Check(Generic[M, R]):
-    """Check of a store's results: they are played again and compared.
-
-    Attributes:
-        play: plays an encounter.
-        compare: returns what does not hold of a stored result, beside that which was just played.
-        describe: returns a result in words.
-    """
-
-    play: Callable[[M], R]
-    compare: Callable[[M, R, R], list[str]]
-    describe: Callable[[M, R], str]
-
-    def verify(
-        self,
-        wanted: Iterable[M],
-        known: Mapping[Hashable, R],
-        work: EncounterStore[M, R],
-        verdicts: Verdicts,
-        *,
-        trusted: Collection[R] | None = None,
-        update: bool = False,
-        workers: Workers | int = 1,
-    ) -> dict[Hashable, R]:
-        """Play encounters again, and give a verdict on each.
-
-        Args:
-            wanted: the encounters.
-            known: their stored results, by key; others are played for the first time.
-            work: a store of unfinished work.
-            verdicts: where verdicts are given.
-            trusted: the results that stay where they do not hold; None: all.
-            update: replace what does not hold without ado.
-            workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.
-
-        Returns:
-            The results that are new, or replace others, by key.
-        """
-        wanted = list(wanted)
-        failed = work.play(wanted, self.play, workers, logging.DEBUG)
-        played, new = work.known(), dict[Hashable, R]()
-        for each in wanted:
-            if each.name in failed:
-                verdicts.give(each.name, False, f"not verified: {failed[each.name]}")
-                continue
-            now, then = played[each.key], known.get(each.key)
-            is_trusted = then is not None and (trusted is None or then in trusted)
-            differing = None if then is None else self.compare(each, now, then)
-            if not is_trusted or (update and differing):
-                new[each.key] = now
-            verdicts.give(each.name, *judge(differing, self.describe(each, now), is_trusted, update))
-        return new

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import itertools
 import logging
 import math
 import random
 import shutil
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -19,208 +17,29 @@ from fpg_bench.common.parallel import Job, Workers, folder_job, outcome_of, run_
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.summary import summary_of
+from fpg_bench.products.leaderboard.cases import (
+    Case,
+    Refused,
+    board_reader,
+    read_cases,
+    rerun_hint,
+    result_at,
+    shared_players,
+)
 from fpg_bench.products.leaderboard.changed_entries import changed_entries
 from fpg_bench.products.leaderboard.folders import (
     TRACK_FOLDERS,
     at_work,
     remove,
-    result_file,
     set_aside,
     short_path,
-    submission_folders,
-    work_folder,
 )
-from fpg_bench.products.leaderboard.playing import (
-    Key,
-    Matchup,
-    Part,
-    PlayedPart,
-    fill,
-    key_of,
-    matchups_of,
-    parts_of,
-    read_part,
-    suites_of,
-)
-from fpg_bench.products.leaderboard.result import (
-    Fingerprint,
-    Result,
-    fingerprint,
-    read_result,
-    write_result,
-)
-from fpg_bench.products.leaderboard.submission import Reader, Submission, load_submission, name_conflicts
-from fpg_bench.products.leaderboard.tracks import PUBLIC, TrackSuites, ranked_by
+from fpg_bench.products.leaderboard.playing import Key, Matchup, Part, PlayedPart, fill, key_of, read_part
+from fpg_bench.products.leaderboard.result import Result, write_result
+from fpg_bench.products.leaderboard.tracks import ranked_by
 from fpg_bench.products.leaderboard.verdicts import RECORD, Verdict, Verdicts, check_share, judge, replays_of
 
 _logger = logging.getLogger(__name__)
-
-_SUBMITTED = {"submission", "policies", "planner"}  # keys of a fingerprint that depend on the submission
-
-
-# Cases: submissions with their results
-
-
-@dataclass(frozen=True)
-class Case:
-    """A submission to be verified.
-
-    Attributes:
-        submission: the submission.
-        suites: the suites that it plays, by role.
-        fingerprint: of the submission on these suites.
-        path: the file of its result.
-        result: its result; None if there is none that counts.
-        work: the folder of unfinished work.
-        wanted: the matchups of each of its parts that are to be played.
-        claimed: the file of an untrusted result that came along with it; None if its result is trusted.
-    """
-
-    submission: Submission
-    suites: Mapping[str, Suite]
-    fingerprint: Fingerprint
-    path: Path
-    result: Result | None
-    work: Path
-    wanted: tuple[tuple[Part, tuple[Matchup, ...]], ...]
-    claimed: Path | None = None
-
-    @property
-    def name(self) -> str:
-        """Name in messages: ``track/slug``."""
-        return f"{self.submission.track}/{self.submission.slug}"
-
-    @property
-    def is_complete(self) -> bool:
-        """True if everything that it could play is wanted."""
-        n_all = len(parts_of(self.submission)) * len(matchups_of(self.suites.values()))
-        return sum(len(matchups) for _, matchups in self.wanted) == n_all
-
-
-def board_reader(board: Path, new: Collection[str] = ()) -> Reader:
-    """Return the reader of a board's submissions.
-
-    Of entries with the same name, those that are not new take precedence, then those with a result; others
-    are in the order of their folders.
-
-    Args:
-        board: the leaderboard's folder.
-        new: the submissions, ``track/name``, that are new or have changed.
-    """
-
-    def precedence(folder: Path) -> tuple[bool, bool, str]:
-        track, slug = folder.parent.name, folder.name
-        return f"{track}/{slug}" in new, not result_file(board, track, slug).exists(), slug
-
-    return Reader(precedence)
-
-
-def load_case(board: Path, folder: Path, update: bool = False, reader: Reader | None = None) -> Case:
-    """Load the case of a submission's folder, fully checked; see :func:`load_entry` and :func:`make_case`."""
-    reader = reader or board_reader(board)
-    return make_case(board, load_entry(folder, reader), reader.suites, update)
-
-
-def load_entry(folder: Path, reader: Reader, inspect_onnx: bool = True) -> Submission:
-    """Load a submission of a board, and check that no entry that takes precedence has its name.
-
-    Args:
-        folder: the submission's folder.
-        reader: see :func:`board_reader`.
-        inspect_onnx: inspect each of its ONNX files.
-
-    Raises:
-        UserError: the first of its problems.
-    """
-    submission = load_submission(folder, inspect_onnx, reader)
-    for line in name_conflicts(submission, reader, earlier=True):
-        raise UserError(f"submission {folder}: {line}")
-    return submission
-
-
-def make_case(board: Path, submission: Submission, suites: TrackSuites, update: bool = False) -> Case:
-    """Return a submission with its result; everything that it plays is wanted.
-
-    Args:
-        board: the leaderboard's folder.
-        submission: one of its submissions.
-        suites: the suites of the tracks.
-        update: ignore a result that does not fit.
-
-    Raises:
-        UserError: the result was edited, or is of another submission or of other suites.
-    """
-    played = suites_of(submission, suites)
-    expected = fingerprint(submission, played)
-    path = result_file(board, submission.track, submission.slug)
-    try:
-        result = _result_at(path, submission, played, expected)
-    except UserError:
-        if not update:
-            raise
-        result = None
-    digest = hashlib.sha256(expected.model_dump_json().encode()).hexdigest()[:16]
-    work = work_folder(board) / submission.track / f"{submission.slug}-{digest}"
-    everything = tuple(matchups_of(played.values()))
-    wanted = tuple((part, everything) for part in parts_of(submission))
-    return Case(submission, played, expected, path, result, work, wanted)
-
-
-def shared_policies(cases: Iterable[Case]) -> dict[str, list[str]]:
-    """Return the other entries that have one of an entry's policies, by the entry's name.
-
-    Policies are the same if their files are, or if every public round was the same to the bit. Authors may
-    enter theirs in several tables of the board.
-    """
-    owners: dict[object, list[Case]] = {}
-    for case in cases:
-        for identity in set(_identities(case)):
-            owners.setdefault(identity, []).append(case)
-    shared: dict[str, set[str]] = {}
-    for sharing in owners.values():
-        for one, other in itertools.permutations(sharing, 2):
-            is_same_table = one.submission.board_track is other.submission.board_track
-            if is_same_table or one.submission.authors != other.submission.authors:
-                shared.setdefault(one.name, set()).add(other.name)
-    return {name: sorted(others) for name, others in shared.items()}
-
-
-def _identities(case: Case) -> Iterator[object]:
-    by_seed: dict[int | None, list[tuple[str, str, str]]] = {}
-    for record in () if case.result is None else case.result.records:
-        if record.suite_hash == case.suites[PUBLIC].hash[:16]:
-            played = record.suite_hash, record.rival, record.rounds_sha256
-            by_seed.setdefault(record.training_seed, []).append(played)
-    for policy in case.submission.policies:
-        yield policy.sha256
-        if policy.seed in by_seed:
-            yield tuple(sorted(by_seed[policy.seed]))
-
-
-def _result_at(
-    path: Path, submission: Submission, suites: Mapping[str, Suite], expected: Fingerprint
-) -> Result | None:
-    """Read the result of just this submission on just these suites; None if there is no file.
-
-    Raises:
-        UserError: the result was edited, or is of another submission or of other suites.
-    """
-    if not path.exists() and not path.is_symlink():
-        return None
-    result = read_result(path, suites)
-    differing = result.fingerprint.differences(expected)
-    if not differing:
-        return result
-    if set(differing) <= _SUBMITTED:
-        changed = "transcript" if submission.transcripts else "policy"
-        raise UserError(
-            f"submission.yaml or a {changed} changed since this result was made; {_rerun_hint(submission)}"
-        )
-    raise UserError(f"result {path}: of other {', '.join(differing)}; {_rerun_hint(submission)}")
-
-
-def _rerun_hint(submission: Submission) -> str:
-    return f"make it again: fpg-bench submit run --update {short_path(submission.folder)}"
 
 
 # Samples
@@ -238,7 +57,7 @@ def draw_sample(cases: Iterable[Case], share: float, seed: int) -> list[Case]:
     records = [
         (number, part.name, key_of(*matchup))
         for number, case in enumerate(cases)
-        if case.result is not None and case.result.verified
+        if case.is_verified
         for part, matchups in case.wanted
         for matchup in matchups
     ]
@@ -278,7 +97,7 @@ def _judge(case: Case, played: Sequence[PlayedPart]) -> tuple[bool, str]:
         if not case.wanted:
             return True, "not verified; not part of a sample"
         if failure is None:
-            return False, f"the result is not verified, but it plays; {_rerun_hint(case.submission)}"
+            return False, f"the result is not verified, but it plays; {rerun_hint(case.submission)}"
         return True, f"not verified, as before: {failure}"
     if failure is not None:
         return False, f"the result is verified, but now: {failure}"
@@ -301,7 +120,7 @@ def _judge_first(case: Case, records: list[Record], failure: str | None) -> tupl
 
 def _claim_differences(case: Case, claimed: Path, records: list[Record]) -> list[str] | None:
     """Return what does not hold of a result that came along; None if there was none."""
-    read = outcome_of(partial(_result_at, claimed, case.submission, case.suites, case.fingerprint))
+    read = outcome_of(partial(result_at, claimed, case.submission, case.suites, case.fingerprint))
     if read.error is not None:
         return ["it is not of this entry, or was edited"]
     claim: Result | None = read.result
@@ -371,7 +190,7 @@ def verify(
     new = frozenset() if since is None else _new_entries(board, since, changes_known)
     with at_work(board):
         verification = _Verification(board, new)
-        cases = verification.cases(submission_folders(board, names), update)
+        cases = verification.cases(names, update)
         if sample is not None:
             seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
             _logger.info(f"sample: {100 * sample:g} % of all records, --sample-seed {seed}")
@@ -396,10 +215,6 @@ def _new_entries(board: Path, since: str, changes_known: bool) -> frozenset[str]
             f"since: {len(changes.others)} files outside of entries have changed: {few}; review them, then "
             "pass --changes-known"
         )
-    if changes.has_pairs:
-        _logger.info(
-            f"pairs of cross-play changed: fpg-bench leaderboard crossplay --since {since} plays them"
-        )
     return changes.entries
 
 
@@ -412,25 +227,24 @@ class _Verification:
         self._board, self._new = board, new
         self._shared: dict[str, list[str]] = {}
 
-    def cases(self, folders: Sequence[Path], update: bool) -> list[Case]:
-        """Return the cases of folders; those that are wrong, or gone, get their verdicts."""
+    def cases(self, names: Sequence[str], update: bool) -> list[Case]:
+        """Return the named cases; those that are wrong, or gone, get their verdicts."""
         aside = {name: outcome_of(partial(set_aside, self._board, *name.split("/"))) for name in self._new}
         for name in sorted(self._new):
             if not (self._board / "submissions" / name).is_dir():
                 self.verdicts.give(
                     name, False, "has no submission: it was removed, or only a result was added"
                 )
-        reader, cases = board_reader(self._board, self._new), []
-        for folder in folders:
-            name = f"{folder.parent.name}/{folder.name}"
-            read = outcome_of(partial(load_case, self._board, folder, update, reader))
-            error = read.error if name not in aside else read.error or aside[name].error
-            if error is not None:
-                self.verdicts.give(name, False, error)
+        reader, cases = board_reader(self._board, self._new), list[Case]()
+        for case in read_cases(self._board, names, reader, update=update, caught=(Exception,)):
+            moved = aside.get(case.name)
+            if isinstance(case, Refused):
+                self.verdicts.give(case.name, False, case.line)
+            elif failure := case.failure or (moved and moved.error):
+                self.verdicts.give(case.name, False, failure)
             else:
-                claimed = aside[name].result if name in aside else None
-                cases.append(dataclasses.replace(read.result, claimed=claimed))
-        self._shared = shared_policies(cases)
+                cases.append(dataclasses.replace(case, claimed=None if moved is None else moved.result))
+        self._shared = shared_players(cases)
         return cases
 
     def changed(self, cases: Sequence[Case], since: str) -> list[Case]:
@@ -473,7 +287,7 @@ class _Verification:
                 remove(case.claimed)
             good, line = judged.result if judged.error is None else (False, judged.error)
         if others := self._shared.get(case.name):
-            line += f"; it has a policy of {', '.join(others)}, too: ask whose it is"
+            line += f"; it plays the same as {', '.join(others)}: ask whose it is"
         self.verdicts.give(case.name, good, line + _missing_isolation(played.result or ()))
 
     def _keep(self, job: Job, case: Case, result: object) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,16 @@ from typing import Any
 import numpy as np
 import yaml
 
+from fpg_bench.common.rows import SEAL, sealed
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.seeds import PROTOCOL, seed_from
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
+from fpg_bench.products.leaderboard.cases import Case, board_reader, make_case
+from fpg_bench.products.leaderboard.crossplay import verify_pairs
+from fpg_bench.products.leaderboard.encounters import Verification
 from fpg_bench.products.leaderboard.result import Result, write_result
-from fpg_bench.products.leaderboard.verification import Case, verify
+from fpg_bench.products.leaderboard.submission import Reader, admit
+from fpg_bench.products.leaderboard.verification import verify
 from fpg_bench.products.sandbox.client import PolicyFailed
 from tests.policies import write_seed
 from tests.products.leaderboard.making import write_submission
@@ -94,6 +100,23 @@ def enter(board: Path, track: str, slug: str, **other: Any) -> Path:
 def verdicts_of(board: Path, *names: str, **options: Any) -> dict[str, tuple[bool, str]]:
     """Verify a board and return its verdicts by name: whether good, and the line."""
     return {v.name: (v.is_good, v.line) for v in verify(board, names, **options)}
+
+
+def case_of(board: Path, folder: Path, reader: Reader | None = None) -> Case:
+    """Return the case of a submission's folder, fully checked."""
+    reader = reader or board_reader(board)
+    return make_case(board, admit(folder, reader), reader.suites)
+
+
+def bad_pairs(board: Path, *names: str, **how: Any) -> dict[str, str]:
+    """Verify the pairs of a board, and return the lines of bad verdicts by name."""
+    verdicts = verify_pairs(board, Verification(names, **how))
+    return {each.name: each.line for each in verdicts if not each.is_good and each.name != "cross-play"}
+
+
+def resealed(*rows: dict[str, Any]) -> str:
+    """Return rows as text, each with the hash of what it says now."""
+    return "".join(json.dumps(sealed({k: v for k, v in row.items() if k != SEAL})) + "\n" for row in rows)
 
 
 def write_verified(case: Case, lines: Iterable[Record]) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import yaml
 
+from fpg_bench.products.leaderboard.submission import Refusal, admit
 from fpg_bench.products.sandbox.client import Policy
 from tests.policies import write_seed
 
@@ -35,3 +36,12 @@ def write_submission(folder: Path, seeds=(0, 1), **changes) -> Path:
     for seed in seeds:
         write_seed(folder / f"seed_{seed}", seed)
     return folder
+
+
+def problems(folder: Path) -> list[str]:
+    """All problems of a submission's folder."""
+    try:
+        admit(folder)
+    except Refusal as refusal:
+        return list(refusal.lines)
+    return []

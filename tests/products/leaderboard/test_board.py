@@ -2,6 +2,7 @@ import dataclasses
 import json
 import re
 import shutil
+from itertools import product
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.products.leaderboard import result, submission
 from fpg_bench.products.leaderboard.board import CROSSPLAY, make_board
-from fpg_bench.products.leaderboard.crossplay import play_missing
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.site import replays
 from fpg_bench.products.leaderboard.site.build import build_site
@@ -23,7 +23,7 @@ from fpg_bench.products.leaderboard.verbs import build
 from fpg_bench.products.leaderboard.verification import verify
 from tests.logged import logged
 from tests.policies import model, node, remembering, weights
-from tests.products.leaderboard.entering import SUITE, close_season, enter, write_suite
+from tests.products.leaderboard.entering import SUITE, bad_pairs, close_season, enter, write_suite
 
 pytestmark = pytest.mark.slow
 
@@ -114,7 +114,7 @@ def test_what_does_not_count_is_shown_last_or_left_out_with_its_reason(entered, 
         "wise": ally.entries[-1].reason,
     }
     assert [entry.figures for entry in ally.entries[2:]] == [None] * 3
-    assert "edited by hand" in ally.entries[-2].reason
+    assert "was edited or damaged" in ally.entries[-2].reason
     assert len(ally.improvement.names) == 2
     assert [message for message in messages if "still" not in message] == [
         "submissions/planers: left out: not a track; did you mean 'planner'?",
@@ -134,11 +134,7 @@ def test_a_bug_takes_no_entry_off_the_board_but_ends_the_build(board, in_process
     def broken(*_, **options):
         raise NameError("a bug")
 
-    for name, load in (
-        ("entries.load_entry", load_entries),
-        ("entries.make_case", load_entries),
-        ("crossplay.load_case", play_missing),
-    ):
+    for name, load in product(("cases.admit", "cases.make_case"), (load_entries, bad_pairs)):
         with monkeypatch.context() as patched:
             patched.setattr(f"fpg_bench.products.leaderboard.{name}", broken)
             with pytest.raises(NameError, match="a bug"):
@@ -147,7 +143,7 @@ def test_a_bug_takes_no_entry_off_the_board_but_ends_the_build(board, in_process
 
 def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, tmp_path):
     assert make_board(load_entries(entered)).crossplay == {}
-    play_missing(entered)
+    bad_pairs(entered)
     board = make_board(load_entries(entered))
     crossplay = board.crossplay["standard"]
     assert list(board.crossplay) == ["standard"]
@@ -169,7 +165,7 @@ def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, 
     build_site(board, tmp_path / "site")
     page = (tmp_path / "site/crossplay.html").read_text()
     assert "Not in it yet: Brand New." in page
-    assert "fpg-bench leaderboard crossplay" in page
+    assert "fpg-bench leaderboard verify" in page
 
 
 def assert_mixtures_fit(crossplay):
@@ -190,7 +186,7 @@ def test_the_same_player_is_shown_once(board):
         enter(board, "opponent", f"far-{script}", script=script, path="learned")
     enter(board, "opponent", "other", script="comb")
     verify(board)
-    play_missing(board)
+    bad_pairs(board)
     crossplay = make_board(load_entries(board)).crossplay["standard"]
     assert crossplay.same_player == {"near-tone": "far-tone"}
     assert crossplay.opponents == ("far-random", "far-tone", "near-random", "other")

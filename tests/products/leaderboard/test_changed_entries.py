@@ -12,13 +12,19 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.products.leaderboard import crossplay, verification
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.changed_entries import Changes, changed_entries, rows_at
-from fpg_bench.products.leaderboard.crossplay import play_missing
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.folders import crossplay_file, result_file
 from fpg_bench.products.leaderboard.result import read_result
-from fpg_bench.products.leaderboard.verification import load_case, verify
+from fpg_bench.products.leaderboard.verification import verify
 from tests.logged import logged
-from tests.products.leaderboard.entering import enter, verdicts_of, write_verified
+from tests.products.leaderboard.entering import (
+    bad_pairs,
+    case_of,
+    enter,
+    resealed,
+    verdicts_of,
+    write_verified,
+)
 
 
 def git(board, *words):
@@ -36,7 +42,7 @@ def trusted(board, in_process, kept, monkeypatch):
     enter(board, "ally", "honest", seeds=(0, 1))
     enter(board, "opponent", "script", script="adaptive")
     assert all(verdict.is_good for verdict in verify(board))
-    play_missing(board)
+    assert bad_pairs(board) == {}
     git(board, "init", "--quiet")
     git(board, "add", "--all")
     git(board, "commit", "--quiet", "--message", "as it was")
@@ -46,7 +52,7 @@ def trusted(board, in_process, kept, monkeypatch):
 
 def forged(board, name):
     """The result of an entry with every return a little higher, and all else that follows from it."""
-    case = load_case(board, board / "submissions" / name)
+    case = case_of(board, board / "submissions" / name)
     kept = read_result(case.path, case.suites)
     records = [
         dataclasses.replace(record, returns=tuple(x + 9.0 for x in record.returns)) for record in kept.records
@@ -139,7 +145,7 @@ def test_who_comes_later_has_not_the_name_of_who_was_there(trusted, slug):
     assert verdicts["ally/honest"][0]
     assert [entry.slug for entry in make_board(load_entries(trusted)).tracks[0].entries] == ["honest"]
     with pytest.raises(UserError, match="is the name of 'honest', too"):
-        load_case(trusted, trusted / "submissions/ally" / slug)
+        case_of(trusted, trusted / "submissions/ally" / slug)
 
 
 def test_bytes_count_and_not_what_git_is_told_of_them(trusted):
@@ -206,13 +212,12 @@ def test_a_link_or_a_repository_that_came_is_named_wherever_it_lies(trusted):
 def test_forged_pairs_are_dropped_and_played_again_and_others_stay(trusted):
     file = crossplay_file(trusted)
     row = json.loads(before := file.read_text())
-    for trust in (rows_at(trusted, "HEAD", crossplay_file), []):
-        assert play_missing(trusted, trusted=trust) == []
-        assert file.read_text() == before
-    file.write_text(json.dumps(row | {"jamming_success_rate": 0.0}) + "\n")
-    assert changed_entries(trusted, "HEAD") == Changes(has_pairs=True)
-    (bad,) = play_missing(trusted, trusted=rows_at(trusted, "HEAD", crossplay_file))
-    assert bad.line.startswith("replaced: the result that came along does not hold: jamming_success_rate ")
+    assert bad_pairs(trusted, since="HEAD") == {}
+    assert file.read_text() == before
+    file.write_text(resealed(row | {"jamming_success_rate": 0.0}))
+    assert changed_entries(trusted, "HEAD") == Changes()
+    (line,) = bad_pairs(trusted, since="HEAD").values()
+    assert line.startswith("replaced: the result that came along does not hold: jamming_success_rate ")
     assert json.loads(file.read_text()) == row
 
 

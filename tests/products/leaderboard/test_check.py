@@ -7,15 +7,16 @@ from typer.testing import CliRunner
 from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.products.leaderboard.about import board_name
+from fpg_bench.products.leaderboard.cases import board_reader
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.folders import start_board
 from fpg_bench.products.leaderboard.playing import suites_of
-from fpg_bench.products.leaderboard.submission import load_submission, notes, problems
+from fpg_bench.products.leaderboard.submission import admit, notes
 from fpg_bench.products.leaderboard.tracks import PUBLIC, TrackSuites
 from fpg_bench.products.leaderboard.verification import run_one, verify
 from tests.policies import policy, write_seed
 from tests.products.leaderboard.entering import enter
-from tests.products.leaderboard.making import FIELDS, write_submission
+from tests.products.leaderboard.making import FIELDS, problems, write_submission
 
 TRAINED = FIELDS["training"]
 NOWHERE = "is not inside a leaderboard folder; submit run expects <leaderboard>/submissions/<track>/<name>"
@@ -28,7 +29,7 @@ def only(folder):
     assert "\n" not in line
     assert len(line) < 250
     with pytest.raises(UserError) as raised:
-        load_submission(folder)
+        admit(folder)
     assert line in str(raised.value)
     return line
 
@@ -41,35 +42,35 @@ def public_suite(submission):
 def test_a_sound_submission_is_read(tmp_path):
     folder = write_submission(tmp_path / "mine", description="two\nlines")
     assert problems(folder) == []
-    submission = load_submission(folder)
+    submission = admit(folder)
     assert (submission.slug, submission.training.seeds) == ("mine", (0, 1))
     assert public_suite(submission) == "ally-v2"
     assert [(p.seed, p.model == policy(p.seed)) for p in submission.policies] == [(0, True), (1, True)]
     before = submission.fingerprint
     (folder / "submission.yaml").write_text("# a remark\n" + (folder / "submission.yaml").read_text())
-    assert load_submission(folder).fingerprint == before
+    assert admit(folder).fingerprint == before
     write_seed(folder / "seed_1", 1, policy(9))
-    assert load_submission(folder).fingerprint != before
+    assert admit(folder).fingerprint != before
 
 
 def test_what_the_package_ships_is_named_alone(tmp_path):
     script = write_submission(tmp_path / "expert", (), name="expert", training=None, script="expert")
-    assert load_submission(script).script == "expert"
+    assert admit(script).script == "expert"
     seeds = {"steps": 3_000_000, "hours": 0, "seeds": [0, 1, 2, 3, 4]}
     zoo = write_submission(tmp_path / "zoo", (), training=seeds, zoo="ally-scripted/ppo")
-    assert [p.card.algorithm for p in load_submission(zoo).policies] == ["ppo"] * 5
+    assert [p.card.algorithm for p in admit(zoo).policies] == ["ppo"] * 5
     for track, path, name, suite in (
         ("planner", None, "hold", "planner-v1"),
         ("opponent", "pursuit", "tone", "opponent-v2"),
         ("opponent", "learned", "comb", "opponent-learned-v2"),
     ):
         entry = {"name": name, "track": track, "path": path, "training": None, "script": name}
-        assert public_suite(load_submission(write_submission(tmp_path / name, (), **entry))) == suite
+        assert public_suite(admit(write_submission(tmp_path / name, (), **entry))) == suite
 
 
 def test_players_of_link_have_tables_of_their_own(tmp_path):
     entry = {"name": "tone", "track": "opponent", "training": None, "script": "tone", "scenario": "link"}
-    submission = load_submission(write_submission(tmp_path / "tone", (), path="pursuit", **entry))
+    submission = admit(write_submission(tmp_path / "tone", (), path="pursuit", **entry))
     assert (public_suite(submission), submission.board_track.key) == ("opponent-link-v1", "opponent-link")
     flying = only(write_submission(tmp_path / "flying", (), path="learned", **entry))
     assert "path: opponents in link must have the path pursuit" in flying
@@ -277,7 +278,11 @@ def test_names_are_taken_once_on_a_board(tmp_path):
     second = write_submission(board / "other", name="  M1ne ")
     for folder, other in ((first, "other"), (second, "mine")):
         assert f"is the name of {other!r}, too" in problems(folder)[0]
-        load_submission(folder)  # by itself it is sound: nobody's entry can be taken off the board by a name
+    assert (
+        admit(first, board_reader(tmp_path)).slug == "mine"
+    )  # nobody's entry is taken off the board by a name
+    with pytest.raises(UserError, match="is the name of 'mine', too"):
+        admit(second, board_reader(tmp_path))
 
 
 def test_names_of_the_package_s_agents_on_the_board_are_short_and_taken(tmp_path):
@@ -287,14 +292,12 @@ def test_names_of_the_package_s_agents_on_the_board_are_short_and_taken(tmp_path
         "zoo": "ally-champion/ppo-stack8",
     }
     about |= {"name": "PPO, 8 stacked frames (ally champion)", "algorithm": "PPO, 8 stacked frames"}
-    shipped = load_submission(write_submission(board / "ally-champion", (), **about))
+    shipped = admit(write_submission(board / "ally-champion", (), **about))
     assert board_name(shipped, shipped.slug) == "PPO-stack8 champion"
     assert board_name(shipped, "ally-champion-ppo-stack8-again") == "PPO-stack8 champion (again)"
     other = write_submission(board / "other", name="PPO-stack8  Champi0n")
     assert "is the name of 'ally-champion', too" in problems(other)[0]
     assert problems(board / "ally-champion") == []
-    mine = load_submission(other)
-    assert board_name(mine, mine.slug) == "PPO-stack8  Champi0n"
 
 
 @pytest.mark.parametrize(
@@ -313,15 +316,15 @@ def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     place = tmp_path / "leaderboard/submissions/ally"
     training = TRAINED | {"seeds": [0, 1, 2]}
-    assert notes(load_submission(write_submission(place / "mine", (0, 1, 2), training=training))) == []
+    assert notes(admit(write_submission(place / "mine", (0, 1, 2), training=training))) == []
     script = {"training": None, "script": "expert", "name": "expert"}
-    assert notes(load_submission(write_submission(place / "expert", (), **script))) == []
+    assert notes(admit(write_submission(place / "expert", (), **script))) == []
     other = write_submission(tmp_path / "other/submissions/ally/mine", (0, 1, 2), training=training)
     line = "is not inside leaderboard/submissions; submit run writes its result to other/results"
-    assert notes(load_submission(other)) == [line]
-    assert notes(load_submission(other), "nowhere") == []
+    assert notes(admit(other)) == [line]
+    assert notes(admit(other), "nowhere") == []
     few = write_submission(tmp_path / "mine", (0,), training=TRAINED | {"seeds": [0]})
-    assert notes(load_submission(few)) == [
+    assert notes(admit(few)) == [
         "the board marks entries with fewer than 3 training seeds; this one has 1",
         NOWHERE,
     ]

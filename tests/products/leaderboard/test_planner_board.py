@@ -16,7 +16,7 @@ from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.site.views import track_view
 from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
-from fpg_bench.products.leaderboard.verification import load_case
+from tests.products.leaderboard.entering import case_of
 
 from . import recording
 from .entering import close_season, enter, verdicts_of, write_verified
@@ -82,7 +82,7 @@ def test_a_model_without_transcripts_is_refused_and_nothing_else_is_touched(ente
 
 def test_a_share_of_valid_answers_that_was_edited_is_found(entered):
     verdicts_of(entered, "planner/toy")
-    case = load_case(entered, entered / "submissions" / "planner" / "toy")
+    case = case_of(entered, entered / "submissions" / "planner" / "toy")
     lines = [
         dataclasses.replace(line, plans=dataclasses.replace(line.plans, statuses={"ok": 6}))
         for line in case.result.records
@@ -111,7 +111,7 @@ def test_a_model_stands_behind_planners_once_a_season_is_closed(entered, small_s
 def test_all_planners_that_ask_no_model_stand_on_the_board_as_their_scores_say():
     scores = {}
     for name in (name for name in PLANNERS if not asks_language_model(name)):
-        case = load_case(BOARD, BOARD / "submissions" / "planner" / name)
+        case = case_of(BOARD, BOARD / "submissions" / "planner" / name)
         scores[name] = summary_of(case.result.records, case.suites[PUBLIC]).score.value
     known = [scores[name] for name in ("hold", "random", "hill-climb", "interceptor", "pursuit")]
     assert known == sorted(known)

@@ -53,9 +53,12 @@ def forge(path, good):
         write_result(path, good)
         first, *records = map(json.loads, path.read_text().splitlines())
         change(records)
-        text = "".join(json.dumps(record, separators=(",", ":")) + "\n" for record in records)
-        first["records_sha256"] = hashlib.sha256(text.encode()).hexdigest()
-        path.write_text(json.dumps(first | head, separators=(",", ":")) + "\n" + text)
+        del first["sha256"]
+        first |= head
+        texts = [json.dumps(row, separators=(",", ":")) + "\n" for row in (first, *records)]
+        first["sha256"] = hashlib.sha256("".join(texts).encode()).hexdigest()
+        texts[0] = json.dumps(first, separators=(",", ":")) + "\n"
+        path.write_text("".join(texts))
 
     return write
 

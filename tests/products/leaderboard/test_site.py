@@ -219,8 +219,8 @@ def test_the_lowest_known_return_stands_beside_the_worst_case_with_who_found_it(
         (4, "1,234 of 5,000 rounds lost by rule", "1,234 of 5,000 rounds lost by rule: its answer"),
         (
             6,
-            "has a policy of ally/player-9, too",
-            "It has a policy of ally/player-9, too: the files",
+            "plays the same as ally/player-9",
+            "It plays the same as ally/player-9: a script",
         ),
     ],
 )

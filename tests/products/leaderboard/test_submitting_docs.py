@@ -9,13 +9,13 @@ import pytest
 from fpg_bench.products.language_models.transcript import MOST_BYTES
 from fpg_bench.products.leaderboard import submission
 from fpg_bench.products.leaderboard.about import read_about
-from fpg_bench.products.leaderboard.submission import problems
 from fpg_bench.products.leaderboard.tracks import TRANSCRIPT_MATCHES
 from fpg_bench.products.leaderboard.transcripts import LARGEST_FOLDER
 from fpg_bench.products.sandbox import client, onnx_checks
 from fpg_bench.products.sandbox.client import ProcessLimits
 from tests.pages import Reader, blocks, small, small_baselines
 from tests.products.language_models.fault_server import FaultServer, answer
+from tests.products.leaderboard.making import problems
 from tests.programs import ROOT
 
 from .entering import make_suites

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from fpg_bench.cli.main import app
 from fpg_bench.products.leaderboard.result import read_result
-from fpg_bench.products.leaderboard.submission import load_submission
+from fpg_bench.products.leaderboard.submission import admit
 from fpg_bench.products.leaderboard.tracks import PUBLIC, RESPONSES, SHIFTED, TRACKS, UNSEEN, TrackSuites
 from fpg_bench.products.leaderboard.trail import first_returns, play_options, player_of, training_of
 
@@ -39,7 +39,7 @@ def rival_of(suites, track, role, name):
 def test_a_printed_command_plays_the_first_round_of_a_mean(monkeypatch, suites, track, slug, role, rival):
     monkeypatch.chdir(BOARD.parent)
     side = TRACKS[track].side
-    submission = load_submission(BOARD / "submissions" / side / slug, inspect_onnx=False)
+    submission = admit(BOARD / "submissions" / side / slug, inspect_onnx=False)
     suite, met = rival_of(suites, track, role, rival)
     options = f"play --{side} {player_of(submission)} {play_options(suite, met)}"
     ran = CliRunner().invoke(app, shlex.split(options))

@@ -9,8 +9,9 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import seed_from
 from fpg_bench.players.player import SIDES
+from fpg_bench.products.leaderboard.cases import board_reader
 from fpg_bench.products.leaderboard.folders import submission_folders
-from fpg_bench.products.leaderboard.submission import read_submission
+from fpg_bench.products.leaderboard.submission import Reader, Refusal, admit
 
 
 @dataclass(frozen=True)
@@ -60,15 +61,17 @@ def read_entries(
     folders = submission_folders(Path(board))
     if not folders:
         raise UserError(f"season: {board} holds no submissions; name the leaderboard's folder")
-    entries = [_read_entry(folder, inspect_onnx) for folder in folders]
+    reader = board_reader(Path(board))
+    entries = [_read_entry(folder, reader, inspect_onnx) for folder in folders]
     return [entry for entry in entries if entry.scenario == scenario]
 
 
-def _read_entry(folder: Path, inspect_onnx: bool) -> SeasonEntry:
-    submission, problems = read_submission(folder, inspect_onnx)
+def _read_entry(folder: Path, reader: Reader, inspect_onnx: bool) -> SeasonEntry:
     name = f"{folder.parent.name}/{folder.name}"
-    if submission is None:
-        raise UserError(f"season: entry {name}: {problems[0]}")
+    try:
+        submission = admit(folder, reader, inspect_onnx)
+    except Refusal as refusal:
+        raise UserError(f"season: entry {name}: {refusal.lines[0]}") from refusal
     side = submission.track if submission.track in SIDES else None
     hashes = tuple(policy.sha256 for policy in submission.policies)
     if not hashes:

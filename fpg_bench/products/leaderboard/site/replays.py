@@ -21,7 +21,8 @@ from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.recording import Recording
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.products.leaderboard.about import board_name
-from fpg_bench.products.leaderboard.entries import Entries, VerifiedEntry
+from fpg_bench.products.leaderboard.cases import Case
+from fpg_bench.products.leaderboard.entries import Entries
 from fpg_bench.products.leaderboard.playing import Matchup, parts_of, running_player
 from fpg_bench.products.leaderboard.result import round_finite
 from fpg_bench.products.leaderboard.site.views import ROLES, format_number
@@ -80,7 +81,7 @@ def make_replays(entries: Entries, out: str | Path, simulate: bool = True) -> Re
     return replays
 
 
-def _choose(entry: VerifiedEntry) -> dict[str, Matchup]:
+def _choose(entry: Case) -> dict[str, Matchup]:
     """Choose a strong rival and that of the lowest score, by the labels of their rounds."""
     suites = entry.suites
     pairs = [(role, rival) for role in _ROLES if role in suites for rival in suites[role].rivals]
@@ -99,7 +100,7 @@ def label_of(role: str, rival: str) -> str:
     return f"against {rival}" + ("" if role == PUBLIC else f" ({ROLES[role].label.lower()})")
 
 
-def _rounds(entry: VerifiedEntry, out: Path, simulate: bool) -> Iterator[Replay]:
+def _rounds(entry: Case, out: Path, simulate: bool) -> Iterator[Replay]:
     submission, matchups = entry.submission, _choose(entry)
     files = [_file(entry, label, suite) for label, (suite, _) in matchups.items()]
     kept = [_read_replay(out / file, file) for file in files]
@@ -117,9 +118,9 @@ def _rounds(entry: VerifiedEntry, out: Path, simulate: bool) -> Iterator[Replay]
             yield simulate_round(submission, player, suite, rival, label, file)
 
 
-def _file(entry: VerifiedEntry, label: str, suite: Suite) -> str:
+def _file(entry: Case, label: str, suite: Suite) -> str:
     """Return a round's file, whose name follows from everything that decides its content."""
-    content = [FORMAT, _FORM, __version__, entry.result.fingerprint.submission, suite.hash, label]
+    content = [FORMAT, _FORM, __version__, entry.fingerprint.submission, suite.hash, label]
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
     return f"replays/{'/'.join(entry.key)}/{digest}.js"
 

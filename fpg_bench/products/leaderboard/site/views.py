@@ -281,7 +281,7 @@ def warnings(figures: Figures | None) -> list[str]:
 
 def same_policies_text(figures: Figures) -> str:
     """Name the other entries that have one of an entry's policies; empty where there is none."""
-    return f"has a policy of {', '.join(figures.same_policies)}, too" if figures.same_policies else ""
+    return f"plays the same as {', '.join(figures.same_policies)}" if figures.same_policies else ""
 
 
 def lost_text(figures: Figures) -> str:
