@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import math
 from typing import Any, cast
 
@@ -301,6 +302,19 @@ def _lstm(policy: nn.Module) -> nn.LSTM | None:
             "export: lstm_kwargs: an LSTM with bidirectional, proj_size or batch_first can't be exported"
         )
     return lstm
+
+
+def is_untouched(module: nn.Module) -> bool:
+    """Return True if a module computes what its class does: without hooks and replaced methods."""
+    has_hooks = module._forward_hooks or module._forward_pre_hooks
+    has_hooks = has_hooks or module._backward_hooks or module._backward_pre_hooks
+    kind: Any = type(module)
+    return not has_hooks and _methods(kind).isdisjoint(vars(module))
+
+
+@functools.cache
+def _methods(kind: type[nn.Module]) -> frozenset[str]:
+    return frozenset(name for name in dir(kind) if callable(getattr(kind, name)))
 
 
 class ActorPlayer(SeededPolicy):

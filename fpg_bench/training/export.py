@@ -56,7 +56,7 @@ from fpg_bench.players.preprocessing import (
 )
 from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.trust import remember_exported
-from fpg_bench.training.actor import LEAST_SHARE, Actor, Normalization, waterfall_of
+from fpg_bench.training.actor import LEAST_SHARE, Actor, Normalization, is_untouched, waterfall_of
 
 OPSET = 20
 
@@ -238,6 +238,15 @@ def write_exported(
     remember_exported(card.policy_sha256)
     card.model_copy(update={"largest_difference": difference}).write(folder, data)
     return difference
+
+
+def sampling_player(model: BaseAlgorithm) -> Player | None:
+    """Return a player that draws a model's actions as its training does; None if it has no distribution."""
+    try:
+        actor = Actor(model, samples=True)
+    except UserError:
+        return None
+    return OnnxPlayer(_onnx_of(actor, model), size=actor.size)
 
 
 def check_exportable(model: BaseAlgorithm) -> None:
@@ -502,11 +511,9 @@ def _layer(graph: Graph, layer: nn.Module, x: str) -> str:
 
 
 def _is_plain(module: nn.Module) -> bool:
-    if module._forward_hooks or module._forward_pre_hooks or "forward" in vars(module):
-        return False
     if isinstance(module, nn.Flatten) and module.start_dim != 1:
         return False
-    return type(module) in (Actor, nn.LSTM, *_LAYERS)
+    return type(module) in (Actor, nn.LSTM, *_LAYERS) and is_untouched(module)
 
 
 def _lstm(graph: Graph, lstm: nn.LSTM, x: str, start: int) -> tuple[str, list[str]]:

@@ -9,6 +9,7 @@ require_libraries()
 
 import logging
 import math
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -17,17 +18,38 @@ from gymnasium import spaces
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.distributions import (
+    CategoricalDistribution,
+    DiagGaussianDistribution,
+    Distribution,
+    MultiCategoricalDistribution,
+)
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.sb2_compat.rmsprop_tf_like import RMSpropTFLike
+from stable_baselines3.common.torch_layers import FlattenExtractor, MlpExtractor
 from stable_baselines3.common.utils import explained_variance
 from stable_baselines3.common.vec_env import VecEnv
 from torch import nn
 
+from fpg_bench.training.actor import is_untouched
+
 _logger = logging.getLogger(__name__)
 _SAMPLES = ("observations", "actions", "values", "log_probs", "advantages", "returns")
+_TOLERANCE = 1e-4  # of what the policy computes, relative to the largest of it
 _ACTIVATIONS: dict[type[nn.Module], tuple[Any, Any]] = {  # in place, and the gradient before them
     nn.ReLU: (torch.relu_, lambda gradient, out: torch.ops.aten.threshold_backward(gradient, out, 0)),
     nn.Tanh: (torch.tanh_, torch.ops.aten.tanh_backward),
 }
+_KNOWN = {
+    ActorCriticPolicy,
+    FlattenExtractor,
+    nn.Flatten,
+    MlpExtractor,
+    nn.Sequential,
+    nn.Linear,
+    *_ACTIVATIONS,
+}
+_OPTIMIZERS = {torch.optim.Adam, torch.optim.AdamW, torch.optim.SGD, torch.optim.RMSprop, RMSpropTFLike}
 
 
 class FastPPO(PPO):
@@ -38,9 +60,11 @@ class FastPPO(PPO):
     and ``PPO.load`` opens them, too. While a rollout is collected, the callbacks' ``locals`` lack ``values``
     and ``log_probs``.
 
-    The policy is an ``MlpPolicy`` of ReLU or Tanh, without ``use_sde``, on the CPU, and actions are ``Box``,
-    ``Discrete`` or ``MultiDiscrete``. Anything else, such as a CNN or dict observations, is trained as PPO
-    trains it, and a warning says so.
+    It serves an ``MlpPolicy`` as SB3 builds it, of ReLU or Tanh and without ``use_sde``, on the CPU, with
+    actions that are ``Box``, ``Discrete`` or ``MultiDiscrete``. Anything else, such as a CNN, dict
+    observations, your own features extractor or a layer that was exchanged, is trained as PPO trains it, and
+    a warning says so. PPO collects the first rollout of each ``learn``; if the policy computes other values,
+    log-probabilities or entropies for it, PPO does the rest as well.
 
     >>> from fpg_bench import make_sb3
     >>> games = make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=0)
@@ -48,34 +72,83 @@ class FastPPO(PPO):
     64
     """
 
+    _agrees: bool | None = None  # with the policy, in this call of learn; None: not yet compared
+    _told: str | None = None  # the reason of the last warning
+
     def _setup_model(self) -> None:
         super()._setup_model()
-        if reason := self._unserved():
+        self._is_served()
+
+    def learn(self, *args: Any, **kwargs: Any) -> Any:
+        """Train as PPO does, after a comparison with it; arguments are those of PPO."""
+        self._agrees = None
+        return super().learn(*args, **kwargs)
+
+    def _is_served(self) -> bool:
+        """Return False, and say why, if the work is left to PPO."""
+        reason = self._unserved()
+        if reason not in (None, self._told):
             _logger.warning(f"FastPPO: {reason}, so it trains as PPO does, no faster")
+        self._told = reason
+        return reason is None
 
     def _unserved(self) -> str | None:
         """Return what is left to PPO; None if there is nothing."""
         policy: Any = self.policy
+        if self._agrees is False:
+            return "the policy computes something else than its layers"
+        if type(policy) is not ActorCriticPolicy:
+            return f"the policy is {type(policy).__name__}"
+        if others := [each for each in policy.modules() if not (type(each) in _KNOWN and is_untouched(each))]:
+            return f"{type(others[0]).__name__} is a module of the policy that it does not know"
+        distribution, _ = _HEADS.get(type(self.action_space), (None, None))
         for is_unserved, reason in (
-            (type(policy) is not ActorCriticPolicy, f"the policy is {type(policy).__name__}"),
-            (any(True for _ in policy.features_extractor.parameters()), "the features extractor has weights"),
-            (policy.use_sde, "use_sde is set"),
-            (policy.activation_fn not in _ACTIVATIONS, f"the activation is {policy.activation_fn.__name__}"),
-            (_head(self.action_space) is None, f"actions are {type(self.action_space).__name__}"),
+            (policy.use_sde or policy.squash_output, "use_sde or squash_output is set"),
+            (distribution is None, f"actions are {type(self.action_space).__name__}"),
+            (type(policy.action_dist) is not distribution, "the action distribution is another"),
+            (not _is_usual(policy), "the layers are not those of an MlpPolicy"),
             (type(self.rollout_buffer) is not RolloutBuffer, "the rollout buffer is another"),
-            (not all(weight.requires_grad for weight in policy.parameters()), "some weights are frozen"),
+            (
+                type(policy.optimizer) not in _OPTIMIZERS,
+                f"the optimizer is {type(policy.optimizer).__name__}",
+            ),
+            (_ids(_optimized(policy)) != _ids(policy.parameters()), "the optimizer has other weights"),
+            (not all(map(_is_plain, policy.parameters())), "some weights are frozen, hooked or not float32"),
             (self.device.type != "cpu", f"the device is {self.device}"),
         ):
             if is_unserved:
                 return reason
         return None
 
+    def _compare(self) -> bool:
+        """Return True if the networks compute what the policy does, of a rollout that PPO has collected."""
+        buffer: Any = self.rollout_buffer
+        policy: Any = self.policy
+        seen = torch.from_numpy(buffer.swap_and_flatten(buffer.observations))
+        actions = torch.from_numpy(buffer.swap_and_flatten(buffer.actions))
+        taken = actions.long().flatten() if isinstance(self.action_space, spaces.Discrete) else actions
+        (actor, critic), head = _networks(policy), self._head()
+        with torch.no_grad():
+            features = self._features(seen.numpy())
+            log_probs = head.log_probs(actor.forward(features)[-1], actions.float())
+            ours = critic.forward(features)[-1].flatten(), log_probs, head.entropy()
+            values, log_probs, entropy = policy.evaluate_actions(seen, taken)
+            theirs = values.flatten(), log_probs, entropy.mean()
+        return all(
+            bool((one - other).abs().max() <= _TOLERANCE * (1 + other.abs().max()))
+            for one, other in zip(ours, theirs, strict=True)
+        )
+
     def collect_rollouts(
         self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int
     ) -> bool:
         """Play and fill the buffer; returns False if a callback stopped it."""
-        if self._unserved():
-            return super().collect_rollouts(env, callback, rollout_buffer, n_rollout_steps)
+        is_served = self._is_served()
+        if not is_served or self._agrees is None:
+            goes_on = super().collect_rollouts(env, callback, rollout_buffer, n_rollout_steps)
+            if is_served and goes_on:
+                self._agrees = self._compare()
+            return goes_on
         self.policy.set_training_mode(False)
         rollout_buffer.reset()
         callback.on_rollout_start()
@@ -144,15 +217,14 @@ class FastPPO(PPO):
         return features if isinstance(features, torch.Tensor) else features[0]
 
     def _head(self) -> Any:
-        kind: Any = _head(self.action_space)
-        return kind(self.policy, self.action_space)
+        return _HEADS[type(self.action_space)][1](self.policy, self.action_space)
 
     def train(self) -> None:
         """Update the policy from the buffer."""
-        if self._unserved():
-            super().train()
-        else:
+        if self._is_served():
             self._train()
+        else:
+            super().train()
 
     @torch.no_grad()
     def _train(self) -> None:
@@ -249,18 +321,53 @@ def _flat_gradients(policy: ActorCriticPolicy) -> torch.Tensor:
     return gradients
 
 
+def _is_usual(policy: Any) -> bool:
+    """Return True if a policy of known modules is chained as SB3 builds it, each weight used once."""
+    extractors = (policy.features_extractor, policy.pi_features_extractor, policy.vf_features_extractor)
+    if any(type(each) is not FlattenExtractor or not _flattens(each.flatten) for each in extractors):
+        return False
+    extractor, used = policy.mlp_extractor, [policy.log_std] if hasattr(policy, "log_std") else []
+    if type(extractor) is not MlpExtractor:
+        return False
+    for hidden, last in ((extractor.policy_net, policy.action_net), (extractor.value_net, policy.value_net)):
+        if type(hidden) is not nn.Sequential or len(hidden) % 2:
+            return False
+        modules: list[Any] = [*hidden, last]
+        layers, kinds = modules[::2], {type(each) for each in modules[1::2]}
+        if {type(layer) for layer in layers} != {nn.Linear} or len(kinds) > 1 or not kinds <= {*_ACTIVATIONS}:
+            return False
+        used += [weight for layer in layers for weight in (layer.weight, layer.bias)]
+    return _ids(used) == _ids(policy.parameters())
+
+
+def _flattens(layer: Any) -> bool:
+    return type(layer) is nn.Flatten and (layer.start_dim, layer.end_dim) == (1, -1)
+
+
+def _optimized(policy: Any) -> Iterator[torch.Tensor]:
+    return (weight for group in policy.optimizer.param_groups for weight in group["params"])
+
+
+def _ids(weights: Iterable[torch.Tensor]) -> list[int]:
+    return sorted(map(id, weights))
+
+
+def _is_plain(weight: Any) -> bool:
+    hooks = weight._backward_hooks or weight._post_accumulate_grad_hooks
+    return weight.requires_grad and weight.dtype == torch.float32 and not hooks
+
+
 def _networks(policy: Any) -> tuple[_Network, _Network]:
     extractor = policy.mlp_extractor
-    actor = _Network(policy, [*extractor.policy_net, policy.action_net])
-    return actor, _Network(policy, [*extractor.value_net, policy.value_net])
+    return _Network(extractor.policy_net, policy.action_net), _Network(extractor.value_net, policy.value_net)
 
 
 class _Network:
     """Linear layers with an activation between them."""
 
-    def __init__(self, policy: Any, modules: list[nn.Module]) -> None:
-        self._layers: list[Any] = [module for module in modules if isinstance(module, nn.Linear)]
-        self._activate, self._through = _ACTIVATIONS[policy.activation_fn]
+    def __init__(self, hidden: Any, last: nn.Module) -> None:
+        self._layers: list[Any] = [*hidden[::2], last]
+        self._activate, self._through = _ACTIVATIONS[type(hidden[1]) if len(hidden) else nn.ReLU]
 
     def forward(self, features: torch.Tensor) -> list[torch.Tensor]:
         """Return the features and the outputs of each layer."""
@@ -336,7 +443,8 @@ class _Choices:
         return torch.cat(parts, 1)
 
 
-def _head(space: spaces.Space[Any]) -> type[_Normal | _Choices] | None:
-    if isinstance(space, spaces.Discrete | spaces.MultiDiscrete):
-        return _Choices
-    return _Normal if isinstance(space, spaces.Box) else None
+_HEADS: dict[type[spaces.Space[Any]], tuple[type[Distribution], Any]] = {  # and the distribution of SB3
+    spaces.Box: (DiagGaussianDistribution, _Normal),
+    spaces.Discrete: (CategoricalDistribution, _Choices),
+    spaces.MultiDiscrete: (MultiCategoricalDistribution, _Choices),
+}

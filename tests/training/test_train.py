@@ -20,7 +20,9 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import TALLY
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training import callbacks
+from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.config import RunConfig
+from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import parse_seeds, train_seeds
 from tests.logged import logged
@@ -364,3 +366,22 @@ def test_a_line_is_logged_for_each_tenth_and_every_thirty_seconds(algorithm, sec
     else:
         assert len(lines) >= 1200 // 4  # four games a step: a line for each
         assert lines[0].startswith("training: 4 of 1,200 steps, ")
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "changes", "reason"),
+    [
+        ("ppo-fast", {}, None),
+        ("ppo-fast", {"learning_rate": 1e-9}, "random actions earn more"),
+        ("tests.training.own:Losing", {}, "lacks something that the training had"),
+    ],
+)
+def test_an_agent_that_earns_less_than_its_training_is_told(
+    tmp_path, caplog, monkeypatch, algorithm, changes, reason
+):
+    monkeypatch.setattr("time.process_time", lambda: 0.0)  # it is never given up for its time
+    values = load_hyperparameters(find_algorithm("ppo-fast"), GameSpec(ALLY), None)
+    train(algorithm, ALLY, tmp_path / "run", steps=150_000, hyperparams=values.entry() | changes)
+    told = [record.message for record in caplog.records if "in the training's games" in record.message]
+    assert [reason in line for line in told] == ([True] if reason else [])
+    assert not any("\n" in line for line in told)
