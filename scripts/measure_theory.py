@@ -22,7 +22,7 @@ from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
-from fpg_bench.evaluation.statistics import crossed_interval
+from fpg_bench.evaluation.statistics import MATCHES, mean_interval
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table
@@ -129,7 +129,7 @@ def kept_table(scenario: Scenario, matches: int) -> str:
             cells.append(f"{(tallies['ally_return'] / tallies['steps']).mean():.2f}")
         least = "-"
         if ally == "range":
-            interval = crossed_interval(guaranteed(ally, scenario, matches)[None])
+            interval = mean_interval(guaranteed(ally, scenario, matches), MATCHES)
             least = f"at least {interval.value:.2f} [{interval.low:.2f}, {interval.high:.2f}]"
         lines.append([f"`{ally.removesuffix('/ppo-stack8/seed_0')}`", *cells, least])
     return markdown_table(lines)

@@ -21,7 +21,7 @@ from fpg_bench.common.output import number, print_messages
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.statistics import FEW_SEEDS, mean_interval
+from fpg_bench.evaluation.statistics import ENOUGH_SEEDS, mean_interval
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import summarise, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table
@@ -113,7 +113,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 def _cell(scores: list[float]) -> str:
     """Return the mean with its interval; of too few training seeds the scores themselves."""
-    if len(scores) < FEW_SEEDS:
+    if len(scores) < ENOUGH_SEEDS:
         return ", ".join(map(number, scores)) or "-"
     interval = mean_interval(np.array(scores), "training seeds")
     return f"{number(interval.value)} {bounds(interval)}"

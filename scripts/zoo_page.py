@@ -15,7 +15,12 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS, draw_curves
-from fpg_bench.evaluation.statistics import FEW_SEEDS, performance_profile, probability_of_improvement
+from fpg_bench.evaluation.statistics import (
+    TRAINING_SEEDS,
+    mean_interval,
+    performance_profile,
+    probability_of_improvement,
+)
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import bounds, markdown_table
@@ -166,12 +171,11 @@ def _scripts(zoo: Zoo, group: ZooGroup) -> list[Summary]:
 
 
 def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summary]]) -> list[str]:
-    few = " †" if 0 < summary.training_seeds < FEW_SEEDS else ""
     steps, minutes = _training(zoo, group, summary.entry) if summary.trained else ("-", "-")
     elsewhere = [next((s for s in suite if s.entry == summary.entry), None) for suite in others]
     lows = {f"{s.suite.name}, {s.worst}": s.by_rival[s.worst].value for s in (summary, *elsewhere) if s}
     worst = min(lows, key=lambda name: lows[name])
-    scores = [f"{number(s.score.value)} {bounds(s.score)}{few}" if s else "-" for s in (summary, *elsewhere)]
+    scores = [_trained_again(s) if s else "-" for s in (summary, *elsewhere)]
     return [
         summary.label,
         str(summary.training_seeds or "-"),
@@ -182,6 +186,14 @@ def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summar
         *(number(summary.measures[name], 100) for _, name in _MEASURES),
         minutes,
     ]
+
+
+def _trained_again(summary: Summary) -> str:
+    """Return the score with its interval over training seeds; that of a script is over matches."""
+    score = summary.score
+    if summary.trained:
+        score = mean_interval(summary.samples.mean(axis=1), TRAINING_SEEDS)
+    return f"{number(score.value)} {bounds(score)}"
 
 
 def _training(zoo: Zoo, group: ZooGroup, algorithm: str) -> tuple[str, str]:
@@ -248,10 +260,10 @@ def _draw_improvement(scores: Mapping[str, np.ndarray], styles: Styles, path: Pa
     axes = figure.subplots()
     labels = []
     for height, (one, other) in enumerate(reversed(pairs)):
-        estimate = probability_of_improvement(scores[one], scores[other])
+        estimate = probability_of_improvement(*(scores[name].mean(axis=1) for name in (one, other)))
         if estimate.value < 0.5:
             one, other = other, one
-            estimate = probability_of_improvement(scores[one], scores[other])
+            estimate = probability_of_improvement(*(scores[name].mean(axis=1) for name in (one, other)))
         labels.append(f"{one} > {other}")
         bar = [[estimate.value - estimate.low], [estimate.high - estimate.value]]
         axes.errorbar(estimate.value, height, xerr=bar, fmt="o", color=ALLY)

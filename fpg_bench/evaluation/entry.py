@@ -45,6 +45,7 @@ class EvaluatedPlayer:
         made: hash of all that made an agent except its training seed; None for all else.
         training: training steps and seconds of an agent, as far as they are known.
         elsewhere: True if an agent's training had other rules than the suite.
+        is_search: True for a table found by search.
         is_code: True for code, of which the fingerprint need not cover all that decides how it plays.
 
     Raises:
@@ -58,6 +59,7 @@ class EvaluatedPlayer:
     made: str | None = None
     training: dict[str, float] = dataclasses.field(default_factory=dict)
     elsewhere: bool = False
+    is_search: bool = False
     is_code: bool = False
 
     def __post_init__(self) -> None:
@@ -295,6 +297,7 @@ def _entry(spec: PlayerSpec, player: Player, name: str, suite: Suite) -> Evaluat
         made,
         training,
         elsewhere=not card.fits(suite.scenario),
+        is_search=card.is_search,
     )
 
 

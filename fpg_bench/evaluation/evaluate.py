@@ -149,14 +149,15 @@ def _summaries(folder: Path, suite: Suite) -> Results:
 
 
 def _training(about: _ResultsFile, summary: Summary) -> TrainingCost:
-    by_seed, elsewhere = about.training.get(summary.entry, {}), summary.entry in about.elsewhere
+    by_seed = about.training.get(summary.entry, {})
+    elsewhere, is_search = (summary.entry in names for names in (about.elsewhere, about.searched))
     known = [by_seed.get(str(seed), {}) for seed in summary.seed_scores()]
     steps = [cost["steps"] for cost in known if "steps" in cost]
     seconds = [cost["seconds"] for cost in known if "seconds" in cost]
     if not steps:
-        return TrainingCost(elsewhere=elsewhere)
+        return TrainingCost(elsewhere=elsewhere, is_search=is_search)
     mean = sum(seconds) / len(seconds) if len(seconds) == len(known) else None
-    return TrainingCost(round(sum(steps) / len(steps)), mean, elsewhere)
+    return TrainingCost(round(sum(steps) / len(steps)), mean, elsewhere, is_search)
 
 
 def read_results(folder: str | Path) -> tuple[Results, Suite]:
@@ -187,6 +188,7 @@ class _ResultsFile(Strict):
     made: dict[str, str] = pydantic.Field(default_factory=dict)
     training: dict[str, dict[str, dict[str, int | float]]] = pydantic.Field(default_factory=dict)
     elsewhere: list[str] = pydantic.Field(default_factory=list)
+    searched: list[str] = pydantic.Field(default_factory=list)
     played: dict[str, str] = pydantic.Field(default_factory=dict)
 
 
@@ -235,8 +237,10 @@ def _claim(out: Path, name: str, suite: Suite, wanted: Sequence[Pairing], store:
             about.training.setdefault(entry.name, {})[str(entry.training_seed)] = entry.training
         if entry.elsewhere and entry.name not in about.elsewhere:
             about.elsewhere.append(entry.name)
+        if entry.is_search and entry.name not in about.searched:
+            about.searched.append(entry.name)
     store.claim(wanted, replayed)
-    empty = {key for key in ("training", "elsewhere", "played") if not getattr(about, key)}
+    empty = {key for key in ("training", "elsewhere", "searched", "played") if not getattr(about, key)}
     write_json(out / ABOUT, about.model_dump(exclude=empty))
 
 

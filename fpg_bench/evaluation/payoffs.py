@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.evaluation.statistics import Interval, crossed_interval
+from fpg_bench.evaluation.statistics import MATCHES, Interval, mean_interval
 from fpg_bench.evaluation.store import Pairing, Store
 
 
@@ -74,7 +74,7 @@ class Payoffs:
         row = _index(player, self.players, "player")
         shares = {rivals: 1.0} if isinstance(rivals, str) else rivals
         columns = [_index(name, self.rivals, "rival") for name in shares]
-        return crossed_interval(self.samples[row][..., columns] @ np.array(list(shares.values())))
+        return mean_interval(self.samples[row].mean(axis=0)[..., columns] @ [*shares.values()], MATCHES)
 
     def worst(self, player: str) -> tuple[str, Interval]:
         """Return the rival that a player earns least from, and what it earns there."""

@@ -11,7 +11,7 @@ import numpy as np
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ORACLES
 from fpg_bench.evaluation.record import Pooled, Record, pool
-from fpg_bench.evaluation.statistics import Interval, crossed_interval
+from fpg_bench.evaluation.statistics import ENOUGH_SEEDS, MATCHES, Interval, mean_interval
 from fpg_bench.evaluation.suite import Suite
 
 
@@ -23,11 +23,13 @@ class TrainingCost:
         steps: mean number of steps that were played, over the training seeds.
         seconds: mean wall time over the training seeds, without evaluations.
         elsewhere: True if the training had other rules than the suite.
+        is_search: True for tables found by search; a further search is no other sample of an algorithm.
     """
 
     steps: int | None = None
     seconds: float | None = None
     elsewhere: bool = False
+    is_search: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,9 +73,10 @@ class Summary:
         return len(self.rewards) if self.trained else 0
 
     @property
-    def over(self) -> str:
-        """The units of intervals: ``matches``, and ``training seeds`` where it has several."""
-        return self.score.over
+    def has_rank(self) -> bool:
+        """False for an oracle, and for an algorithm of fewer than five training seeds."""
+        is_sampled = self.trained and not self.training.is_search
+        return not self.is_oracle and not (is_sampled and len(self.rewards) < ENOUGH_SEEDS)
 
     @cached_property
     def samples(self) -> np.ndarray:
@@ -82,18 +85,19 @@ class Summary:
 
     @cached_property
     def score(self) -> Interval:
-        """The score: the mean over rivals on the suite's scale, with its interval."""
-        return crossed_interval(self.samples)
+        """The score: the mean over rivals on the suite's scale, with its interval over matches."""
+        return mean_interval(self.samples.mean(axis=0), MATCHES)
 
     @cached_property
     def reward(self) -> Interval:
         """The reward per step, mean over rivals, with its interval."""
-        return crossed_interval(self.rewards.mean(axis=1))
+        return mean_interval(self.rewards.mean(axis=(0, 1)), MATCHES)
 
     @cached_property
     def by_rival(self) -> dict[str, Interval]:
         """The reward per step against each rival, with its interval."""
-        return {rival.name: crossed_interval(self.rewards[:, k]) for k, rival in enumerate(self.suite.rivals)}
+        rewards = zip(self.suite.rivals, self.rewards.mean(axis=0), strict=True)
+        return {rival.name: mean_interval(of, MATCHES) for rival, of in rewards}
 
     @property
     def worst(self) -> str:

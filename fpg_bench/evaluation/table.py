@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,14 +18,16 @@ from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number, wrapped
 from fpg_bench.evaluation.statistics import (
-    FEW_SEEDS,
+    ENOUGH_SEEDS,
+    MATCHES,
     Interval,
-    behind_first,
-    crossed_interval,
+    difference,
     may_be_best,
+    mean_interval,
+    pair_error,
     rank_ranges,
 )
-from fpg_bench.evaluation.suite import PLANNER, Suite
+from fpg_bench.evaluation.suite import PLANNER, Scale, Suite
 from fpg_bench.evaluation.summary import Summary
 
 if TYPE_CHECKING:
@@ -38,7 +41,6 @@ _LATEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
-    "†": r"$\dagger$",
     "\N{MINUS SIGN}": "$-$",
     "\N{EN DASH}": "--",
 }
@@ -91,11 +93,10 @@ def caption(summaries: Sequence[Summary], suite: Suite) -> str:
     return (
         f"Suite {suite.name} ({suite.hash[:12]}): {met}. Return: the {whose}, per step, mean over "
         f"rivals; {suite.scale.description}; worst: the lowest return per step, against one of them. "
-        "Rank 1-3: no better than first, no worse than third, over all pairs of the table. "
+        "Rank 1-3: no better than first, no worse than third; these policies, over all pairs of the table. "
         f"{'' if suite.side == PLANNER else _COSTS}"
-        "Intervals: 95 %, over training seeds and matches; for scripts, planners and single training seeds "
-        "over matches. From the first: on the same matches. "
-        f"† fewer than three training seeds.{note}"
+        "Intervals: 95 %, over matches; those from the first of the ranked are on the same matches and hold "
+        f"for all pairs at once. No rank: fewer than {ENOUGH_SEEDS} training seeds, or an oracle.{note}"
     )
 
 
@@ -152,7 +153,7 @@ def flat_lines(summaries: Sequence[Summary]) -> list[Line]:
     for summary, standing in zip(summaries, standings(summaries).values(), strict=True):
         (low, high), is_best = standing.rank or (None, None), standing.may_be_best
         ranks: Line = {"rank_low": low, "rank_high": high, "may_be_best": is_best}
-        lines.append(flat(summary) | ranks | _ends("behind_first", standing.behind))
+        lines.append(flat(summary) | ranks | _ends("from_first", standing.behind))
     return lines
 
 
@@ -161,11 +162,10 @@ class Standing:
     """The place of an entry in its table.
 
     Attributes:
-        rank: best and worst rank; None for an oracle, and where an entry of the table has a single unit, or
-            the table more than ``MOST_RANKED`` entries.
+        rank: best and worst rank; None for an oracle, for fewer than five training seeds of an algorithm, and
+            in a table of a single match or of more than ``MOST_RANKED`` entries.
         may_be_best: see :func:`fpg_bench.evaluation.statistics.may_be_best`; None as for the rank.
-        behind: its score minus that of the first; see
-            :func:`fpg_bench.evaluation.statistics.behind_first`.
+        behind: its score minus that of the first of the ranked, with an interval that agrees with the ranks.
     """
 
     rank: tuple[int, int] | None
@@ -179,21 +179,27 @@ def standings(summaries: Sequence[Summary]) -> dict[str, Standing]:
     Args:
         summaries: best first, oracles last.
     """
-    samples = [summary.samples for summary in summaries]
-    count = sum(not summary.is_oracle for summary in summaries)
-    is_compared = count <= MOST_RANKED and all(sample.size > 1 for sample in samples[:count])
-    ranks: list[tuple[int, int] | None] = [None] * len(samples)
-    best: list[bool | None] = [None] * len(samples)
-    if is_compared:
-        ranks[:count], best[:count] = rank_ranges(samples[:count]), may_be_best(samples[:count])
-    placed = map(Standing, ranks, best, behind_first(samples))  # of nobody: none
-    return dict(zip((summary.entry for summary in summaries), placed, strict=False))
+    ranked = [summary for summary in summaries if summary.has_rank]
+    samples, error = [summary.samples for summary in ranked], pair_error(len(ranked))
+    placed: dict[str, tuple[tuple[int, int], bool]] = {}
+    if len(ranked) <= MOST_RANKED and all(sample.shape[1] > 1 for sample in samples):
+        floor = -math.inf if not ranked or ranked[0].suite.scale == Scale() else 0.0
+        places = zip(rank_ranges(samples), may_be_best(samples, floor), strict=True)
+        placed = dict(zip((summary.entry for summary in ranked), places, strict=True))
+    first = next(iter([*ranked, *summaries]), None)
+    return {
+        summary.entry: Standing(
+            *placed.get(summary.entry, (None, None)), difference(summary.samples, first.samples, error)
+        )
+        for summary in summaries
+        if first is not None
+    }
 
 
 def flat(s: Summary) -> Line:
     """Return a summary as one flat mapping of names to numbers."""
     line: Line = {"entry": s.entry, "training_seeds": s.training_seeds, "rounds": s.pooled.rounds}
-    line |= _ends("score", s.score) | {"interval_over": s.over} | _ends("return_per_step", s.reward)
+    line |= _ends("score", s.score) | _ends("return_per_step", s.reward)
     line |= {"worst_rival": s.worst, "lost": s.pooled.lost}
     line |= {f"return_per_step {name}": reward.value for name, reward in s.by_rival.items()}
     if s.suite.side != PLANNER:
@@ -361,15 +367,13 @@ def columns(suite: Suite, placed: Mapping[str, Standing]) -> list[Column]:
 
 
 def _of_standings(placed: Mapping[str, Standing]) -> list[Column]:
-    first = next(iter(placed), None)
-
     def rank(s: Summary) -> str:
         ends = placed[s.entry].rank
         return "-" if ends is None else "-".join(map(str, dict.fromkeys(ends)))
 
     def behind(s: Summary) -> str:
         interval = placed[s.entry].behind
-        return "-" if s.entry == first else f"{number(interval.value)} {bounds(interval)}"
+        return "-" if interval.half == 0 == interval.value else f"{number(interval.value)} {bounds(interval)}"
 
     return [Column("rank", rank, spare=2), Column("from the first", behind, spare=5)]
 
@@ -385,7 +389,7 @@ def over_rounds(summary: Summary, window: slice) -> Interval:
     returns = np.array([record.returns for record in summary.records])
     by_match = returns.reshape(len(summary.records), -1, summary.suite.rounds_per_match)
     rewards = by_match[:, :, window].mean(axis=(0, 2)) / summary.suite.scenario.steps_per_round
-    return crossed_interval(summary.suite.scale.score(rewards[None]))
+    return mean_interval(summary.suite.scale.score(rewards), MATCHES)
 
 
 def learning_curve(summary: Summary) -> list[Interval]:
@@ -416,7 +420,7 @@ _OF_PLAYERS = (
     Column("steps", lambda s: short(s.training.steps), spare=3),
     Column("minutes", lambda s: number(s.training.seconds, 1 / 60), spare=4),
     Column("score", lambda s: number(s.score.value)),
-    Column(_INTERVAL, lambda s: bounds(s.score) + (" †" if 0 < s.training_seeds < FEW_SEEDS else "")),
+    Column(_INTERVAL, lambda s: bounds(s.score)),
     Column("return", lambda s: number(s.reward.value, digits=2), spare=2),
     Column("worst", _worst, spare=1),
     Column("against", lambda s: s.worst, spare=4),

@@ -159,6 +159,11 @@ class AgentCard(Strict):
             raise UserError(f"{where}: plays the {card.side} ({card.game.id}), not the {side}")
         return card
 
+    @property
+    def is_search(self) -> bool:
+        """True for a table found by search, which is no sample of a trainable algorithm."""
+        return self.algorithm == "tabular"
+
     def write(self, folder: Path, model: bytes | None = None) -> None:
         """Write ``agent.json``, after ``policy.onnx`` if its bytes are given."""
         if model is not None:

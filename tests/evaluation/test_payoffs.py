@@ -19,15 +19,16 @@ from fpg_bench.evaluation.summary import summarise
 HAND = Payoffs(
     ("seeds", "script"),
     ("one", "two"),
-    (np.array([[[1.0, 8.0]], [[3.0, 8.0]], [[5.0, 2.0]]]), np.array([[[4.0, 5.0], [4.0, 7.0]]])),
+    (
+        np.array([[[1.0, 8.0], [2.0, 8.0]], [[3.0, 8.0], [4.0, 8.0]], [[5.0, 2.0], [3.0, 2.0]]]),
+        np.array([[[4.0, 5.0], [4.0, 7.0]]]),
+    ),
 )
 
 
 def test_values_and_intervals_are_those_of_the_units():
     assert HAND.values.tolist() == [[3, 6], [4, 6]]
-    of_seeds = HAND.interval("seeds", "one")
-    assert (of_seeds.value, of_seeds.over) == (3, "training seeds")
-    assert of_seeds.half == pytest.approx(student_t(3) * 2 / 3**0.5)
+    assert HAND.interval("seeds", "one").half == 0  # the policies are fixed: 3 in both matches
     of_matches = HAND.interval("script", "two")
     assert (of_matches.value, of_matches.over) == (6, "matches")
     assert of_matches.half == pytest.approx(student_t(2) * 2**0.5 / 2**0.5)
@@ -37,8 +38,8 @@ def test_values_and_intervals_are_those_of_the_units():
 def test_the_worst_rival_is_named_with_what_is_earned():
     assert HAND.worst("seeds") == ("one", HAND.interval("seeds", "one"))
     assert HAND.interval("script", {"one": 0.25, "two": 0.75}).value == 5.5
-    assert HAND.interval("seeds", {"one": 0.5, "two": 0.5}).half == pytest.approx(
-        student_t(3) * np.std([4.5, 5.5, 3.5], ddof=1) / 3**0.5
+    assert HAND.interval("script", {"one": 0.25, "two": 0.75}).half == pytest.approx(
+        student_t(2) * np.std([4.75, 6.25], ddof=1) / 2**0.5
     )
 
 

@@ -6,7 +6,7 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.record import TALLIES, Record
 from fpg_bench.evaluation.suite import Scale, load_suite
-from fpg_bench.evaluation.summary import summarise, summary_of
+from fpg_bench.evaluation.summary import TrainingCost, summarise, summary_of
 
 STEPS = 300
 
@@ -59,14 +59,22 @@ def test_order_by_score_is_order_by_reward_per_step(suite):
         assert s.score.half == pytest.approx(s.reward.half * 100 / 40)
 
 
-def test_training_seeds_are_one_entry_with_its_interval_over_them(suite):
-    records = [x for k, reward in enumerate((2.0, 6.0, 10.0)) for x in records_of(suite, "ppo", reward, k)]
+def test_training_seeds_are_one_entry_with_its_interval_over_matches(suite):
+    of_matches = np.array([1.0, 3.0, 5.0, 7.0])
+    records = [
+        line
+        for k in range(3)
+        for line in records_of(suite, "ppo", of_matches + 2 + 4 * k, k)
+        for k, reward in enumerate((2.0, 6.0, 10.0))
+        for x in records_of(suite, "ppo", of_matches + reward, k)
+    ]
     (found,) = summarise(records, suite)
-    assert (found.training_seeds, found.score.over) == (3, "training seeds and matches")
-    assert found.samples.mean(axis=1).tolist() == pytest.approx([30, 40, 50])
-    half = 4.302653 * 10 / np.sqrt(3)
-    assert (found.score.value, found.score.half) == pytest.approx((40, half), rel=1e-5)
-    assert found.seed_scores() == pytest.approx({0: 30, 1: 40, 2: 50})
+    assert (found.training_seeds, found.score.over) == (3, "matches")
+    assert found.samples.mean(axis=1).tolist() == pytest.approx([40, 50, 60])
+    half = 3.182446 * np.std([1, 3, 5, 7], ddof=1) / 2 * 100 / 40  # the policies are fixed
+    assert (found.score.value, found.score.half) == pytest.approx((50, half), rel=1e-5)
+    assert found.by_rival[suite.rivals[0].name].half == pytest.approx(half * 40 / 100, rel=1e-5)
+    assert found.seed_scores() == pytest.approx({0: 40, 1: 50, 2: 60})
 
 
 def test_a_script_and_a_single_seed_vary_over_matches(suite):
@@ -76,6 +84,18 @@ def test_a_script_and_a_single_seed_vary_over_matches(suite):
         assert (found.training_seeds, found.score.over) == (seeds, "matches")
         half = 3.182446 * np.std([1, 3, 5, 7], ddof=1) / 2
         assert found.reward.half == pytest.approx(half, rel=1e-5)
+
+
+def test_fewer_than_five_seeds_of_an_algorithm_have_no_rank(suite):
+    for count in (1, 4, 5):
+        records = [x for k in range(count) for x in records_of(suite, "ppo", 1.0, k)]
+        (found,) = summarise(records, suite)
+        assert found.has_rank == (count == 5)
+        table = dataclasses.replace(found, training=TrainingCost(is_search=True))
+        assert table.has_rank  # found by search: another one is no other sample
+    (script,) = summarise(records_of(suite, "it", 1.0), suite)
+    (oracle,) = summarise(records_of(suite, "oracle", 1.0), suite)
+    assert (script.has_rank, oracle.has_rank) == (True, False)
 
 
 def test_measures_are_pooled_over_all_lines(suite):

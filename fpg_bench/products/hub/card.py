@@ -111,7 +111,7 @@ def results_yaml(benchmark: str, repository: str, summaries: Sequence[Summary]) 
                 "dataset": {"id": benchmark, "task_id": summary.suite.name},
                 "value": round(summary.score.value, 1),
                 "source": source.copy(),
-                "notes": f"95 % interval {_ends(summary.score, 1)} over {summary.over}; "
+                "notes": f"95 % interval {_ends(summary.score, 1)} over {summary.score.over}; "
                 f"{summary.reward.value:.2f} per step {_ends(summary.reward, 2)}",
             }
             for summary in summaries

@@ -14,12 +14,14 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
 from fpg_bench.evaluation.statistics import (
-    FEW_SEEDS,
     MATCHES,
     TRAINING_SEEDS,
     Interval,
     mean_interval,
+    pair_error,
+    probability_of_improvement,
     student_half,
+    student_t,
 )
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.evaluation.summary import Summary
@@ -31,7 +33,7 @@ from fpg_bench.products.leaderboard.cases import Case
 from fpg_bench.products.leaderboard.crossplay import Pair, Pairs, fully_played, pair_key
 from fpg_bench.products.leaderboard.entries import Entries
 from fpg_bench.products.leaderboard.exploited import Attack, Exploited
-from fpg_bench.products.leaderboard.ranking import improvements, profiles
+from fpg_bench.products.leaderboard.ranking import profiles
 from fpg_bench.products.leaderboard.result import PlannerFacts, round_finite
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import (
@@ -101,11 +103,9 @@ class UnitScores:
     """Scores behind the intervals of an entry over a suite, by rival in the suite's order.
 
     Attributes:
-        seeds: the score of each training seed, a mean over matches; a script and a planner have one.
         matches: the score in each match, a mean over training seeds.
     """
 
-    seeds: tuple[tuple[float, ...], ...]
     matches: tuple[tuple[float, ...], ...]
 
 
@@ -144,8 +144,10 @@ class Figures:
     Attributes:
         rank: best and worst rank over all pairs; None where the entry has not played the suite that ranks its
             track, and for a reference.
-        may_be_best: no other entry with a rank is better.
+        may_be_best: see :func:`fpg_bench.evaluation.statistics.may_be_best`.
         behind: its score minus that of the leader, on the same matches; None without a rank.
+        improvement: probability that a new training scores more than a new training of the leader; None for
+            the leader, for scripts and tables, and for fewer than five training seeds.
         score: over the suite that ranks the track, else over the public one.
         scores: by role of the suite.
         exploited: its lowest known return; None for planners.
@@ -156,7 +158,7 @@ class Figures:
         training_seeds: 0 for scripts and planners.
         is_late: entered or changed after the season was closed.
         same_policies: other entries, ``track/slug``, that play the same.
-        has_few_seeds: it has training seeds, but fewer than three.
+        has_few_seeds: an algorithm's training seeds are fewer than five, so that it has no rank.
         measures: over all rounds of the public suite; ``return`` is per step.
         histograms: share of time per frequency point, of the ally (``ally``) and of jamming (``jam``).
         lost, rounds: rounds lost by an invalid answer, and all rounds.
@@ -168,6 +170,7 @@ class Figures:
     rank: tuple[int, int] | None
     may_be_best: bool
     behind: Interval | None
+    improvement: Interval | None
     score: Interval
     scores: Mapping[str, Interval]
     worst: WorstCase
@@ -237,16 +240,6 @@ class BoardEntry:
 
 
 @dataclass(frozen=True)
-class Improvement:
-    """Probabilities of improvement: ``value[i][j]`` that a run of entry i scores more than one of j."""
-
-    names: tuple[str, ...]
-    value: Matrix
-    low: Matrix
-    high: Matrix
-
-
-@dataclass(frozen=True)
 class Profiles:
     """Performance profiles: the share of each entry's runs that score more than each threshold."""
 
@@ -261,6 +254,7 @@ class BoardTrack:
     Attributes:
         ranked_by: the role of the suite that ranks it.
         scale: returns per step that score 0 and 100.
+        student: Student's t of the differences by role; with it those of all pairs hold together.
         entries: best first; then those without a rank, then references, then those not verified.
     """
 
@@ -271,7 +265,7 @@ class BoardTrack:
     suites: tuple[BoardSuite, ...]
     scale: Scale
     entries: tuple[BoardEntry, ...]
-    improvement: Improvement
+    student: Mapping[str, float]
     profiles: Profiles
 
     @property
@@ -388,8 +382,10 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
         (item for item in verified if role in item.summaries),
         key=lambda item: (-item.summaries[role].score.value, item.slug),
     )
-    placed = standings([item.summaries[role] for item in ranked if not _is_reference(item)])
     ranking = [item.summaries[role] for item in ranked]
+    placed = standings([item.summaries[role] for item in ranked if not _is_reference(item)])
+    again = _improvements([of for of in ranking if of.entry in placed and of.has_rank])
+    error = pair_error(sum(standing.rank is not None for standing in placed.values()))
     entries = [
         _make_entry(
             item.submission,
@@ -398,6 +394,7 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
                 item.summaries.get(role, item.summaries[PUBLIC]),
                 worst_case(item.slug, track.side, item.summaries, every.pairs.results.values()),
                 placed.get(item.slug),
+                again.get(item.slug),
                 is_late=_is_late(item.submission, every.suites.season(track)),
                 exploited=_exploited(item, every),
                 same_policies=tuple(every.shared.get(item.name, ())),
@@ -430,7 +427,9 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
         ),
         scale=every.suites.public(track).scale,
         entries=tuple(sorted(entries, key=_sort_key)),
-        improvement=_make_improvement(ranking),
+        student={
+            role: student_t(suite.matches, error) for role, suite in suites.items() if suite.matches > 1
+        },
         profiles=_make_profiles(ranking),
     )
 
@@ -504,6 +503,7 @@ def _make_figures(
     ranking: Summary,
     worst: WorstCase,
     placed: Standing | None,
+    improvement: Interval | None,
     is_late: bool,
     exploited: Exploited | None,
     same_policies: tuple[str, ...],
@@ -514,7 +514,8 @@ def _make_figures(
     return Figures(
         rank=None if placed is None else placed.rank,
         may_be_best=placed is not None and bool(placed.may_be_best),
-        behind=None if placed is None else _score(placed.behind),
+        behind=None if placed is None or placed.rank is None else _score(placed.behind),
+        improvement=improvement,
         score=_score(ranking.score),
         scores={role: _score(summary.score) for role, summary in summaries.items()},
         worst=worst,
@@ -528,7 +529,7 @@ def _make_figures(
             seed: round_finite(score) for seed, score in ranking.seed_scores().items() if seed is not None
         },
         training_seeds=public.training_seeds,
-        has_few_seeds=0 < public.training_seeds < FEW_SEEDS,
+        has_few_seeds=not public.has_rank,
         is_late=is_late,
         same_policies=same_policies,
         measures={"return": public.reward.value, **public.measures},
@@ -546,9 +547,8 @@ def _make_figures(
 
 
 def _make_units(summary: Summary) -> UnitScores:
-    scores = summary.suite.scale.score(summary.rewards)
-    seeds, matches = (np.round(scores.mean(axis=axis), 1) for axis in (2, 0))
-    return UnitScores(tuple(map(tuple, seeds.T.tolist())), tuple(map(tuple, matches.tolist())))
+    by_rival = np.round(summary.suite.scale.score(summary.rewards.mean(axis=0)), 2)
+    return UnitScores(tuple(map(tuple, by_rival.tolist())))
 
 
 def _make_planner_figures(public: Summary, facts: PlannerFacts | None) -> PlannerFigures | None:
@@ -640,14 +640,19 @@ def _score(interval: Interval, scale: Scale | None = None) -> Interval:
     return Interval(value, low, high, interval.over)
 
 
-def _make_improvement(ranking: Sequence[Summary]) -> Improvement:
-    table = improvements(ranking)
-
-    def matrix(end: str) -> Matrix:
-        return [[None if cell is None else round_finite(getattr(cell, end)) for cell in row] for row in table]
-
-    names = tuple(summary.entry for summary in ranking)
-    return Improvement(names, matrix("value"), matrix("low"), matrix("high"))
+def _improvements(ranked: Sequence[Summary]) -> dict[str, Interval]:
+    """Return the probability that a new training of an entry scores more than one of the leader."""
+    seeds = {summary.entry: summary.samples.mean(axis=1) for summary in ranked}
+    if not ranked:
+        return {}
+    leader, *others = ranked
+    is_fixed = not leader.trained or leader.training.is_search
+    best = seeds[leader.entry].mean(keepdims=True) if is_fixed else seeds[leader.entry]
+    return {
+        of.entry: _score(probability_of_improvement(seeds[of.entry], best))
+        for of in others
+        if of.trained and not of.training.is_search
+    }
 
 
 def _make_profiles(ranking: Sequence[Summary]) -> Profiles:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -13,7 +14,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.parallel import line_on
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite
-from fpg_bench.evaluation.summary import Summary
+from fpg_bench.evaluation.summary import Summary, TrainingCost
 from fpg_bench.products.leaderboard.folders import (
     result_file,
     short_path,
@@ -87,7 +88,9 @@ class Case:
     @cached_property
     def summaries(self) -> Mapping[str, Summary]:
         """Summaries of its records, by role of the suite."""
-        return summaries_of(self.records, self.suites)
+        training = TrainingCost(is_search=self.submission.is_search)
+        found = summaries_of(self.records, self.suites)
+        return {role: dataclasses.replace(of, training=training) for role, of in found.items()}
 
     @property
     def is_complete(self) -> bool:

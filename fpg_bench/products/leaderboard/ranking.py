@@ -1,4 +1,4 @@
-"""Statistics beside the ranks: probabilities of improvement and performance profiles."""
+"""Performance profiles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fpg_bench.evaluation.statistics import Interval, performance_profile, probability_of_improvement
+from fpg_bench.evaluation.statistics import performance_profile
 from fpg_bench.evaluation.summary import Summary
 
 _THRESHOLDS = 81  # points of a profile
@@ -16,18 +16,6 @@ def runs(summary: Summary) -> np.ndarray:
     """Return the score of each run, ``(training seeds, rivals)``."""
     scores: np.ndarray = summary.suite.scale.score(summary.rewards.mean(axis=2))
     return scores
-
-
-def improvements(entries: Sequence[Summary]) -> list[list[Interval | None]]:
-    """Return the probability that a run of one entry scores more than one of another; ``(n, n)``.
-
-    The diagonal is None.
-    """
-    scores = [runs(entry) for entry in entries]
-    return [
-        [probability_of_improvement(one, other) if i != k else None for k, other in enumerate(scores)]
-        for i, one in enumerate(scores)
-    ]
 
 
 def profiles(entries: Sequence[Summary]) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import read_json, read_yaml
 from fpg_bench.common.ids import NAMED
 from fpg_bench.evaluation.entry import same_policies
-from fpg_bench.evaluation.statistics import FEW_SEEDS
+from fpg_bench.evaluation.statistics import ENOUGH_SEEDS
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.planner import PLANNERS, asks_language_model
@@ -82,6 +82,11 @@ class Submission(SubmissionFile):
         return tuple(f"{home}/seed_{policy.seed}" for policy in self.policies)
 
     @property
+    def is_search(self) -> bool:
+        """True for tables found by search, which have a rank with any number of training seeds."""
+        return bool(self.policies) and all(card.is_search for card in self.cards)
+
+    @property
     def cards(self) -> list[AgentCard]:
         """The cards of its agents, as far as they can be read."""
         return [policy.card for policy in self.policies if policy.card is not None]
@@ -124,9 +129,9 @@ def notes(submission: Submission, board: str | Path = "leaderboard") -> list[str
         board: the folder of the leaderboard that it is probably meant for, if there is one.
     """
     lines, count = [], len(submission.policies)
-    if 0 < count < FEW_SEEDS:
+    if 0 < count < ENOUGH_SEEDS and not submission.is_search:
         lines.append(
-            f"the board marks entries with fewer than {FEW_SEEDS} training seeds; this one has {count}"
+            f"an algorithm of fewer than {ENOUGH_SEEDS} training seeds has no rank; this one has {count}"
         )
     board, home = Path(board), submission.folder.parent.parent
     if home.name != "submissions":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
@@ -16,7 +17,7 @@ from fpg_bench.common.imports import reason
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import training_seed
-from fpg_bench.evaluation.statistics import Interval, crossed_interval
+from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import Player
 from fpg_bench.products.tuning.space import format_values, merge_values, suggest
@@ -79,7 +80,7 @@ class Objective:
         except FAILURES as error:
             trial.set_user_attr("error", reason(error)[:200])
             raise optuna.TrialPruned from error
-        if score.low != score.high:
+        if math.isfinite(score.half):
             trial.set_user_attr("interval", [score.low, score.high, score.over])
         return score.value
 
@@ -94,7 +95,7 @@ class Objective:
             report: called with the score so far and the number of evaluations so far; may raise to stop.
 
         Returns:
-            The score with its interval over training seeds and matches, or over matches for a single seed.
+            The score with its interval over training seeds; NaN for a single one.
 
         Raises:
             Diverged: training diverged.
@@ -109,7 +110,7 @@ class Objective:
             scores.append(self._train_seed(values, seed, evaluate))
             if index + 1 < len(seeds):
                 report(_mean(scores), (index + 1) * N_EVALS)
-        return crossed_interval(np.mean(scores, axis=1))
+        return mean_interval(np.mean(scores, axis=(1, 2)), TRAINING_SEEDS)
 
     def _train_seed(
         self, values: Entry, seed: int, evaluate: Callable[[int, np.ndarray], None]

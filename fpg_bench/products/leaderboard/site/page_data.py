@@ -19,7 +19,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.play import LOST_SCORE
-from fpg_bench.evaluation.statistics import Interval, student_t
+from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, preset
@@ -45,7 +45,6 @@ from fpg_bench.products.sandbox.onnx_attributes import ATTRIBUTES, DEFAULTS, att
 Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data
 Zoo = Mapping[str, tuple[Row, Row]]  # what is known of each agent, and its policy
 _logger = logging.getLogger(__name__)
-_MOST_UNITS = 201  # of a difference of scores; with more, Student's t hardly changes
 # Groups of the zoo, and the game that each plays, whatever it was trained on.
 _GROUPS = dict.fromkeys(
     ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner"),
@@ -83,14 +82,13 @@ def _compare_files(board: Board) -> dict[str, str]:
     """Return the data of the page that compares two entries: its own, a file per track, and one per entry."""
     shared: Row = {
         "measures": {name: asdict(measure) for name, measure in MEASURES.items()},
-        "student": [round(student_t(count), 4) for count in range(2, _MOST_UNITS + 1)],
     }
     parts: dict[str, Row] = {}
     for track in board.tracks:
         parts[track.key] = _compared_track(track)
         for entry, figures in track.verified():
             parts[f"{track.key}/{entry.slug}"] = {
-                suite.role: asdict(figures.units[suite.role]) if suite.role in figures.units else None
+                suite.role: figures.units[suite.role].matches if suite.role in figures.units else None
                 for suite in ordered_suites(track)
             }
     files = {
@@ -109,7 +107,7 @@ def _compared_track(track: BoardTrack) -> Row:
             for suite in suites
         ],
         "rows": [_compared_entry(track, suites, entry, figures) for entry, figures in track.verified()],
-        "improvement": _improvement(track, track.improvement.names),
+        "student": track.student,
     }
 
 
@@ -124,7 +122,6 @@ def _compared_entry(
         "kind": entry.kind,
         "algorithm": entry.algorithm,
         "authors": ", ".join(entry.authors),
-        "few_seeds": figures.has_few_seeds,
         "score": _interval(figures.score),
         "gap": _rounded(figures.gap, 1),
         "worst": _rounded(figures.worst.score.value, 1),
@@ -148,7 +145,7 @@ def _rounded(value: float | None, digits: int) -> float | None:
 
 
 def statistics_data(board: Board) -> Row:
-    """Return the ranks, performance profiles and probabilities of improvement of each track."""
+    """Return the ranks and performance profiles of each track."""
     return {"tracks": [_track_statistics(track) for track in board.tracks]}
 
 
@@ -166,23 +163,6 @@ def _track_statistics(track: BoardTrack) -> Row:
             slug: [round(share, 3) for share in profiles.share[slug]]
             for slug in order
             if slug in profiles.share
-        },
-        "improvement": _improvement(track, order),
-    }
-
-
-def _improvement(track: BoardTrack, order: Sequence[str]) -> Row | None:
-    """Return the matrices of the probability of improvement in an order of the entries."""
-    improvement = track.improvement
-    places = [improvement.names.index(slug) for slug in order if slug in improvement.names]
-    if not places:
-        return None
-    matrices = {"value": improvement.value, "low": improvement.low, "high": improvement.high}
-    return {
-        "names": [improvement.names[place] for place in places],
-        **{
-            name: [[_rounded(matrix[i][j], 3) for j in places] for i in places]
-            for name, matrix in matrices.items()
         },
     }
 

@@ -25,7 +25,7 @@ from fpg_bench.products.leaderboard.tracks import (
 
 NONE = "–"
 _TINTS = 9  # of cells in heat maps
-FEW_SEEDS = "fewer than three training seeds: the interval is unreliable"
+FEW_SEEDS = "fewer than five training seeds of an algorithm: no rank"
 _LINK = re.compile(r"https://[A-Za-z0-9.-]+(:\d+)?(/[^\s\"'<>\\]*)?")
 
 
@@ -273,6 +273,7 @@ def warnings(figures: Figures | None) -> list[str]:
     texts = [
         "reference: it sees the ally's path" if figures.is_reference else "",
         "late entry" if figures.is_late else "",
+        FEW_SEEDS if figures.has_few_seeds else "",
         lost_text(figures),
         same_policies_text(figures),
     ]
@@ -378,6 +379,7 @@ class TrackView:
     has_tiers: bool
     has_shifted: bool
     has_exploited: bool
+    has_improvement: bool
     mission: dict[str, Measure]
     rows: list[RowView]
     heat_suites: list[BoardSuite]
@@ -408,10 +410,14 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
         track=track,
         ranking=next(suite for suite in track.suites if suite.role == track.ranked_by),
         scale=scale_text(track),
-        axis=Axis.of_scores(row.ranking for row in rows if row.ranking is not None),
+        axis=Axis.of_scores(
+            [row.ranking for row in rows if row.ranking is not None]
+            + [Interval(seed) for _, figures in verified for seed in figures.by_seed.values()]
+        ),
         has_tiers=any(figures.planner is not None for _, figures in verified),
         has_shifted=any(SHIFTED in figures.scores for _, figures in verified),
         has_exploited=track.side in SIDES,
+        has_improvement=any(figures.improvement is not None for _, figures in verified),
         mission={name: MEASURES[name] for name in MISSION if name in measured},
         rows=rows,
         heat_suites=heat_suites,

@@ -3,7 +3,7 @@
 "use strict";
 (() => {
   const NS = "http://www.w3.org/2000/svg";
-  const { measures, student } = window.fpgData;
+  const { measures } = window.fpgData;
   const parts = {}, loads = {}; // what is loaded by name, TRACK or TRACK/ENTRY, and its promise
   const { between, against } = fpgDifferences;
   const select = Object.fromEntries(["track", "a", "b"].map((id) => [id, document.getElementById(id)]));
@@ -136,7 +136,7 @@
     if (one[0] === null || two[0] === null) return "–";
     const units = [a.units[role], b.units[role]];
     if (units.includes(null)) return signed(one[0] - two[0]);
-    const [value, half] = between(...units.map((of) => against(of, k)), student);
+    const [value, half] = between(...units.map((of) => against(of, k)), track().student[role]);
     if (half === null) return signed(value);
     return make(Math.abs(value) > half ? "b" : "span", `${signed(value)}  (${signed(value - half)} to ${signed(value + half)})`);
   }
@@ -178,26 +178,20 @@
   function sure(role, a, b) {
     const units = [a.units[role], b.units[role]];
     if (units.includes(null)) return "";
-    const [value, half, how] = between(...units.map((of) => against(of, null)), student);
+    const [value, half] = between(...units.map((of) => against(of, null)), track().student[role]);
     if (half === null) return "";
     const enough = Math.abs(value) > half ? "beyond chance" : "which chance may have made";
-    return ` They are ${number(Math.abs(value))} apart, ${enough}: the 95 % interval of the difference is ${signed(value - half)} to ${signed(value + half)} (${how}).`;
+    return ` They are ${number(Math.abs(value))} apart, ${enough}: the interval of the difference, match by match, is ${signed(value - half)} to ${signed(value + half)}; with 95 % those of all pairs hold together.`;
   }
 
   /** In a sentence: who is ahead, and how sure that is. */
   function verdict(a, b) {
-    const table = track().improvement;
-    const i = table ? table.names.indexOf(a.slug) : -1, j = table ? table.names.indexOf(b.slug) : -1;
     const both = (role) => a.scores[role][0] !== null && b.scores[role][0] !== null;
     const { role, label } = track().suites.find((suite) => suite.role === track().ranked_by && both(suite.role)) ?? track().suites[0];
     const pairs = a.by_rival[role].map(([one], k) => [one, b.by_rival[role][k][0]]).filter(([one, two]) => one !== null && two !== null);
     const wins = pairs.filter(([one, two]) => one > two).length;
     let text = `Over the ${label.toLowerCase()} suite ${a.name} scores ${number(a.scores[role][0])}, ${b.name} ${number(b.scores[role][0])}; the first is ahead against ${wins} of ${pairs.length} rivals.`;
     text += sure(role, a, b);
-    if (i >= 0 && j >= 0 && i !== j) {
-      const share = (value) => `${Math.round(100 * value)} %`;
-      text += ` A new run of the first scores more than one of the second with a probability of ${share(table.value[i][j])} (${share(table.low[i][j])} to ${share(table.high[i][j])}).`;
-    }
     return text;
   }
 
