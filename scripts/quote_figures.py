@@ -18,12 +18,12 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import number
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.statistics import MATCHES, Interval
+from fpg_bench.evaluation.statistics import MATCHES, Interval, differences, pair_error
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table
 from fpg_bench.products.leaderboard.board import Board, BoardEntry, Figures, make_board
-from fpg_bench.products.leaderboard.entries import load_entries
+from fpg_bench.products.leaderboard.entries import Entries, load_entries
 from fpg_bench.products.leaderboard.exploited import Attack
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SHIFTED, TRACKS, UNSEEN
 
@@ -33,14 +33,21 @@ PLANNER_SCORES = "docs/guides/planner-v1.csv"
 HEADLINE = ("player", "", "public score", "held-out score", "lowest known return")
 ENTRIES = ("entry", "seeds", "held-out score", "rank", "public", "shifted", "lowest known return")
 FOUND = ("found by", "CPU s")  # the lowest return, of allies
+RANKED = ("track", "ranked entries", "may be best", "pairs told apart", "reversed")
 PerEntry = tuple[BoardEntry, Figures]
 per_step = partial(number, digits=2)
 
 
 @cache
+def read_entries() -> Entries:
+    """Return the entries of the board."""
+    return load_entries(ROOT / "leaderboard")
+
+
+@cache
 def board() -> tuple[Board, Mapping[str, Summary]]:
     """Return the board, and the oracle's summaries as an ally by role of the suite."""
-    entries, oracle = load_entries(ROOT / "leaderboard"), player_entry("oracle")
+    entries, oracle = read_entries(), player_entry("oracle")
     suites, summaries = entries.suites.of(TRACKS["ally"]), {}
     for suite in (suites[role] for role in (PUBLIC, UNSEEN)):
         summaries[suite.name] = summary_of([play(oracle, suite, rival) for rival in suite.rivals], suite)
@@ -105,7 +112,7 @@ def track_table(key: str) -> str:
     lines, broken = [], attacked(key)
     for entry, figures in broken or verified(key)[:FIRST_OPPONENTS]:
         scores = [number(figures.scores[role].value) for role in (PUBLIC, SHIFTED)]
-        rank = "-".join(map(str, dict.fromkeys(figures.rank or ())))
+        rank = "-".join(map(str, dict.fromkeys(figures.rank or ()))) or "-"
         seeds = str(figures.training_seeds or "-")
         lines.append([player(entry), seeds, score(figures.scores[UNSEEN]), rank, *scores, kept(figures)])
         if broken:
@@ -130,6 +137,23 @@ def most_against(opponent: str) -> str:
     return per_step(returns[best, played.opponents.index(opponent)].max())
 
 
+def ranked() -> str:
+    """Return the table of how many entries of each track may be best, and how many pairs are told apart."""
+    lines = []
+    for track in board()[0].tracks:
+        places = {entry.slug: of for entry, of in track.verified() if of.rank is not None}
+        of_track = [of for of in read_entries().verified if of.track.key == track.key and of.slug in places]
+        samples = [of.summaries[track.ranked_by].samples for of in of_track]
+        halves = [[of[:, k::2] for of in samples] for k in (0, 1)]
+        (one, at_one), (other, at_other) = (differences(half, pair_error(len(half))) for half in halves)
+        count, told = len(places), sum(of.rank[0] - 1 for of in places.values() if of.rank)
+        best = sum(of.may_be_best for of in places.values())
+        turned = int(((one > at_one) & (other < -at_other)).sum())
+        pairs = f"{told} of {count * (count - 1) // 2}"
+        lines.append([track.title, str(count), str(best), pairs, str(turned)])
+    return markdown_table([RANKED, *lines])
+
+
 def top(suite: str) -> str:
     """Return the reward per step that scores 100 in a suite."""
     return f"{load_suite(suite).scale.top:g}"
@@ -149,7 +173,11 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
     """Return the figures by page and mark."""
     return {
         "README.md": {"headline": headline()},
-        "docs/benchmark/protocol.md": {"top": top("ally-v2"), "top in link": top("ally-link-v1")},
+        "docs/benchmark/protocol.md": {
+            "top": top("ally-v2"),
+            "top in link": top("ally-link-v1"),
+            "ranked": ranked(),
+        },
         "docs/guides/planners.md": {"scores": planner_scores()},
         "docs/results/champions.md": {
             "allies": track_table("ally"),

@@ -118,11 +118,12 @@ def rank_ranges(samples: Sequence[np.ndarray]) -> list[tuple[int, int]]:
     Args:
         samples: see :func:`differences`.
     """
-    if not samples:
+    count = len(samples)
+    if not count:
         return []
-    apart, half = differences(samples, pair_error(len(samples)))
+    apart, half = differences(samples, pair_error(count))
     better = apart > half
-    low, high = 1 + better.sum(axis=0), len(samples) - better.sum(axis=1)
+    low, high = 1 + better.sum(axis=0), count - better.sum(axis=1)
     return [(int(a), int(b)) for a, b in zip(low, high, strict=True)]
 
 

@@ -2,6 +2,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+import simulate_ranks
 from scipy import stats
 
 from fpg_bench.evaluation.statistics import (
@@ -150,6 +151,16 @@ def test_who_may_be_best_has_the_best_rank_first():
         samples = list(rng.normal(rng.normal(0, 1, (9, 1, 1)), 1, (9, 3, 20)))
         first = [low == 1 for low, _ in rank_ranges(samples)]
         assert all(is_first >= is_best for is_first, is_best in zip(first, may_be_best(samples), strict=True))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [10, 60])
+def test_comparisons_are_calibrated(count):
+    """Differences hold in 93 to 97 %; a false "better", and the best left out: at most 5 %."""
+    covered, false, left_out = simulate_ranks.simulate(count, boards=200, seed=1)
+    assert 0.93 <= covered <= 0.97
+    assert false <= 0.05
+    assert left_out <= 0.05
 
 
 # Profiles and probabilities of improvement

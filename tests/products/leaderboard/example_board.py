@@ -22,7 +22,6 @@ from fpg_bench.products.leaderboard.board import (
     BoardTrack,
     CrossPlay,
     Figures,
-    Improvement,
     NashMixture,
     Profiles,
     UnitScores,
@@ -74,6 +73,7 @@ def example_board(
                     row.figures,
                     rank=(place // 2 * 2 + 1, place // 2 * 2 + 2),
                     may_be_best=place < 2,
+                    improvement=_score(0.25, 0.125, SEEDS) if place and row.kind != "script" else None,
                     behind=_score(row.figures.score.value - ordered[0].figures.score.value, 4),
                 ),
             )
@@ -89,7 +89,7 @@ def example_board(
                 suites=suites,
                 scale=Scale(-5.66, 22.0),
                 entries=(*ranked, *(row for row in rows if row.figures is None)),
-                improvement=_improvement(rng, slugs),
+                student={suite.role: 3.25 for suite in suites},
                 profiles=_profiles(slugs),
             )
         )
@@ -202,13 +202,14 @@ def _figures(
         rank=None,
         may_be_best=False,
         behind=None,
+        improvement=None,
         score=_score(score, 6, SEEDS),
         scores={role: _score(value, 6, SEEDS) for role, value in scores.items()},
         worst=_worst(index, by_rival[PUBLIC]),
         exploited=_exploited(index, text),
         by_rival=by_rival,
         first_rounds={role: dict.fromkeys(scores, 1234.5) for role, scores in by_rival.items()},
-        units=_units(by_rival, kind),
+        units=_units(by_rival),
         by_seed={} if kind == "script" else {k: score + k - 2 for k in range(5)},
         training_seeds=0 if kind == "script" else 5,
         has_few_seeds=index % 4 == 1,
@@ -224,15 +225,11 @@ def _figures(
     )
 
 
-def _units(by_rival: dict[str, dict[str, Interval]], kind: str) -> dict[str, UnitScores]:
-    """Return ten matches around each score, and five training seeds; of scripts, one."""
-    seeds, matches = (0,) if kind == "script" else (-2, -1, 0, 1, 2), (-1, 0, 1) * 3 + (0,)
+def _units(by_rival: dict[str, dict[str, Interval]]) -> dict[str, UnitScores]:
+    """Return ten matches around each score."""
     return {
         role: UnitScores(
-            *(
-                tuple(tuple(score.value + k for k in of) for score in scores.values())
-                for of in (seeds, matches)
-            )
+            tuple(tuple(score.value + k for k in (-1, 0, 1) * 3 + (0,)) for score in scores.values())
         )
         for role, scores in by_rival.items()
     }
@@ -273,12 +270,6 @@ def _measures(rng: np.random.Generator) -> dict[str, float | None]:
         "spread_ratio": 0.25,
         "near_ratio": None,
     }
-
-
-def _improvement(rng: np.random.Generator, slugs: tuple[str, ...]) -> Improvement:
-    value = rng.uniform(size=(len(slugs), len(slugs)))
-    low, high = np.maximum(value - 0.2, 0), np.minimum(value + 0.2, 1)
-    return Improvement(slugs, value.tolist(), low.tolist(), high.tolist())
 
 
 def _profiles(slugs: tuple[str, ...]) -> Profiles:

@@ -315,17 +315,17 @@ def test_a_folder_in_another_track_is_told_where_to_go(tmp_path, track, line):
 def test_notes_tell_of_few_seeds_and_of_other_boards(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     place = tmp_path / "leaderboard/submissions/ally"
-    training = TRAINED | {"seeds": [0, 1, 2]}
-    assert notes(admit(write_submission(place / "mine", (0, 1, 2), training=training))) == []
+    training = TRAINED | {"seeds": [0, 1, 2, 3, 4]}
+    assert notes(admit(write_submission(place / "mine", range(5), training=training))) == []
     script = {"training": None, "script": "expert", "name": "expert"}
     assert notes(admit(write_submission(place / "expert", (), **script))) == []
-    other = write_submission(tmp_path / "other/submissions/ally/mine", (0, 1, 2), training=training)
+    other = write_submission(tmp_path / "other/submissions/ally/mine", range(5), training=training)
     line = "is not inside leaderboard/submissions; submit run writes its result to other/results"
     assert notes(admit(other)) == [line]
     assert notes(admit(other), "nowhere") == []
     few = write_submission(tmp_path / "mine", (0,), training=TRAINED | {"seeds": [0]})
     assert notes(admit(few)) == [
-        "the board marks entries with fewer than 3 training seeds; this one has 1",
+        "an algorithm of fewer than 5 training seeds has no rank; this one has 1",
         NOWHERE,
     ]
 
@@ -339,7 +339,7 @@ def test_the_verb_says_line_by_line(tmp_path):
     line = f"{folder}: submission.yaml: name: expected 1 to 60 characters, got 0\n"
     assert check(folder) == (1, line)
     sound = write_submission(tmp_path / "sound")
-    few = "note: the board marks entries with fewer than 3 training seeds; this one has 2"
+    few = "note: an algorithm of fewer than 5 training seeds has no rank; this one has 2"
     lines = [few, f"note: {NOWHERE}", "nothing is wrong"]
     assert check(sound) == (0, "".join(f"{sound}: {line}\n" for line in lines))
     assert check(tmp_path / "none")[0] == 1

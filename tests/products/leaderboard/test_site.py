@@ -143,7 +143,7 @@ def columns(site, kind='[^"]*'):
 
 def test_tables_have_columns_for_what_was_played(site, tmp_path):
     mission = ["Overlap ratio", "Jamming success rate"]
-    shown = ["Entry", "Score", "From the leader", "May be best", *mission, "Lowest known"]
+    shown = ["Entry", "Score", "From the leader", "May be best", "If trained again", *mission, "Lowest known"]
     extra = ["Public", "Gap", "Shifted", "Worst", "Return per step"]
     assert columns(site) == [*shown, "95 % interval", *extra]
     assert columns(site, "num extra") == ["95 % interval", *extra]
@@ -179,7 +179,7 @@ def test_a_table_explains_what_a_reader_stumbles_over():
 
 
 def test_the_best_and_its_gap_are_named(plain_site):
-    leader = "Player 3 leads, but not surely: with 95 % confidence the best of 3 entries is one of the 2 that"
+    leader = "Player 3 leads, but not surely: with 95 % confidence the best policies of 3 ranked entries"
     for name in ("index.html", "ranking.html"):
         assert leader in Page(plain_site / name).text
     gap = '<td class="extra">+40.2</td>'  # public minus unseen

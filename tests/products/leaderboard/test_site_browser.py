@@ -2,13 +2,13 @@
 
 import json
 import re
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
-from fpg_bench.evaluation.statistics import difference
+from fpg_bench.evaluation.statistics import difference, pair_error, student_t
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.leaderboard.site.build import build_site
@@ -153,7 +153,9 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
     page = visit("compare.html")
     page.locator("#a").select_option("player-4")
     page.locator("#b").select_option("player-7")
-    expect(page.locator("#verdict")).to_contain_text(re.compile("Player 4.*Player 7.*probability of"))
+    expect(page.locator("#verdict")).to_contain_text(
+        re.compile("Player 4.*Player 7.*with 95 % those of all pairs hold together")
+    )
     heads = page.locator("#comparison th.second").all_inner_texts()
     assert heads
     assert all(head.startswith("Player 7") for head in heads)
@@ -174,31 +176,21 @@ def test_two_entries_are_compared_and_the_address_keeps_which(visit, site):
 
 
 # The page's difference of two entries.
-DIFFERENCE = """([one, two]) => fpgDifferences.between(one, two, fpgData.student)"""
+DIFFERENCE = """([one, two, student]) => fpgDifferences.between(one, two, student)"""
 
 
 def test_differences_and_their_intervals_are_those_of_the_tables(visit):
+    """The page has Student's t of the track's pairs; the rest is the formula of the ranking."""
     page, rng = visit("compare.html"), np.random.default_rng(1)
     chance = rng.normal(50, 9, 40)
-    one, two = (
-        chance + rng.normal(0, 3, (seeds, 1)) + rng.normal(mean, 2, (seeds, 40))
-        for seeds, mean in ((5, 2), (3, 0))
-    )
-
-    def found(*entries):
-        lists = [{"seeds": of.mean(axis=1).tolist(), "matches": of.mean(axis=0).tolist()} for of in entries]
-        return page.evaluate(DIFFERENCE, lists)
-
-    for pair, how in (
-        ((one, two), "over training seeds and matches"),
-        ((one, two[:1]), "over training seeds and matches"),
-        ((one[:1], two[:1]), "match by match"),
-    ):
-        expected = difference(*pair)
-        value, half, over = found(*pair)
-        assert (value, half) == pytest.approx((expected.value, expected.half), rel=1e-4)
-        assert over == how
-    assert found(one[:1, :1], two[:1, :1])[1] is None
+    samples = [chance + rng.normal(mean, 2, (seeds, 40)) for seeds, mean in ((5, 2), (3, 0), (1, 9))]
+    error = pair_error(41)
+    for one, two in combinations(samples, 2):
+        expected = difference(one, two, error)
+        by_match = [of.mean(axis=0).tolist() for of in (one, two)]
+        found = page.evaluate(DIFFERENCE, [*by_match, student_t(40, error)])
+        assert found == pytest.approx((expected.value, expected.half))
+    assert page.evaluate(DIFFERENCE, [[1.0], [0.5], 9]) == [0.5, None]
 
 
 def test_a_round_is_played_paused_and_scrubbed(visit):

@@ -69,7 +69,7 @@ def test_a_study_has_its_trials_and_what_it_tunes(study):
     assert first.state == TrialState.COMPLETE
     assert sorted(first.intermediate_values) == [1, 2, 3, 4, 5, 6, 7]
     low, high, over = first.user_attrs["interval"]
-    assert over == "training seeds and matches"
+    assert over == "training seeds"
     assert (low + high) / 2 == pytest.approx(first.value)
     # Seeds of trials, and fresh ones, are not those that are shipped
     assert make_task("ppo", ENV_ID, n_seeds=2).seeds == [FIRST_SEED, FIRST_SEED + 1]
