@@ -235,9 +235,10 @@ EVALUATE = (sys.executable, "-m", "fpg_bench", "evaluate", "idle", "--suite", "a
 @pytest.mark.parametrize("encoding", ["gbk", "iso-8859-1"])
 def test_a_letter_that_the_encoding_lacks_stops_nothing(tmp_path, encoding):
     environment = os.environ | {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
-    result = subprocess.run(EVALUATE, env=environment, capture_output=True, cwd=tmp_path)
+    named = ["\u0142=idle" if word == "idle" else word for word in EVALUATE]
+    result = subprocess.run(named, env=environment, capture_output=True, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert b"? fewer than three training seeds" in result.stdout
+    assert re.search(rb"^\|\? ", result.stdout, re.MULTILINE)
 
 
 @pytest.mark.process

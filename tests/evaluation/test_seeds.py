@@ -3,6 +3,7 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import (
     TUNING_START,
+    SeasonKey,
     dataset_seed,
     evaluation_seeds,
     training_seed,
@@ -43,3 +44,12 @@ def test_data_sets_have_seeds_above_all_others():
     for k in (-1, 2**30):
         with pytest.raises(UserError, match="seed of a data set"):
             dataset_seed(k)
+
+
+def test_a_season_met_an_entry_with_just_these_policies():
+    key = SeasonKey(4, "seed", {"ally/mine": ("a", "b")})
+    assert key.met("ally/mine", ["a", "b"])
+    for policies in (["a"], ["a", "b", "c"], ["b", "a"], []):
+        assert not key.met("ally/mine", policies)
+    assert not key.met("ally/other", ["a", "b"])
+    assert key.met("ally/other", [])

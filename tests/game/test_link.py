@@ -97,6 +97,14 @@ def test_the_beam_is_that_of_eight_elements():
         assert 10 * math.log10(share / gain) == pytest.approx(0, abs=0.5)
 
 
+def test_beside_the_beam_the_side_lobe_is_left():
+    radio = radio_record(dataclasses.replace(LINK, base_side_lobe_db=13.0))[0]
+    for degrees in (60, 180):
+        place = np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0.0])
+        share = link.beam(np.zeros(3), np.array([1.0, 0.0, 0.0]), place, radio)
+        assert 10 * math.log10(share) == pytest.approx(-13)
+
+
 def test_the_filter_passes_its_width():
     assert link.passed_mhz(100.0, 5.0, 0.22) == 2.5
     f = np.linspace(-4, 4, 80_001)

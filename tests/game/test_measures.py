@@ -17,7 +17,22 @@ from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import PAPER, STANDARD, preset
 from fpg_bench.game.state import TALLY
 
-from .playing import EXPERT, HOP, PREFERENCE, SPREAD, begin, play, to_point, wander
+from .playing import (
+    EXPERT,
+    HOP,
+    PREFERENCE,
+    SPREAD,
+    TONE,
+    ally,
+    at_mhz,
+    begin,
+    opponent,
+    place,
+    play,
+    still,
+    to_point,
+    wander,
+)
 
 
 def runs_of(flags: list[bool]) -> list[tuple[int, int]]:
@@ -113,6 +128,23 @@ def test_the_measures_of_a_round(scenario, seed):
         assert found[name] == (None if value is None else pytest.approx(value, rel=1e-9, abs=1e-9)), name
 
 
+@pytest.mark.parametrize("to_the_end", [True, False])
+def test_a_recovery_that_the_end_of_a_round_cuts_is_counted(to_the_end):
+    """After checks that hear the ally it is jammed, to the end or not."""
+    batch = begin(still())
+    place(batch, (750.0, 800.0, 550.0))
+    steps, records = STANDARD.steps_per_round, []
+    own = float(batch.games["frequency_mhz"][0])
+    for step in range(steps):
+        is_jammed = steps - 40 <= step < (steps if to_the_end else steps - 20)
+        batch.step(ally(), opponent(TONE, at_mhz(own if is_jammed else 400 - own)))
+        records.append(batch.games[0].copy())
+    outage = [bool(game["snr_db"] < STANDARD.snr_threshold_db) for game in records]
+    assert outage[-1] == to_the_end
+    assert sum(cut for _, cut in recoveries(records, outage)) == to_the_end
+    assert batch.tallies[0]["recoveries_cut"] == to_the_end
+
+
 def test_before_the_first_step_nothing_exists():
     batch = begin(STANDARD)
     assert set(measures(pool(batch.tallies[0]), batch.histograms[0]).values()) == {None}
@@ -142,12 +174,12 @@ def test_what_is_delivered_is_a_share_of_the_same_flight_unjammed_unspread_and_u
     points = scenario.frequency_points
     batch, twin = begin(scenario), begin(scenario)
     rules, expected, spread = rules_record(scenario)[0], 0.0, 0
-    for ally, opponent in zip(allies, opponents, strict=True):
-        batch.step(ally, opponent)
-        game, calm = batch.games[0], ally.copy()
+    for own, other in zip(allies, opponents, strict=True):
+        batch.step(own, other)
+        game, calm = batch.games[0], own.copy()
         calm[:, [HOP, SPREAD, EXPERT]] = (1 if game["point"] != twin.games[0]["point"] else -1), -1, -1
         calm[:, PREFERENCE] = to_point(game["point"], points)
-        twin.step(calm, opponent)
+        twin.step(calm, other)
         snr = twin.games[0]["clean_snr_db"]
         if name == "link":
             rate = rate_mbit_s(snr, False, rules, radio_record(scenario)[0])

@@ -12,7 +12,9 @@ from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.products.leaderboard.verdicts import (
     EXACT,
     RECORD,
+    Replayed,
     Tolerances,
+    Within,
     fields_of,
     replays_of,
 )
@@ -226,3 +228,24 @@ def test_the_seconds_of_planning_do_not_make_another_line():
     assert RECORD.changed(slow, record(plans=PLANS)) == []
     assert RECORD.changed(slow, record(plans=dataclasses.replace(PLANS, tokens=41))) == ["plans"]
     assert RECORD.changed(record(), record(returns=(10.0, 20.001))) == ["returns"]
+
+
+def test_rounds_that_are_dealt_out_move_a_number_further_than_the_mean():
+    """Two numbers may be apart by twice the share where their mean is not; a mean further than it is told."""
+
+    @dataclasses.dataclass
+    class Row:
+        rewards: tuple[float, ...]
+
+    def lines(*rewards, dealt=True):
+        replay = Replayed(Row(rewards), Row((10.0, 20.0)), {"ally": 100.0}, False, False)
+        return list(Within(0.01, "ally", dealt=dealt).differences("rewards", [replay]))
+
+    assert lines(11.9, 20.0) == []  # the mean moves by 0.95
+    assert lines(11.9, 18.1) == []
+    (line,) = lines(11.1, 21.1)
+    assert line == "rewards 16.1, the result says 15"
+    (line,) = lines(12.2, 17.9)
+    assert line == "rewards of training seed 1 12.2, the result says 10"
+    (line,) = lines(11.1, 20.0, dealt=False)
+    assert line == "rewards of training seed 1 11.1, the result says 10"
