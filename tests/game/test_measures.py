@@ -137,7 +137,7 @@ def test_a_recovery_that_the_end_of_a_round_cuts_is_counted(to_the_end):
     own = float(batch.games["frequency_mhz"][0])
     for step in range(steps):
         is_jammed = steps - 40 <= step < (steps if to_the_end else steps - 20)
-        batch.step(ally(), opponent(TONE, at_mhz(own if is_jammed else 400 - own)))
+        batch.step(ally(), opponent(TONE, at_mhz(own if is_jammed else 400 - own), in_band=True))
         records.append(batch.games[0].copy())
     outage = [bool(game["snr_db"] < STANDARD.snr_threshold_db) for game in records]
     assert outage[-1] == to_the_end
