@@ -18,13 +18,14 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import number
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.statistics import MATCHES, Interval, differences, pair_error
+from fpg_bench.evaluation.statistics import MATCHES, Interval, correlation_interval, differences, pair_error
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table
 from fpg_bench.products.leaderboard.board import Board, BoardEntry, Figures, make_board
 from fpg_bench.products.leaderboard.entries import Entries, load_entries
 from fpg_bench.products.leaderboard.exploited import Attack
+from fpg_bench.products.leaderboard.season.checks import spearman
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SHIFTED, TRACKS, UNSEEN
 
 FIRST_OPPONENTS = 5
@@ -129,6 +130,14 @@ def lowest_of(slug: str) -> str:
     return next(kept(figures) for entry, figures in verified("ally") if entry.slug == slug)
 
 
+def with_lowest(role: str) -> str:
+    """Return the correlation of the attacked allies' scores with their lowest known returns."""
+    entries = [figures for _, figures in attacked("ally")]
+    values = [[lowest(of).return_per_step.value, of.scores[role].value] for of in entries]
+    found = correlation_interval(spearman(*np.array(values).T), len(values))
+    return f"{per_step(found.value)} [{per_step(found.low)}, {per_step(found.high)}]"
+
+
 def most_against(opponent: str) -> str:
     """Return the most that any of the best allies of the cross-play earns per step from an opponent."""
     played = board()[0].crossplay["standard"]
@@ -184,6 +193,9 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
             "allies in link": track_table("ally-link"),
             "opponents that fly themselves": track_table("opponent-learned"),
             "opponents in pursuit": track_table("opponent-pursuit"),
+            "with held-out": with_lowest(UNSEEN),
+            "with public": with_lowest(PUBLIC),
+            "lowest of belief": lowest_of("belief"),
         },
         "docs/results/findings.md": {
             "most against hunter": most_against("hunter"),

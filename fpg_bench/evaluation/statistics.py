@@ -183,3 +183,18 @@ def probability_of_improvement(one: np.ndarray, other: np.ndarray) -> Interval:
         half = math.sqrt(square * (share * (1 - share) + square / 4)) / (1 + square)
         low, high = max(middle - half, 0.0), min(middle + half, 1.0)
     return Interval(share, low, high, TRAINING_SEEDS)
+
+
+def correlation_interval(value: float, count: int, given: int = 0) -> Interval:
+    """Return a rank correlation of ``count`` units with its interval, by Fisher's z (Bonett and Wright 2000).
+
+    Args:
+        value: Spearman's correlation, or a partial one.
+        count: number of units.
+        given: number of variables at which a partial correlation is held.
+    """
+    if count - given < 4 or not abs(value) < 1:
+        return Interval(value, over="units")
+    half = 1.959963984540054 * math.sqrt((1 + value**2 / 2) / (count - given - 3))
+    low, high = (math.tanh(math.atanh(value) + by) for by in (-half, half))
+    return Interval(value, low, high, "units")

@@ -6,6 +6,7 @@ import simulate_ranks
 from scipy import stats
 
 from fpg_bench.evaluation.statistics import (
+    correlation_interval,
     difference,
     may_be_best,
     mean_interval,
@@ -212,3 +213,25 @@ def test_the_interval_of_a_probability_covers(spread):
         pairs = zip(rng.normal(shift, 1, (600, 5)), rng.normal(0, spread, (600, 5)), strict=True)
         found = [probability_of_improvement(*pair) for pair in pairs]
         assert np.mean([of.low <= truth <= of.high for of in found]) > 0.93
+
+
+def test_the_interval_of_a_correlation_is_fishers():
+    found = correlation_interval(0.61, 10)
+    half = stats.norm.ppf(0.975) * np.sqrt((1 + 0.61**2 / 2) / 7)
+    assert np.arctanh([found.low, found.value, found.high]) == pytest.approx(
+        np.arctanh(0.61) + np.array([-half, 0, half])
+    )
+    assert correlation_interval(0.61, 11, given=1) == found
+    for value, count in ((0.5, 3), (1.0, 10), (np.nan, 10)):
+        assert np.isnan(correlation_interval(value, count).low)
+
+
+def test_the_interval_of_a_correlation_covers():
+    rng, hits = np.random.default_rng(2), []
+    truth = 6 / np.pi * np.arcsin(0.7 / 2)  # Spearman's correlation of normal variables with 0.7
+    for _ in range(1000):
+        one, other = rng.normal(size=(2, 10))
+        value = stats.spearmanr(one, 0.7 * one + np.sqrt(1 - 0.49) * other).statistic
+        found = correlation_interval(float(value), 10)
+        hits.append(found.low <= truth <= found.high)
+    assert 0.92 < np.mean(hits) < 0.98

@@ -204,7 +204,7 @@ def evidence(rng, **changes):
         ("strangers agree on allies", lambda rng: {"strangers": rng.normal(0, 1, (12, 6))}),
         ("strangers agree on allies", lambda rng: {"strangers": np.zeros((12, 6))}),  # it says nothing
         (
-            "halves agree on allies",
+            "halves agree on the best of allies",
             lambda rng: {"members": np.arange(12.0)[:, None] + rng.normal(0, 12, (12, 8))},
         ),
     ],

@@ -20,7 +20,7 @@ from scipy.stats import rankdata, spearmanr
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
-from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.evaluation.statistics import Interval, correlation_interval
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game import actions, sensing
 from fpg_bench.game.metrics import measures
@@ -474,14 +474,15 @@ def test_what_a_score_means_is_a_correlation_alone_and_at_equal_hops():
     track = SimpleNamespace(side="ally", verified=lambda: [(None, each) for each in figures])
     (outage, alone, equal), (hops, with_hops, none) = views.correlations(track)
     assert (outage.label, hops.label) == ("Outage", "Hops")
-    assert alone == pytest.approx(spearmanr(values["score"], values["outage"]).statistic)
-    assert with_hops == pytest.approx(spearmanr(values["score"], values["hop_rate"]).statistic)
-    assert np.isnan(none)
+    assert alone.value == pytest.approx(spearmanr(values["score"], values["outage"]).statistic)
+    assert with_hops.value == pytest.approx(spearmanr(values["score"], values["hop_rate"]).statistic)
+    assert np.isnan(none.value)
+    assert equal == correlation_interval(equal.value, 9, given=1)
     score, rate, broken = map(rankdata, values.values())
     rests = [of - np.polyval(np.polyfit(rate, of, 1), rate) for of in (score, broken)]
-    assert equal == pytest.approx(np.corrcoef(rests)[0, 1])
+    assert equal.value == pytest.approx(np.corrcoef(rests)[0, 1])
     figures[0].rank = None
-    assert views.correlations(track)[0][1] != pytest.approx(alone)
+    assert views.correlations(track)[0][1].value != pytest.approx(alone)
     track.side = "opponent"
     assert views.correlations(track) == []
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fpg_bench.evaluation.statistics import correlation_interval
 from fpg_bench.products.leaderboard.verdicts import Verdict
 
 AGREEMENT = 0.8  # least Spearman correlation of two orders of the entries
 SPLITS = 200
-FEWEST = 8  # entries of a table that can be compared
+FEWEST, BEST = 8, 10  # entries of a table that can be compared, and the best ones whose order must hold
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,9 @@ def check_members(evidence: Evidence) -> Iterator[Verdict]:
     """Yield the verdicts on a side's members.
 
     An oracle ranks first among the entries that meet them; each member earns more by its own rules than the
-    best script; the mean over one half of the members orders each table as that over the other half does
-    (mean Spearman correlation over drawn halves), and the mean over all as that over strangers does, which
-    are neither entries nor members.
+    best script; the mean over one half of the members orders the ten best entries of each table as that over
+    the other half does (mean Spearman correlation over drawn halves), and the mean over all orders the table
+    as that over strangers does, which are neither entries nor members.
     """
     side, means = evidence.side, evidence.members.mean(axis=1)
     oracle, best = float(evidence.oracle.mean()), float(means.max())
@@ -57,7 +58,8 @@ def check_members(evidence: Evidence) -> Iterator[Verdict]:
         if len(rows) < FEWEST:
             continue
         own = evidence.members[list(rows)]
-        yield _agreement(f"{side}: halves agree on {table}", _split_half(own), len(rows))
+        best = own[np.argsort(-own.mean(axis=1), kind="stable")[:BEST]]
+        yield _agreement(f"{side}: halves agree on the best of {table}", _split_half(best), len(best))
         strangers = evidence.strangers[list(rows)]
         value = spearman(own.mean(axis=1), strangers.mean(axis=1))
         yield _agreement(f"{side}: strangers agree on {table}", value, len(rows))
@@ -81,5 +83,9 @@ def _split_half(returns: np.ndarray) -> float:
 
 
 def _agreement(name: str, value: float, entries: int) -> Verdict:
-    line = f"Spearman {value:.2f} over {entries} entries, at least {AGREEMENT} is asked"
+    ends = correlation_interval(value, entries)
+    line = (
+        f"Spearman {value:.2f} [{ends.low:.2f}, {ends.high:.2f}] over {entries} entries, "
+        f"at least {AGREEMENT} is asked"
+    )
     return Verdict(name, value >= AGREEMENT, line)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import rankdata
 
-from fpg_bench.evaluation.statistics import Interval
+from fpg_bench.evaluation.statistics import Interval, correlation_interval
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.products.leaderboard.exploited import RESPONSE
@@ -312,8 +312,8 @@ class RowView:
     warnings: list[str]
 
 
-def correlations(track: BoardTrack) -> list[tuple[Measure, float, float]]:
-    """Return Spearman's correlations of measures with the score over the ranked allies.
+def correlations(track: BoardTrack) -> list[tuple[Measure, Interval, Interval]]:
+    """Return Spearman's correlations of measures with the score over the ranked allies, with intervals.
 
     The second number is the partial correlation at equal rates of hops.
     """
@@ -328,8 +328,10 @@ def correlations(track: BoardTrack) -> list[tuple[Measure, float, float]]:
     score, hops = rho[0], rho[1]
     partial = (score - score[1] * hops) / np.sqrt((1 - score[1] ** 2) * np.maximum(1 - hops**2, 1e-9))
     rows = zip(columns, score.tolist(), partial.tolist(), strict=True)
-    return [(MEASURES[name], alone, equal) for name, alone, equal in rows if name not in ("score", HOPS)] + [
-        (MEASURES[HOPS], float(score[1]), math.nan)
+    found = [row for row in rows if row[0] not in ("score", HOPS)] + [(HOPS, float(score[1]), math.nan)]
+    return [
+        (MEASURES[name], *(correlation_interval(of, len(ranked), held) for held, of in enumerate(values)))
+        for name, *values in found
     ]
 
 
@@ -387,7 +389,7 @@ class TrackView:
     leaders: list[str]
     unbroken: list[RowView]
     attackers: list[AttackerView]
-    correlations: list[tuple[Measure, float, float]]
+    correlations: list[tuple[Measure, Interval, Interval]]
     notes: list[str]
 
 
