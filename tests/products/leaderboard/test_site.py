@@ -281,7 +281,7 @@ def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, page
     assert "film.js" not in without_rounds
 
 
-def test_the_champion_of_the_game_is_the_leader_of_the_board():
+def test_the_leader_of_the_game_is_the_leader_of_the_board():
     board, zoo = example_board(6), page_data.zoo_policies()
     slug = next(board.tracks[0].verified())[0].slug
     data = page_data.data_files(with_entry(board, slug, kind="zoo", plays=next(iter(zoo))), {})[

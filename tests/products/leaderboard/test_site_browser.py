@@ -724,7 +724,7 @@ def test_spreading_has_a_price_that_grows_while_it_lasts(visit):
     expect(page.locator("#costs")).to_have_text("a hop 40; spreading now 10.0 a second")
 
 
-def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_seed(visit):
+def test_a_minute_begins_at_once_and_ends_with_the_leader_and_random_on_its_seed(visit):
     page = visit("index.html", viewport=PHONE)
     page.get_by_role("link", name="Play a minute").click()
     expect(page.locator("#run")).to_have_text("❚❚ pause")
@@ -733,7 +733,7 @@ def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_se
     assert page.locator("#hop").bounding_box()["height"] >= 44
     page.evaluate(PRESSED)
     result = page.locator("#result")
-    expect(result).to_have_text(re.compile(r"You −?\d+, the champion \d+, random −?\d+"))
+    expect(result).to_have_text(re.compile(r"You −?\d+, the leader \d+, random −?\d+"))
     expect(page.locator("#link")).to_contain_text("Beat me: ")
     first, address = result.inner_text(), page.locator("#link").inner_text()
     page.goto("about:blank")
@@ -750,19 +750,19 @@ def test_a_minute_begins_at_once_and_ends_with_the_champion_and_random_on_its_se
     expect(page.locator("#replay-title")).to_have_text("you against watchful")
 
 
-def test_a_race_has_the_champion_beside_the_visitor_and_a_line_to_share(visit):
+def test_a_race_has_the_leader_beside_the_visitor_and_a_line_to_share(visit):
     page = visit("index.html")
-    page.get_by_role("link", name="Race the champion").click()
+    page.get_by_role("link", name="Race the leader").click()
     expect(page.locator("#race-spectrum")).to_be_visible()
     expect(page.locator("#race-score")).to_have_text(re.compile(r"−?\d+"))
     assert int(re.search(r"seed=(\d+)", page.url)[1]) == page.evaluate("Math.floor(Date.now() / 86400000)")
     page.evaluate(PRESSED)
     shared = page.locator("#link")
     expect(shared).to_have_text(
-        re.compile(r"^I −?\d+, the champion −?\d+, random −?\d+\. Beat me: file.*race=&beat=−?\d+$")
+        re.compile(r"^I −?\d+, the leader −?\d+, random −?\d+\. Beat me: file.*race=&beat=−?\d+$")
     )
     raced = page.locator("#race-score").inner_text()
-    assert f"the champion {raced}," in shared.inner_text()  # both played the champion's round
+    assert f"the leader {raced}," in shared.inner_text()  # both played the leader's round
 
 
 OFFERED = range(9, 18)  # the seed of the front page, and those that "Next seed" leads to

@@ -100,11 +100,11 @@ const fpgPlayers = (() => {
     return (workers[name] ??= policyOf({ held: await fetched(name) }));
   }
 
-  /** The board's leader of a side in a game, as a choice; a champion of the zoo where the page cannot play that one. */
-  function championOf(side, game) {
+  /** The board's leader of a side in a game, as a choice; an agent of the zoo where the page cannot play that one. */
+  function leaderOf(side, game) {
     const agent = agents.find((one) => one.side === side && one.game === game && one.name.includes("champion"));
     return games[game].leaders[side] ?? (agent && `agent:${agent.file}`);
   }
 
-  return { load, policyOf, championOf };
+  return { load, policyOf, leaderOf };
 })();

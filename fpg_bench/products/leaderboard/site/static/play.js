@@ -20,7 +20,7 @@
   };
   const arena = fpgArena(scene, byId("arena"));
   const times = fpgTimes(scene, { spectrum: byId("spectrum"), snr: byId("snr"), distance: byId("distance") });
-  // The champion's own round on the same seed, step by step beside the visitor's; null without a race.
+  // The leader's own round on the same seed, step by step beside the visitor's; null without a race.
   let race = null;
   const raceTimes = fpgTimes({
     view, get scenario() { return scenario; }, now: scene.now, timeSpan: scene.timeSpan, outage: (k) => race.shown.snr[k] < scenario.threshold_db,
@@ -29,7 +29,7 @@
   const written = (value, digits) => value.toFixed(digits).replace(/^-(0(\.0+)?)$/, "$1").replace("-", "−");
   const pointMhz = (point) => fpgRules.pointMhz(point, rules);
 
-  const championOf = (side) => fpgPlayers.championOf(side, byId("game").value);
+  const leaderOf = (side) => fpgPlayers.leaderOf(side, byId("game").value);
 
   /** Take the rules of the game that is chosen; in `link` a visitor flies as its scripts do, at half speed. */
   function chooseGame() {
@@ -62,7 +62,7 @@
     list(byId("rival"), side === "opponent" ? "ally" : "opponent");
     list(byId("first"), "ally");
     byId("second").hidden = side !== "nobody";
-    byId("racing").hidden = side === "nobody" || !championOf(side);
+    byId("racing").hidden = side === "nobody" || !leaderOf(side);
     for (const element of document.querySelectorAll("[data-side]")) element.hidden = side === "nobody" ? element.tagName !== "SPAN" : element.dataset.side !== side;
   }
 
@@ -104,13 +104,13 @@
     if (race) noteRace();
     for (const id of ["end", "back"]) byId(id).hidden = true;
     byId("hands").hidden = false;
-    byId("champion").hidden = document.querySelector(".rival").hidden = race === null;
+    byId("leader").hidden = document.querySelector(".rival").hidden = race === null;
     byId("arena").parentElement.hidden = race !== null;
     byId("goal").textContent = GOALS[human](scoreToBeat());
     byId("snr").parentElement.hidden = human === "opponent";
     press("hop", false);
     press("spread", false);
-    byId("event").textContent = isWanted ? "The round begins." : "A round against the opponents' champion waits: run it, or choose another.";
+    byId("event").textContent = isWanted ? "The round begins." : "A round against the opponents' leader waits: run it, or choose another.";
     keep();
     draw();
     if (!isWanted) return;
@@ -118,11 +118,11 @@
     document.querySelector(".play").scrollIntoView();
   }
 
-  /** A second round with the champion in the visitor's place; null if no race is wanted, or can be. */
+  /** A second round with the leader in the visitor's place; null if no race is wanted, or can be. */
   async function entered() {
-    const champion = byId("race").checked && human !== "nobody" ? championOf(human) : undefined;
-    if (!champion) return null;
-    const make = await load(champion), one = start();
+    const leader = byId("race").checked && human !== "nobody" ? leaderOf(human) : undefined;
+    if (!leader) return null;
+    const make = await load(leader), one = start();
     return { game: one, players: seat({ ...round.makers, [human]: make }, one.key), shown: fpgSight.empty(), total: 0 };
   }
 
@@ -262,11 +262,11 @@
 
   const mean = (earned) => (score(earned) === null ? `${written(earned, 2)} per second` : written(score(earned), 0));
 
-  /** The visitor beside the champion of the side and random play, all on this seed. */
+  /** The visitor beside the leader of the side and random play, all on this seed. */
   async function compared(name, earned) {
-    const now = round, champion = championOf(human);
+    const now = round, leader = leaderOf(human);
     const rows = [[name, earned], ["random", await inPlace(await load("script:random"))]];
-    if (champion) rows.splice(1, 0, ["the champion", await inPlace(await load(champion))]);
+    if (leader) rows.splice(1, 0, ["the leader", await inPlace(await load(leader))]);
     if (now !== round) return byId("result").textContent;
     const said = rows.map(([who, value]) => `${who} ${mean(value)}`).join(", ");
     byId("link").textContent = `${said.replace(/^You/, "I")}. Beat me: ${byId("link").textContent}`;

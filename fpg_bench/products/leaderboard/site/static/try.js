@@ -68,9 +68,9 @@
     byId("file").textContent = file.name;
     try {
       ended();
-      const make = await fpgPlayers.policyOf({ file: new Uint8Array(await file.arrayBuffer()) }), champion = fpgPlayers.championOf(chosen().side, chosen().game);
+      const make = await fpgPlayers.policyOf({ file: new Uint8Array(await file.arrayBuffer()) }), leader = fpgPlayers.leaderOf(chosen().side, chosen().game);
       const own = await playAll(make, mine, (done) => say(`${file.name}: ${done}`));
-      const best = champion ? await fpgPlayers.load(champion).then((load) => playAll(load, mine, (done) => say(`The champion: ${done}`))) : [];
+      const best = leader ? await fpgPlayers.load(leader).then((load) => playAll(load, mine, (done) => say(`The leader: ${done}`))) : [];
       if (mine !== turn) return make.end();
       ended = make.end;
       if (own && best) show(own.sort((a, b) => a.score - b.score), best, make);
@@ -89,7 +89,7 @@
     const scoreOf = (rival) => mean(own.filter((round) => round.rival === rival).map(({ score: points }) => points));
     const rivals = [...new Set(own.map(({ rival }) => rival))].sort((a, b) => scoreOf(a) - scoreOf(b));
     const rows = [row("all", () => true), ...rivals.map((rival) => row(rival, (round) => round.rival === rival))];
-    table(byId("table"), `Scores of ${file.name}`, ["Rival", "Score", "Overlap ratio", "Jamming success rate", "Champion's score"], rows);
+    table(byId("table"), `Scores of ${file.name}`, ["Rival", "Score", "Overlap ratio", "Jamming success rate", "Leader's score"], rows);
     byId("status").textContent = `${file.name}: an unofficial score of ${rows[0][1]} over ${own.length} rounds; worst against ${own[0].rival}, ${written(own[0].score)} on seed ${own[0].seed}.${lost ? ` It loses ${lost} of them by an answer that is no action.` : ""}`;
     fill(byId("round"), own.map(({ rival, seed, score: points }) => `${rival}, seed ${seed}: ${written(points)}`));
     byId("scores").hidden = false;
