@@ -186,14 +186,13 @@ def standings(summaries: Sequence[Summary]) -> dict[str, Standing]:
         floor = -math.inf if not ranked or ranked[0].suite.scale == Scale() else 0.0
         places = zip(rank_ranges(samples), may_be_best(samples, floor), strict=True)
         placed = dict(zip((summary.entry for summary in ranked), places, strict=True))
-    first = next(iter([*ranked, *summaries]), None)
-    return {
-        summary.entry: Standing(
-            *placed.get(summary.entry, (None, None)), difference(summary.samples, first.samples, error)
-        )
-        for summary in summaries
-        if first is not None
-    }
+    found = {}
+    for summary in summaries:
+        rank, best = placed.get(summary.entry, (None, None))
+        first = (ranked or summaries)[0]
+        behind = difference(summary.samples, first.samples, error)
+        found[summary.entry] = Standing(rank, best, behind)
+    return found
 
 
 def flat(s: Summary) -> Line:
