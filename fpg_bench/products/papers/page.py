@@ -11,7 +11,7 @@ from fpg_bench.common.canvas import PAGE, blank_figure, styled, styles_of, write
 from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.statistics import mean_interval
 from fpg_bench.evaluation.table import markdown_table
-from fpg_bench.products.papers.reproduction import NOT_RUN, SEEDS, Paper, PaperResults, verdict, verdict_of
+from fpg_bench.products.papers.reproduction import HOLDS, NOT_RUN, SEEDS, Paper, PaperResults, verdict, verdict_of
 
 _LEARNING = "The learners in the course of their training"
 
@@ -38,28 +38,31 @@ def write_page(paper: Paper, results: PaperResults, share: float, command: str, 
     versions = ", ".join(sorted({str(row["versions"]) for row in rows}))
     minutes = sum(float(row["seconds"]) for row in rows) / 60
     first, *others = paper.measures
-    what = {name: about.capitalize() for name, about in paper.measures.items()}
+    what = paper.measures[first].capitalize()
     beside = ", ours and the paper's" if _has_values(paper) else ""
     shortened = f"**Trainings have {100 * share:g} % of the full length.** Claims may fail for that alone."
+    data = path.with_suffix(".jsonl").name
     sections = [
         f"# {paper.facts.title}",
         *([shortened] if share < 1 else []),
         f"{paper.facts.citation}\n\n{paper.facts.about}",
-        f"## Side by side\n\n{what[first]}: mean over seeds with its 95 % interval, and "
+        f"## Side by side\n\n{what}: mean over seeds with its 95 % interval, and "
         f"the paper's value ({paper.facts.published_in}).\n\n{_side_by_side(paper, results)}\n\n"
-        f"![{what[first]}{beside}]({figures[0].name})",
-        f"## Claims\n\n{_claims(paper, results)}\n\nThe margin of a part is by how much it holds: a "
-        "difference of two players, or a tolerance less what differs; mean over seeds with its 95 % interval "
-        "by Student's t. A part holds above zero, does not below, and is open where the interval has zero in "
-        "it. A claim holds if all its parts do.",
+        f"![{what}{beside}]({figures[0].name})",
+        f"## Claims\n\n{_claims(paper, results)}\n\nA claim holds if all its parts do, such as one for each "
+        "learner. A part's margin is a difference of two players, or a tolerance less the deviation, with its "
+        "95 % interval over seeds (Student's t): the part holds if the interval is above zero, fails if it is "
+        "below, and is open otherwise.",
         *learning,
-        *(f"## {what[name]}\n\n{_measure(paper, results, name)}" for name in others),
         f"## Where each number comes from\n\n{_numbers(paper)}",
         "## What could not be had, and what differs\n\n"
         + "\n".join(f"- {each}" for each in paper.facts.missing),
         f"## How it was made\n\n`{command}`: seeds {', '.join(map(str, seeds))}; {minutes:.0f} minutes "
         f"in all. {versions}.",
     ]
+    if others:
+        also = ", ".join(f"`{name}` ({paper.measures[name]})" for name in others)
+        sections[-1] += f" [`{data}`]({data}) also has {also}."
     write_whole(path, "\n\n".join(sections) + "\n")
     return [path, *figures]
 
@@ -75,13 +78,6 @@ def _side_by_side(paper: Paper, results: PaperResults) -> str:
     return markdown_table(lines)
 
 
-def _measure(paper: Paper, results: PaperResults, measure: str) -> str:
-    lines = [
-        [who, *(_own(results, who, name, measure) for name in paper.conditions)] for who in paper.players
-    ]
-    return markdown_table([["", *paper.conditions], *lines])
-
-
 def _own(results: PaperResults, player: str, condition: str, measure: str) -> str:
     interval = results.interval(player, condition, measure)
     if interval is None:
@@ -90,13 +86,16 @@ def _own(results: PaperResults, player: str, condition: str, measure: str) -> st
 
 
 def _claims(paper: Paper, results: PaperResults) -> str:
-    lines = [["claim", "source", "part", "margin", "verdict"]]
+    lines = [["claim", "source", "parts that hold", "least margin", "verdict"]]
     for claim in paper.claims:
-        lines.append([f"**{claim.statement}**", claim.source, "", "", f"**{verdict(claim, results)}**"])
-        for part, values in claim.parts(results).items():
-            interval = mean_interval(values, SEEDS) if len(values) > 1 else None
-            shown = f"{interval.value:.3f} [{interval.low:.3f}, {interval.high:.3f}]" if interval else ""
-            lines.append(["", "", part, shown, verdict_of(values)])
+        parts = claim.parts(results)
+        held = sum(verdict_of(values) == HOLDS for values in parts.values())
+        margins = [mean_interval(values, SEEDS) for values in parts.values() if len(values) > 1]
+        least = min(margins, key=lambda margin: margin.value, default=None)
+        shown = f"{least.value:.3f} [{least.low:.3f}, {least.high:.3f}]" if least else ""
+        lines.append(
+            [claim.statement, claim.source, f"{held} of {len(parts)}", shown, verdict(claim, results)]
+        )
     return markdown_table(lines)
 
 
