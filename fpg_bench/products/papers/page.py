@@ -50,9 +50,9 @@ def write_page(paper: Paper, results: PaperResults, share: float, command: str, 
         f"the paper's value ({paper.facts.published_in}).\n\n{_side_by_side(paper, results)}\n\n"
         f"![{what}{beside}]({figures[0].name})",
         f"## Claims\n\n{_claims(paper, results)}\n\nA claim holds if all its parts do, such as one for each "
-        "learner. A part's margin is a difference of two players, or a tolerance less the deviation, with its "
-        "95 % interval over seeds (Student's t): the part holds if the interval is above zero, fails if it is "
-        "below, and is open otherwise.",
+        "learner. A part's margin is a difference of two players, or a tolerance less the deviation, with "
+        "its 95 % interval over seeds (Student's t): the part holds if the interval is above zero, fails if "
+        "it is below, and is open otherwise.",
         *learning,
         f"## Where each number comes from\n\n{_numbers(paper)}",
         "## What could not be had, and what differs\n\n"
