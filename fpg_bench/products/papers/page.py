@@ -11,7 +11,15 @@ from fpg_bench.common.canvas import PAGE, blank_figure, styled, styles_of, write
 from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.statistics import mean_interval
 from fpg_bench.evaluation.table import markdown_table
-from fpg_bench.products.papers.reproduction import HOLDS, NOT_RUN, SEEDS, Paper, PaperResults, verdict, verdict_of
+from fpg_bench.products.papers.reproduction import (
+    HOLDS,
+    NOT_RUN,
+    SEEDS,
+    Paper,
+    PaperResults,
+    verdict,
+    verdict_of,
+)
 
 _LEARNING = "The learners in the course of their training"
 
