@@ -254,7 +254,7 @@ def read_rows(path: Path) -> list[Line]:
 
 
 def table(rows: Sequence[Line]) -> str:
-    """Return the map as Markdown: values, levers as shares of the value, and the equilibria."""
+    """Return the map as Markdown: values, levers in percent of the value, and the equilibria."""
     lines = [
         [
             "hop / dwell",
@@ -262,17 +262,14 @@ def table(rows: Sequence[Line]) -> str:
             "jammer / base, dB",
             "value",
             "idle / free",
-            *LEVERS,
+            *(f"{name} %" for name in LEVERS),
             "allies",
             "opponents",
         ]
     ]
     for row in sorted(rows, key=lambda row: [float(row[name]) for name in reversed(COLUMNS[:3])]):
         value = float(row["value"])
-        shares = [
-            " ± ".join(number(float(row[name + end]) / value, 100, 0) for end in ("", HALF)) + " %"
-            for name in LEVERS
-        ]
+        shares = [number(float(row[name]) / value, 100, 0) for name in LEVERS]
         idle = f"{float(row['idle']) / float(row['free']):.0%}"
         key = [row["hop_dwell"], row["reaction_dwell"], f"{float(row['power_dbm']) - BASE_DBM:+g}"]
         lines.append(

@@ -40,7 +40,7 @@ GAMES = {
     "3 v 1": TeamRules(jammers=1),
     "separate": TeamRules(formation="separate"),
 }
-ON_PAGE = ("3 v 2", "whole power")
+ON_PAGE = "3 v 2"
 CLONES = [f"ally-link{kind}/ppo-stack8/seed_0" for kind in ("-population", "")]
 BESIDE = ["random-hops", "greedy-own-points"]  # scripts in the table of clones
 COUNTS = ("clashes", "spreading", "heard")
@@ -182,7 +182,7 @@ def main() -> int:
     added = {side: dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES}
     labels = {name: name for name in (*CLONES, *BESIDE)}
     labels |= {spec: label for side in SIDES for label, spec in (players[side] | added[side]).items()}
-    for game in (*ON_PAGE, "3 v 1"):
+    for game in (ON_PAGE, "whole power", "3 v 1"):
         scripts = without_bounds(results.payoffs(game, *players.values()))
         every = results.payoffs(game, *(players[side] | added[side] for side in SIDES))
         notes = [f"Scripts: {equilibrium_note(scripts)} {answers_note(scripts)}"]
@@ -196,7 +196,7 @@ def main() -> int:
     print(*(f"\n{title}\n\n{text}" for title, text in parts.items()), sep="\n")
     if options.page:
         write_whole(options.page.with_name(f"{options.page.stem}-payoffs.csv"), results.csv(labels))
-        fill(options.page, {game: parts[game] for game in ON_PAGE})  # the file beside it has all games
+        fill(options.page, {ON_PAGE: parts[ON_PAGE]})  # the file beside it has all games
     return 0
 
 

@@ -109,14 +109,6 @@ def score_table(summaries: Sequence[Summary]) -> str:
     return markdown_table(lines)
 
 
-def rival_table(summaries: Sequence[Summary]) -> str:
-    """Return the returns per step against each rival as Markdown."""
-    lines = [["rival", *(f"`{of.entry}`" for of in summaries)]]
-    for rival in summaries[0].by_rival:
-        lines.append([rival, *(number(of.by_rival[rival].value, digits=2) for of in summaries)])
-    return markdown_table(lines)
-
-
 def kept_table(scenario: Scenario, matches: int) -> str:
     """Return what allies keep against jammers of theory, and the rule against all, as Markdown."""
     lines = [["ally", *(f"`{name}`" for name in ("bayes", BLIND, "oracle")), "any jammer in pursuit"]]
@@ -144,7 +136,6 @@ def main() -> None:
     found = {title: scores(suite, players) for title, (suite, players) in SCORED.items()}
     parts = {
         "kept": kept_table(preset("link"), options.matches),
-        "by rival": rival_table(found["ally scores"]),
         **{title: score_table(summaries) for title, summaries in found.items()},
     }
     for title, text in parts.items():
