@@ -69,7 +69,7 @@ def write_page(paper: Paper, results: PaperResults, share: float, command: str, 
         f"in all. {versions}.",
     ]
     if others:
-        also = ", ".join(f"`{name}` ({paper.measures[name]})" for name in others)
+        also = ", ".join(f"`{name}`" for name in others)
         sections[-1] += f" [`{data}`]({data}) also has {also}."
     write_whole(path, "\n\n".join(sections) + "\n")
     return [path, *figures]
@@ -108,8 +108,8 @@ def _claims(paper: Paper, results: PaperResults) -> str:
 
 
 def _numbers(paper: Paper) -> str:
-    lines = [[each.name, each.value, each.source, each.where] for each in paper.facts.numbers]
-    return markdown_table([["number or choice", "value", "source", "place, or reason"], *lines])
+    lines = [[each.name, each.value, f"{each.source}: {each.where}"] for each in paper.facts.numbers]
+    return markdown_table([["number or choice", "value", "source: place, or reason"], *lines])
 
 
 def _has_values(paper: Paper) -> bool:

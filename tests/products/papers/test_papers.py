@@ -423,7 +423,7 @@ def test_rows_are_kept_and_only_missing_ones_are_run(tmp_path):
     text = page.read_text()
     assert "| a | 0.801 ± 0.002 | 0.500 |" in text
     assert "| a beats b | text | 1 of 1 | 0.601 [0.599, 0.603] | holds |" in text
-    assert "[`small-quick.jsonl`](small-quick.jsonl) also has `n` (other)." in text
+    assert "[`small-quick.jsonl`](small-quick.jsonl) also has `n`." in text
     assert "**Trainings have 2 % of the full length.**" in text
     assert "`fpg-bench reproduce small --budget quick --n-seeds 3`: seeds 0, 1, 2" in text
     assert figure.stat().st_size > 1000
