@@ -237,7 +237,7 @@ def summary(comparisons: dict[str, list[Row]]) -> str:
     for title, rows in comparisons.items():
         errors = np.array([row.error for row in rows])
         worst = errors[np.abs(errors).argmax()]
-        lines.append(f"| {title} | {len(rows)} | {errors.mean():+.2f} | {worst:+.2f} |")
+        lines.append(f"| {title} | {len(rows)} | {errors.mean():+z.2f} | {worst:+z.2f} |")
     return "\n".join(lines) + "\n"
 
 
@@ -245,7 +245,7 @@ def cases(comparisons: dict[str, list[Row]]) -> str:
     """Return all cases as CSV."""
     head = ["comparison", "case", "closed_db", "simulated_db", "error_db"]
     lines = [
-        [title, row.case, f"{row.closed:.2f}", f"{row.simulated:.2f}", f"{row.error:+.2f}"]
+        [title, row.case, f"{row.closed:z.2f}", f"{row.simulated:z.2f}", f"{row.error:+z.2f}"]
         for title, rows in comparisons.items()
         for row in rows
     ]

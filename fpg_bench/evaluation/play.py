@@ -5,7 +5,9 @@ The entry is a player of one side, or a planner of the opponent's path.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -17,7 +19,7 @@ from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
 from fpg_bench.evaluation.record import HASHED_TALLIES, Plans, Record
-from fpg_bench.evaluation.rounds import MatchBatch, make_match, play_round
+from fpg_bench.evaluation.rounds import MatchBatch, SidePolicy, make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
 from fpg_bench.game.metrics import pool as pooled_tally
@@ -28,6 +30,7 @@ from fpg_bench.players.player import LosesRounds
 SeedSource = Callable[[int], Sequence[int]]  # returns so many seeds
 LOST_SCORE = -100.0  # the highest score of a round that was lost by an invalid action
 _DIGITS = 3  # of a round's return
+_logger = logging.getLogger(__name__)
 
 
 def play(
@@ -39,6 +42,8 @@ def play(
 ) -> Record:
     """Play all matches of an entry against a rival.
 
+    An action of the player that is not finite loses that game's round; zeros are played in its place.
+
     Args:
         entry: the player or planner that is measured.
         suite: the suite of the rival.
@@ -48,14 +53,21 @@ def play(
 
     Raises:
         UserError: a player or planner that cannot be made, or that fails; a language model none of whose
-            plans is valid, since its score would be that of the paths flown in their place.
+            plans is valid, since its score would be that of the paths flown in their place; a player
+            that loses every round by actions that are not finite.
     """
     player = entry.make(rival)
-    match = match_of(player, suite, rival)
+    match, judged = match_of(player, suite, rival), None
+    if suite.side != PLANNER:
+        judged = _Judged(getattr(match, suite.side), match.duel.count)
+        match = dataclasses.replace(match, **{suite.side: judged})  # type: ignore[arg-type]
     sums, hops = _Sums(suite), HopCounts(match.duel.batch)
     for duel in rounds(match, suite, seeds, on_step=hops.count):
-        sums.add(duel, lost_rounds(player, duel.count))
+        lost = lost_rounds(player, duel.count)
+        sums.add(duel, lost if judged is None else lost | judged.lost)
         on_round(len(sums.returns))
+    if judged is not None and judged.rounds:
+        _tell_lost(f"{entry.name} against {rival.name}", judged.rounds, duel.count * suite.rounds_per_match)
     record = sums.record(entry, rival, conditional_entropy(hops.counts))
     if (plans := record.plans) is not None and plans.valid == 0:
         raise UserError(
@@ -97,6 +109,40 @@ def rounds(
 def lost_rounds(player: object, count: int) -> np.ndarray:
     """Return ``(count,)`` bool: present rounds that a player has lost by an invalid answer."""
     return np.array(player.invalid, bool) if isinstance(player, LosesRounds) else np.zeros(count, bool)
+
+
+class _Judged:
+    """Policy of the side that is measured; an action that is not finite loses the round of its game.
+
+    Attributes:
+        lost: ``(n,)`` bool, the games whose present round is lost.
+        rounds: number of rounds that were lost.
+    """
+
+    def __init__(self, policy: SidePolicy, count: int) -> None:
+        self._policy = policy
+        self.lost, self.rounds = np.zeros(count, bool), 0
+
+    def begin(self, mask: np.ndarray) -> None:
+        self._policy.begin(mask)
+        self.lost[mask] = False
+
+    def act(self) -> np.ndarray:
+        actions = self._policy.act()
+        if actions.dtype.kind == "f" and not np.isfinite(actions).all():
+            wrong = ~np.isfinite(actions).reshape(len(actions), -1).all(axis=1)
+            self.rounds += int((wrong & ~self.lost).sum())
+            self.lost |= wrong
+            actions = actions.copy()
+            actions[wrong] = 0
+        return actions
+
+
+def _tell_lost(who: str, lost: int, rounds: int) -> None:
+    """Log the number of rounds that are lost by actions that are not finite; all of them are an error."""
+    if lost == rounds:
+        raise UserError(f"{who}: all {rounds:,} rounds are lost: its actions are not finite")
+    _logger.warning("%s: %s of %s rounds are lost: an action is not finite", who, f"{lost:,}", f"{rounds:,}")
 
 
 class _Sums:

@@ -3,6 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import LOST_SCORE, match_of, play, rounds
 from fpg_bench.evaluation.seeds import evaluation_seeds
@@ -75,3 +76,36 @@ def test_a_lost_round_scores_minus_100_and_no_more_than_the_worst_that_was_playe
         assert scores[1::2] == pytest.approx([min(LOST_SCORE, scores[::2].min())] * 3)
         assert record.tally == sound.tally  # what was played is told as it was
     assert scores[::2].min() < LOST_SCORE
+
+
+class Faulty:
+    """Stands still, but its twentieth action of a round is not finite in some games."""
+
+    def __init__(self, *games):
+        self.games, self.calls = games, 0
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        actions = np.zeros((len(observation), 9), np.float32)
+        self.calls += 1
+        if self.calls == 20:
+            for game, value in zip(self.games, (np.nan, np.inf, -np.inf) * 2, strict=False):
+                actions[game, 3] = value
+        return actions, None
+
+
+def test_an_action_that_is_not_finite_loses_the_round_of_its_game_alone(suite, caplog):
+    sound = play(player_entry(Faulty(), name="sound"), suite, suite.rivals[0])
+    record = play(player_entry(Faulty(1, 4), name="faulty"), suite, suite.rivals[0])
+    scores = suite.scale.score(suite.rewards(record.returns))
+    assert (sound.lost, record.lost) == (0, 2)
+    assert scores[[1, 4]] == pytest.approx([min(LOST_SCORE, np.delete(scores, [1, 4]).min())] * 2)
+    assert np.delete(record.returns, [1, 4]).tolist() == np.delete(sound.returns, [1, 4]).tolist()
+    assert f"faulty against {suite.rivals[0].name}: 2 of 6 rounds are lost" in caplog.text
+    with pytest.raises(UserError, match="all 6 rounds are lost: its actions are not finite"):
+        play(player_entry(Faulty(*range(6)), name="broken"), suite, suite.rivals[0])
+
+
+def test_a_round_of_a_team_is_lost_by_an_action_of_any_seat_that_is_not_finite():
+    whole = load_suite("team-ally-link-v1")
+    suite = dataclasses.replace(whole, matches=3, rivals=whole.rivals[:1])
+    assert play(player_entry(Faulty(0, 1), name="faulty"), suite, suite.rivals[0]).lost == 1

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import waveforms
-from check_link import closed_sinr
+from check_link import Row, cases, closed_sinr
 
 from fpg_bench.game import link
 from fpg_bench.game.rules import radio_record, rules_record
@@ -249,3 +249,9 @@ def test_a_jammer_hears_worse_through_its_own_jamming():
 def test_the_base_station_is_heard_in_its_beam():
     assert not hears(TONE, ally_emission_dbm=-100)
     assert hears(BROADBAND, ally_emission_dbm=-100, base_beam_deg=360)
+
+
+def test_no_cell_of_the_checks_is_a_negative_zero():
+    assert (
+        cases({"beam": [Row("0 degrees", -0.003, 0.001)]}).splitlines()[1] == "beam,0 degrees,0.00,0.00,+0.00"
+    )

@@ -9,6 +9,7 @@ value: that rises while a new response still breaks every policy.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import logging
 import time
@@ -257,19 +258,30 @@ class _DoubleOracle:
         return self.payoffs(agents, list(dict.fromkeys([*self.game.others, *found])))
 
     def payoffs(self, agents: Sequence[str], rivals: Sequence[str]) -> Payoffs:
-        """Return what agents of the side earn from rivals; only pairings without a record are played."""
+        """Return what agents of the side earn from rivals; only pairings without a record are played.
+
+        In records, and in the hashes of their suites, the search's own agents are named within its folder.
+        """
         side, scenario = self.config.side, self.game.resolve()
         scale = side_suite(side, scenario).scale
         suites = [
-            Suite("league", side, scenario, MATCHES, (Rival(rival, (rival,), scenario),), scale)
+            Suite("league", side, scenario, MATCHES, (Rival(self._within(rival), (rival,), scenario),), scale)
             for rival in rivals
         ]
         wanted = [
-            Pairing(player_entry(agent), suite, suite.rivals[0]) for agent in agents for suite in suites
+            Pairing(player_entry(agent, self._within(agent)), suite, suite.rivals[0])
+            for agent in agents
+            for suite in suites
         ]
         store = Store(self.folder / RECORDS)
         store.fill(wanted, partial(play, seeds=tuning_seeds))
-        return Payoffs.of(store, wanted)
+        payoffs = Payoffs.of(store, wanted)
+        return dataclasses.replace(payoffs, players=tuple(agents), rivals=tuple(rivals))
+
+    def _within(self, name: str) -> str:
+        """Return a player's name, an agent's of the search relative to the folder."""
+        path = Path(name)
+        return path.relative_to(self.folder).as_posix() if path.is_relative_to(self.folder) else name
 
     def _export(self, iteration: int) -> None:
         """Export the agent of an iteration; ``agent.json`` describes the whole search up to it."""

@@ -1,5 +1,6 @@
 """Double oracle: who is met, when a search stops, what is exported, and resumption."""
 
+import dataclasses
 import inspect
 import json
 import shlex
@@ -96,6 +97,17 @@ def test_iterations_meet_the_responses_by_their_weights_and_the_best_is_exported
         find(tmp_path, iterations=2, weight=4)
 
 
+def test_the_same_search_in_another_folder_writes_the_same_records(tmp_path):
+    for name in ("one", "two"):
+        find(tmp_path / name, iterations=1, against=["tone"])
+    one, two = (
+        [dataclasses.asdict(record) for record in Store(tmp_path / name / RECORDS).records()]
+        for name in ("one", "two")
+    )
+    assert one == two
+    assert {record["rival"] for record in one} == {f"runs/response_0_{k}/agent" for k in (0, 1)} | {"tone"}
+
+
 @pytest.mark.full
 def test_by_nash_each_side_answers_the_equilibrium_of_the_other(tmp_path):
     first = find(tmp_path, iterations=1, meta_solver="nash")
@@ -112,7 +124,10 @@ def test_by_nash_each_side_answers_the_equilibrium_of_the_other(tmp_path):
     assert set(answered) <= set(policies)
     assert len(met) == len(answered) == oracle.PARTS
     assert [row["rivals"] for row in result["rows"]] == [3, oracle.PARTS]
-    values = payoffs_of(tmp_path)
+    values = {
+        tuple(name if "/" not in name else str(tmp_path / name) for name in pair): value
+        for pair, value in payoffs_of(tmp_path).items()
+    }
     first_game = [values[policies[0], name] for name in ("tone", "hunter", response)]
     assert values[policies[0], met[0]] == min(first_game)  # one row: the equilibrium is its lowest column
     low = sum(values[name, str(runs / "response_1_0" / "agent")] for name in answered) / oracle.PARTS
