@@ -1,0 +1,196 @@
+"""Families of policies, each written once as an ONNX graph, of which a search plays many at once.
+
+While a search runs, the numbers of the candidates are an input of the graph, a row for each game. In an
+exported agent they are constants, so what was searched and what is exported are the same operators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.sensing import RELATIVE_POSITION
+from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
+from fpg_bench.players.player import Memory
+from fpg_bench.players.scripted import player_noise
+from fpg_bench.players.seeded import SeededPolicy
+from fpg_bench.training.export import Graph, rows_of
+
+
+@dataclass(frozen=True)
+class Value:
+    """Values ``(n, k)`` in a graph, of which arithmetic and comparisons add operators to it."""
+
+    graph: Graph
+    name: str
+
+    def _with(self, kind: str, other: Value | float, is_swapped: bool = False) -> Value:
+        right = other if isinstance(other, Value) else self.number(other)
+        pair = (right.name, self.name) if is_swapped else (self.name, right.name)
+        return Value(self.graph, self.graph.add(kind, *pair))
+
+    def number(self, value: float) -> Value:
+        """Return a constant of the same graph."""
+        return Value(self.graph, self.graph.constant(np.array([[value]], np.float32)))
+
+    def column(self, start: int, count: int = 1) -> Value:
+        """Return columns."""
+        return Value(self.graph, self.graph.columns(self.name, start, start + count))
+
+    def of(self, kind: str) -> Value:
+        """Return an operator of one input, such as ``Abs``."""
+        return Value(self.graph, self.graph.add(kind, self.name))
+
+    def where(self, one: Value | float, other: Value | float) -> Value:
+        """Return ``one`` where this condition holds, else ``other``."""
+        names = (each.name if isinstance(each, Value) else self.number(each).name for each in (one, other))
+        return Value(self.graph, self.graph.add("Where", self.name, *names))
+
+    def at_least(self, low: float) -> Value:
+        """Return the greater of each value and a limit."""
+        return self._with("Max", low)
+
+    def dot(self, other: Value) -> Value:
+        """Return the inner product ``(n, 1)`` of vectors of three, added in order."""
+        product = self * other
+        return product.column(0) + product.column(1) + product.column(2)
+
+    def __add__(self, other: Value | float) -> Value:
+        return self._with("Add", other)
+
+    def __sub__(self, other: Value | float) -> Value:
+        return self._with("Sub", other)
+
+    def __mul__(self, other: Value | float) -> Value:
+        return self._with("Mul", other)
+
+    def __truediv__(self, other: Value | float) -> Value:
+        return self._with("Div", other)
+
+    def __lt__(self, other: Value | float) -> Value:
+        return self._with("Less", other)
+
+    def __gt__(self, other: Value | float) -> Value:
+        return self._with("Less", other, is_swapped=True)
+
+    def equals(self, other: Value) -> Value:
+        """Return where both are the same."""
+        return self._with("Equal", other)
+
+    def __and__(self, other: Value) -> Value:
+        return self._with("And", other)
+
+    def __or__(self, other: Value) -> Value:
+        return self._with("Or", other)
+
+    def __invert__(self) -> Value:
+        return self.of("Not")
+
+
+class PolicyGraph:
+    """Graph of a policy with memory.
+
+    Args:
+        names: names of the family's numbers.
+        numbers: ``(len(names),)`` float32, those of one candidate; None: they are an input ``numbers``.
+        memory: size of the memory.
+
+    Attributes:
+        seen: the observation ``(n, 15)``.
+        memory: the memory ``(n, memory)``, zero when a round begins.
+        noise: ``(n, 1)``, standard normal numbers of the player.
+    """
+
+    def __init__(self, names: Sequence[str], numbers: np.ndarray | None, memory: int) -> None:
+        self._graph, self._names, self._numbers, self._size = Graph(), tuple(names), numbers, memory
+        self.seen, self.memory, self.noise = (
+            Value(self._graph, name) for name in ("observation", "state", "noise")
+        )
+
+    def given(self, name: str, count: int = 1) -> Value:
+        """Return numbers of the candidate from the named one on, ``(n, count)`` or ``(1, count)``."""
+        first = self._names.index(name)
+        if self._numbers is None:
+            return Value(self._graph, self._graph.columns("numbers", first, first + count))
+        return Value(self._graph, self._graph.constant(self._numbers[None, first : first + count]))
+
+    def away_m(self, scenario: Scenario) -> Value:
+        """Return the relative position ``(n, 3)`` in m."""
+        root = self.seen.column(RELATIVE_POSITION, 3)
+        box = Value(self._graph, self._graph.constant(np.array([scenario.box_m], np.float32)))
+        return root * root.of("Abs") * box
+
+    def constant(self, *values: float) -> Value:
+        """Return a row of constants ``(1, k)``."""
+        return Value(self._graph, self._graph.constant(np.array([values], np.float32)))
+
+    def count_at_most(self, edges: Value, value: Value) -> Value:
+        """Return ``(n, 1)``, how many of the edges ``(n, k)`` are at most the value ``(n, 1)``."""
+        each = (value < edges).where(0, 1)
+        axes = self._graph.constant([1])
+        return Value(self._graph, self._graph.add("ReduceSum", each.name, axes, keepdims=1))
+
+    def finish(self, action: Sequence[tuple[int, int, Value]], memory: Sequence[Value]) -> bytes:
+        """Return the model as bytes.
+
+        Args:
+            action: parts of the action, each its first column, how many it has, and the values ``(n, k)`` or
+                ``(1, k)``; other columns are 0.
+            memory: the columns of the next memory.
+        """
+        graph, eye = self._graph, np.eye(ACTION_SIZE, dtype=np.float32)
+        parts = [
+            graph.add("MatMul", value.name, graph.constant(eye[column : column + count]))
+            for column, count, value in action
+        ]
+        graph.add("Sum", *parts, to="action")
+        graph.add("Concat", *(each.name for each in memory), axis=1, to="next_state")
+        inputs = [rows_of("observation", OBSERVATION_SIZE), rows_of("noise", 1), rows_of("state", self._size)]
+        if self._numbers is None:
+            inputs.append(rows_of("numbers", len(self._names)))
+        return graph.to_bytes(inputs, [rows_of("action", ACTION_SIZE), rows_of("next_state", self._size)])
+
+
+class Candidates(SeededPolicy):
+    """Player of many candidates of a family; the batch is divided evenly among them, in their order.
+
+    Args:
+        model: the family's graph, with the input ``numbers``.
+        numbers: ``(candidates, n)`` float32.
+    """
+
+    def __init__(self, model: bytes, numbers: np.ndarray) -> None:
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4
+        self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        self._size = next(i.shape[1] for i in self._session.get_inputs() if i.name == "state")
+        self._numbers = np.ascontiguousarray(numbers, np.float32)
+        self._rows = self._numbers
+
+    def _answer(
+        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
+    ) -> tuple[np.ndarray, Memory]:
+        count = len(seen)
+        if state is None:
+            memory, steps = np.zeros((count, self._size), np.float32), np.zeros(count, np.int64)
+        else:
+            memory, steps = state
+        if starts is not None and starts.any():
+            memory, steps = np.where(starts[:, None], np.float32(0), memory), np.where(starts, 0, steps)
+        if len(self._rows) != count:
+            self._rows = self._numbers[np.arange(count) * len(self._numbers) // count]
+        feeds: dict[str, Any] = {
+            "observation": np.ascontiguousarray(seen, np.float32),
+            "noise": player_noise(self.keys(count), steps),
+            "state": memory,
+            "numbers": self._rows,
+        }
+        actions, memory = self._session.run(["action", "next_state"], feeds)
+        return actions, (memory, steps + 1)

@@ -1,0 +1,219 @@
+"""Search for a short rule against a pool of rivals, within a budget of CPU seconds."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Literal, TypedDict, cast
+
+import numpy as np
+
+from fpg_bench.common.checks import integer, one_of
+from fpg_bench.common.files import write_json
+from fpg_bench.common.ids import SCRIPTS, other_side, policy_env
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.schema import parse
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.agent import write_agent
+from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.registry import as_player, policy_hash
+from fpg_bench.products.league.candidates import Candidates
+from fpg_bench.products.league.categorical import CategoricalSearch, Generation
+from fpg_bench.products.league.config import GAME
+from fpg_bench.products.league.folder import check_same, search_folder
+from fpg_bench.products.league.rules import NUMBERS, Option, describe_rule, rule_graph, rule_values
+from fpg_bench.products.league.tabular import check_budget
+from fpg_bench.training.run_folder import command_line, revision
+from fpg_bench.version import versions
+
+ROWS, RESULT = "rules.jsonl", "rule.json"
+GOALS = ("mean", "lowest")
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RuleSearchConfig:
+    """Search for a rule.
+
+    Attributes:
+        side: side of the rule: ``ally`` or ``opponent``.
+        against: its rivals; None: all scripts of the other side. ``suite:NAME`` stands for all members of a
+            suite.
+        goal: what is raised: the ``mean`` return over the rivals, or the ``lowest`` of them.
+        budget: CPU seconds of the search, over all calls; the generation that it ends in is finished.
+        seed: training seed.
+        allow: the ``package.module:object`` and agents of the Hub that files may name.
+        game: options of the game that both sides share.
+    """
+
+    verb: ClassVar[str] = "rule-search"
+
+    side: str = "ally"
+    against: str | Sequence[str] | None = None
+    goal: str = "mean"
+    budget: float = 40.0
+    seed: int = 0
+    allow: Collection[str] = ()
+    game: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        one_of(self.side, "side", SIDES)
+        one_of(self.goal, "goal", GOALS)
+        integer(self.seed, "seed", 0)
+        check_budget(self.budget)
+
+
+class FoundRule(TypedDict):
+    """Content of ``rule.json``; see :func:`rule_search`."""
+
+    side: str
+    rule: dict[str, Option]
+    words: str
+    goal: str
+    earned: float
+    generations: int
+    seconds: float
+
+
+def rule_search(config: RuleSearchConfig, out: str | Path) -> FoundRule:
+    """Search a rule of a side against a pool of rivals.
+
+    The rows of a search depend on its seed alone, and its budget decides how many there are. A stopped call
+    is resumed, and a larger budget continues a finished one.
+
+    Args:
+        config: the side, the rivals and the goal.
+        out: a folder for ``rules.jsonl``, a row per generation; ``agent``, the rule as an agent; and
+            ``rule.json``, the settings and the result.
+
+    Returns:
+        The content of ``rule.json``: ``rule``, the numbers; ``words``, the rule in words; ``earned``, what
+        the last generation's best earned per step by the goal; ``generations`` and ``seconds`` of CPU.
+
+    Raises:
+        UserError: no such rival, or a folder with other files or another search.
+        KeyboardInterrupt: stopped by the user.
+    """
+    other, folder = other_side(config.side), Path(out)
+    asked = list(SCRIPTS[other]) if config.against is None else config.against
+    game = GameSpec.of(policy_env(config.side).id, against=asked, **config.game)
+    scenario, names = game.resolve(), cast("tuple[str, ...]", getattr(game, other))
+    rivals = [as_player(name, other, scenario) for name in names]
+    about: Row = {
+        "side": config.side,
+        "against": [policy_hash(player) or name for name, player in zip(names, rivals, strict=True)],
+        "scenario": scenario.hash,
+        "path": game.to_dict().get("path"),
+        "goal": config.goal,
+        "seed": config.seed,
+    }
+    with search_folder(folder, RESULT, ROWS, "rule search"):
+        file = RowFile(folder / ROWS)
+        rows = [parse(Generation, row, f"rows {file.path}") for row in file.read()]
+        if (folder / RESULT).exists():
+            check_same(folder / RESULT, "a rule search", about)
+        else:
+            write_json(folder / RESULT, about)
+        search = RuleSearch(config.side, rivals, game, config.goal, config.seed)
+        for row in rows:
+            search.take(row)
+        seconds = sum(row.seconds for row in rows)
+        while seconds < config.budget:
+            row, quarters = search.run(), 4 * seconds // config.budget
+            seconds += row.seconds
+            file.append([row.model_dump()])
+            if 4 * seconds // config.budget > quarters:
+                _logger.info(f"generation {row.generation}: {row.earned:.2f} per step; {seconds:.0f} CPU s")
+        generations, earned = search.generation, row.earned
+        best = search.simplify()
+        result: FoundRule = {
+            "side": config.side,
+            "rule": rule_of(config.side, best),
+            "words": describe_rule(config.side, rule_of(config.side, best)),
+            "goal": config.goal,
+            "earned": earned,
+            "generations": generations,
+            "seconds": round(seconds, 1),
+        }
+        options = {name: value for name, value in game.to_dict().items() if name in GAME}
+        write_agent(
+            folder / "agent",
+            rule_graph(config.side, scenario, rule_values(config.side, best[None], scenario)[0]),
+            algorithm="rule",
+            game=game.describe(),
+            scenario=scenario.hash,
+            scenario_fields=scenario.to_dict(),
+            training_seed=config.seed,
+            training_steps=search.rounds * scenario.steps_per_round,
+            seconds=round(seconds, 1),
+            recipe={"rule": result["rule"], "words": result["words"]},
+            command=command_line(
+                config.verb,
+                out=folder,
+                side=config.side,
+                against=config.against,
+                goal=config.goal,
+                budget=config.budget,
+                seed=config.seed,
+                allow=config.allow,
+                **options,
+            ),
+            versions=versions(),
+            revision=revision(),
+        )
+        write_json(folder / RESULT, {**about, **result})
+    return result
+
+
+def rule_of(side: str, options: np.ndarray) -> dict[str, Option]:
+    """Return the numbers of a rule from the indices of its options ``(numbers,)``."""
+    chosen = zip(NUMBERS[side].items(), options.tolist(), strict=True)
+    return {name: grid[k] for (name, grid), k in chosen}
+
+
+class RuleSearch(CategoricalSearch):
+    """Search over the numbers of the rules of a side.
+
+    Args:
+        side: side of the rule.
+        rivals: players of the other side.
+        game: the game.
+        goal: ``mean`` or ``lowest``.
+        seed: training seed.
+        reward: ``own``, or ``zero_sum`` to lower the rivals' returns.
+    """
+
+    def __init__(
+        self,
+        side: str,
+        rivals: Sequence[Player],
+        game: GameSpec,
+        goal: str = "mean",
+        seed: int = 0,
+        reward: str = "own",
+    ) -> None:
+        scenario = game.resolve()
+        model, sign, whose = rule_graph(side, scenario), 1.0, side
+        if reward == "zero_sum":
+            sign, whose = -1.0, other_side(side)
+
+        def play(options: np.ndarray, rival: int, first_seed: int, matches: int) -> np.ndarray:
+            count = len(options)
+            batch = TwoPlayerBatch(scenario, count * matches, threads=1)
+            rule = Candidates(model, rule_values(side, options, scenario))
+            players: dict[str, Player] = {side: rule, other_side(side): rivals[rival]}
+            match = make_match(batch, players["ally"], players["opponent"])
+            seeds = np.tile(np.arange(first_seed, first_seed + matches), count)
+            earned = np.zeros(count * matches)
+            for number in range(scenario.rounds_per_match):
+                play_round(match, seeds=None if number else seeds)
+                tallies = match.duel.batch.tallies
+                earned += sign * tallies[f"{whose}_return"] / tallies["steps"]
+            return earned.reshape(count, matches) / scenario.rounds_per_match
+
+        sizes = list(map(len, NUMBERS[side].values()))
+        super().__init__(sizes, play, len(rivals), seed, cast("Literal['mean', 'lowest']", goal))
