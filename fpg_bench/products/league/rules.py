@@ -1,6 +1,6 @@
-"""Short rules: a few numbers on grids that say when to hop, spread and sprint, or what to jam where.
+"""Short rules: numbers on grids that say when to hop, spread and sprint, or what to jam where.
 
-A rule is searched without a network (:mod:`fpg_bench.products.league.rule_search`), can be read in a line, and
+A rule is searched without a network (:mod:`fpg_bench.products.league.rule_search`), reads in a line, and
 is exported as an ordinary agent. The first option of each number is ``off``, or what a script does.
 """
 
@@ -265,9 +265,10 @@ def _describe_opponent(rule: Mapping[str, Option]) -> str:
         words.append(f"{rule['hold_s']} s after a find, {blindly}")
     if rule["moved_hold_s"] != OFF:
         start = "" if rule["distrust"] == OFF else "from the start, and "
+        last = "a check finds" if rule["finds"] == 1 else f"{rule['finds']} checks in a row find"
         words.append(
-            f"{start}once a check has found the ally elsewhere, {blindly} from {rule['moved_hold_s']} s after a "
-            f"find, until checks find it where it was {rule['finds']} times in a row"
+            f"{start}once a check has found the ally elsewhere, {blindly} from {rule['moved_hold_s']} s "
+            f"after a find, until {last} it where it was"
         )
     words.append(_unless_off(rule, "misses", f"after a check that hears nothing, {blindly}"))
     words.append(_unless_off(rule, "near_m", f"{near} within {{}} m"))

@@ -248,5 +248,5 @@ def test_a_rule_reads_as_a_sentence():
     opponent = {name: grid[0] for name, grid in NUMBERS["opponent"].items()}
     assert describe_rule("opponent", opponent | {"moved_hold_s": 1, "centre_s": 2}) == (
         "tone on the known point; once a check has found the ally elsewhere, broadband in turn at each of 2 "
-        "centres, 2 s each from 1 s after a find, until checks find it where it was 1 times in a row"
+        "centres, 2 s each from 1 s after a find, until a check finds it where it was"
     )
