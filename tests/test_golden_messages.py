@@ -33,6 +33,8 @@ LINES = (
     "best-response experd --out out",
     "double-oracle --side both --out out",
     "tabular-self-play --games 0 --out out",
+    "rule-search --budget 0 --out out",
+    "rule-search --goal best --out out",
     "fictitious-self-play --out out",
     "export nowhere --out mine",
     "reproduce yang-2026 fig99",

@@ -22,6 +22,7 @@ WRITERS = {
     "evaluate": ("idle --suite ally-v2 --matches 1 --out results", "results/evaluation.json"),
     "best-response": ("idle --hyperparams tiny.yml --out found", "found/best_responses.json"),
     "double-oracle": ("--hyperparams tiny.yml --out found", "found/search.json"),
+    "rule-search": ("--side opponent --against idle --budget 0.01 --out found", "found/rule.json"),
     "tabular-self-play": ("--iterations 1 --games 2 --out tables", "tables/tabular_self_play.json"),
     "export": ("shipped --out mine/seed_0", "mine/seed_0"),
     "reproduce": (

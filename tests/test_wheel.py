@@ -118,6 +118,7 @@ EXTRAS = {
             "fpg_bench.make_sb3('FPG/AllyVsScripted-v0', n_envs=2).reset()",
             "train ppo FPG/AllyVsScripted-v0 --steps 2000 --n-evals 0 --out run",
             "export run --out exported/seed_0",
+            "rule-search --side opponent --against idle --budget 0.01 --out rule",
             "tabular-self-play --iterations 1 --games 8 --out tables",
             "reproduce yang-2026 tables --n-seeds 1 --out reproduced",
         ),

@@ -84,6 +84,7 @@ WORKING = (
     "evaluate idle --suite ally-v2 --out out --matches 1",
     "best-response expert --steps 1 --n-seeds 1 --out out",
     "double-oracle --iterations 1 --steps 1 --out out",
+    "rule-search --side opponent --against idle --budget 0.01 --out out",
     "tabular-self-play --iterations 1 --games 1 --out out",
     "export nowhere.zip --out out --algo ppo --id FPG/AllyVsScripted-v0 --scenario standard --seed 0",
     "reproduce yang-2026 fig3 --out out",

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from fpg_bench.common.checks import check_keys, integer, one_of
+from fpg_bench.common.errors import UserError
 from fpg_bench.players.player import SIDES
 from fpg_bench.training.config import Hyperparams
 
 GAME = ("scenario", "path", "knowledge", "jamming_types")  # options of a game that both sides share
 META_SOLVERS = ("weights", "nash")
+GOALS = ("mean", "lowest")
 # Known words, and least values, of fields
 WORDS = {"side": SIDES, "meta_solver": META_SOLVERS}
 LEAST = dict.fromkeys(("seed", "n_evals"), 0) | dict.fromkeys(
@@ -141,3 +144,42 @@ class TabularSelfPlayConfig:
     def __post_init__(self) -> None:
         for name in ("iterations", "games", "seed"):
             integer(getattr(self, name), name, LEAST.get(name, 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RuleSearchConfig:
+    """Search for a rule.
+
+    Attributes:
+        side: side of the rule: ``ally`` or ``opponent``.
+        against: its rivals; None: all scripts of the other side. ``suite:NAME`` stands for all members of a
+            suite.
+        goal: what is raised: the ``mean`` return over the rivals, or the ``lowest`` of them.
+        budget: CPU seconds of the search, over all calls; the generation that it ends in is finished.
+        seed: training seed.
+        allow: the ``package.module:object`` and agents of the Hub that files may name.
+        game: options of the game that both sides share.
+    """
+
+    verb: ClassVar[str] = "rule-search"
+
+    side: str = "ally"
+    against: str | Sequence[str] | None = None
+    goal: str = "mean"
+    budget: float = 40.0
+    seed: int = 0
+    allow: Collection[str] = ()
+    game: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_keys(self.game, GAME, "game")
+        one_of(self.side, "side", SIDES)
+        one_of(self.goal, "goal", GOALS)
+        integer(self.seed, "seed", 0)
+        check_budget(self.budget)
+
+
+def check_budget(budget: float) -> None:
+    """Raise UserError for a budget of nothing."""
+    if not (isinstance(budget, int | float) and math.isfinite(budget) and budget > 0):
+        raise UserError(f"budget: expected CPU seconds above 0, got {budget}")

@@ -30,6 +30,7 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.tactics import draw_variants
 from fpg_bench.products.league.best_responses import RESPONSE_REWARDS, ResponseTarget, find_target
+from fpg_bench.products.league.config import check_budget
 from fpg_bench.products.league.evaluation import MATCHES
 from fpg_bench.products.league.folder import check_same
 from fpg_bench.products.league.tabular import (
@@ -37,7 +38,6 @@ from fpg_bench.products.league.tabular import (
     REWARDS,
     Kept,
     Settings,
-    check_budget,
     count_cells,
     measure,
     settings_of,

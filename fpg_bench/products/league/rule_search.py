@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal, TypedDict, cast
+from typing import Literal, TypedDict, cast
 
 import numpy as np
 
-from fpg_bench.common.checks import integer, one_of
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTS, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
@@ -19,52 +17,18 @@ from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import write_agent
-from fpg_bench.players.player import SIDES, Player
+from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.products.league.candidates import Candidates
 from fpg_bench.products.league.categorical import CategoricalSearch, Generation
-from fpg_bench.products.league.config import GAME
+from fpg_bench.products.league.config import GAME, RuleSearchConfig
 from fpg_bench.products.league.folder import check_same, search_folder
 from fpg_bench.products.league.rules import NUMBERS, Option, describe_rule, rule_graph, rule_values
-from fpg_bench.products.league.tabular import check_budget
 from fpg_bench.training.run_folder import command_line, revision
 from fpg_bench.version import versions
 
 ROWS, RESULT = "rules.jsonl", "rule.json"
-GOALS = ("mean", "lowest")
 _logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RuleSearchConfig:
-    """Search for a rule.
-
-    Attributes:
-        side: side of the rule: ``ally`` or ``opponent``.
-        against: its rivals; None: all scripts of the other side. ``suite:NAME`` stands for all members of a
-            suite.
-        goal: what is raised: the ``mean`` return over the rivals, or the ``lowest`` of them.
-        budget: CPU seconds of the search, over all calls; the generation that it ends in is finished.
-        seed: training seed.
-        allow: the ``package.module:object`` and agents of the Hub that files may name.
-        game: options of the game that both sides share.
-    """
-
-    verb: ClassVar[str] = "rule-search"
-
-    side: str = "ally"
-    against: str | Sequence[str] | None = None
-    goal: str = "mean"
-    budget: float = 40.0
-    seed: int = 0
-    allow: Collection[str] = ()
-    game: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        one_of(self.side, "side", SIDES)
-        one_of(self.goal, "goal", GOALS)
-        integer(self.seed, "seed", 0)
-        check_budget(self.budget)
 
 
 class FoundRule(TypedDict):

@@ -57,6 +57,7 @@ from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.seeded import SeededPolicy
 from fpg_bench.products.league.best_responses import RESPONSE_REWARDS, ResponseTarget, find_target
+from fpg_bench.products.league.config import check_budget
 from fpg_bench.products.league.evaluation import evaluate_against
 from fpg_bench.products.league.folder import check_same
 from fpg_bench.training.export import Graph, counted, rows_of
@@ -553,12 +554,6 @@ def settings_of(target: ResponseTarget, seeds: Sequence[str], reward: str, seed:
         "seed": seed,
         "protocol": PROTOCOL,
     }
-
-
-def check_budget(budget: float) -> None:
-    """Raise UserError for a budget of nothing."""
-    if not (isinstance(budget, int | float) and math.isfinite(budget) and budget > 0):
-        raise UserError(f"budget: expected CPU seconds above 0, got {budget}")
 
 
 def training_seeds(agent: str, side: str | None) -> list[str]:

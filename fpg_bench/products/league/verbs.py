@@ -21,6 +21,7 @@ from fpg_bench.products.league import config as league
 from fpg_bench.products.league.config import (
     BestResponseConfig,
     DoubleOracleConfig,
+    RuleSearchConfig,
     TabularSelfPlayConfig,
 )
 from fpg_bench.training import require_libraries
@@ -29,7 +30,7 @@ OutOption = Annotated[Path, typer.Option(help="Folder of all runs, results and e
 GameOptions = Annotated[Given, game_options(*league.GAME)]
 
 
-def league_options(kind: type[league.LeagueConfig]) -> Fields:
+def league_options(kind: type[league.LeagueConfig | RuleSearchConfig]) -> Fields:
     """Return the options of an algorithm, the fields of its configuration but ``agent`` and ``game``."""
     names = [each.name for each in dataclasses.fields(kind) if each.name not in ("agent", "game")]
     details: dict[str, Given] = {
@@ -120,6 +121,22 @@ def _search_response(search: str, agent: str, out: Path, budget: float, **option
 
 def _jamming(met: Row) -> str:
     return f"jamming success rate {100 * met['measures']['jamming_success_rate']:.0f} %"
+
+
+def rule_search(
+    out: OutOption, options: Annotated[Given, league_options(RuleSearchConfig)], game: GameOptions
+) -> None:
+    """Search a short rule, a few numbers that can be read in a line, against a pool of rivals.
+
+    Example: fpg-bench rule-search --side ally --against suite:training-1 --out runs/rule
+    """
+    check_writable(out)
+    require_libraries()
+    from fpg_bench.products.league.rule_search import rule_search as search
+
+    result = search(RuleSearchConfig(game=game, **options), out)
+    print_line(f"{out / 'agent'}: {result['words']}")
+    print_line(f"{result['goal']} return {result['earned']:.2f} per step; {result['seconds']:.0f} CPU s")
 
 
 def tabular_self_play(

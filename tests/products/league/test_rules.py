@@ -16,7 +16,8 @@ from fpg_bench.players.registry import as_player
 from fpg_bench.products.league import categorical, rule_search
 from fpg_bench.products.league.candidates import Candidates
 from fpg_bench.products.league.categorical import CategoricalSearch
-from fpg_bench.products.league.rule_search import RuleSearchConfig, rule_of
+from fpg_bench.products.league.config import RuleSearchConfig
+from fpg_bench.products.league.rule_search import rule_of
 from fpg_bench.products.league.rule_search import rule_search as search_rule
 from fpg_bench.products.league.rules import NUMBERS, OFF, describe_rule, rule_graph, rule_values
 
@@ -242,8 +243,8 @@ def test_a_rule_reads_as_a_sentence():
         "ally", ally | {"tone_hits": 1, "comb_hits": 2, "below_db": 20, "spread_beyond_m": 60, "spread_s": 4}
     )
     assert words == (
-        "hop by the knowledge base after hits in a row, 1 of tone or 2 of comb, while the SNR is less than 20 dB "
-        "above its threshold; spread for 4 s, then pause for 1 s, beyond 60 m"
+        "hop by the knowledge base after hits in a row, 1 of tone or 2 of comb, while the SNR is less than "
+        "20 dB above its threshold; spread for 4 s, then pause for 1 s, beyond 60 m"
     )
     opponent = {name: grid[0] for name, grid in NUMBERS["opponent"].items()}
     assert describe_rule("opponent", opponent | {"moved_hold_s": 1, "centre_s": 2}) == (
