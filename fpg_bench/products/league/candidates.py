@@ -6,18 +6,22 @@ exported agent they are constants, so what was searched and what is exported are
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from fpg_bench.common.ids import other_side
+from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.players.player import Memory
+from fpg_bench.players.player import Memory, Player
 from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.seeded import SeededPolicy
+from fpg_bench.products.league.categorical import Play
 from fpg_bench.training.export import Graph, rows_of
 
 
@@ -194,3 +198,37 @@ class Candidates(SeededPolicy):
         }
         actions, memory = self._session.run(["action", "next_state"], feeds)
         return actions, (memory, steps + 1)
+
+
+def earnings(
+    candidates: Callable[[np.ndarray], Candidates],
+    side: str,
+    rivals: Sequence[Player],
+    scenario: Scenario,
+    reward: str = "own",
+) -> Play:
+    """Return what plays candidates of a side against a rival, for a search.
+
+    Args:
+        candidates: the player of candidates by their options ``(candidates, numbers)``.
+        side: side of the candidates.
+        rivals: players of the other side.
+        scenario: what is played.
+        reward: ``own``, or ``zero_sum``, what the rivals lose.
+    """
+    sign, whose = (-1.0, other_side(side)) if reward == "zero_sum" else (1.0, side)
+
+    def play(options: np.ndarray, rival: int, first_seed: int, matches: int) -> np.ndarray:
+        count = len(options)
+        batch = TwoPlayerBatch(scenario, count * matches, threads=1)
+        players: dict[str, Player] = {side: candidates(options), other_side(side): rivals[rival]}
+        match = make_match(batch, players["ally"], players["opponent"])
+        seeds = np.tile(np.arange(first_seed, first_seed + matches), count)
+        earned = np.zeros(count * matches)
+        for number in range(scenario.rounds_per_match):
+            play_round(match, seeds=None if number else seeds)
+            tallies = batch.batch.tallies
+            earned += sign * tallies[f"{whose}_return"] / tallies["steps"]
+        return earned.reshape(count, matches) / scenario.rounds_per_match
+
+    return play

@@ -70,7 +70,7 @@ class CategoricalSearch:
     play: Play
     rivals: int = 1
     seed: int = 0
-    goal: Literal["mean", "lowest"] = "mean"
+    goal: str = "mean"
     generation: int = 0
     rounds: int = 0
     _best: np.ndarray | None = None
@@ -108,12 +108,12 @@ class CategoricalSearch:
         self.take(row)
         return row
 
-    def take(self, row: Generation) -> None:
-        """Take the candidates that the next generation keeps; raise UserError for a row of another search."""
+    def take(self, row: Generation, file: str = "rows") -> None:
+        """Take what the next generation keeps; raise UserError for a row of another search, in this file."""
         kept = np.array(row.kept)
         is_known = kept.ndim == 2 and kept.shape[1] == len(self._options) and (kept < self._options).all()
         if not is_known or row.generation != self.generation:
-            raise other_content("rows", f"generation {row.generation} of another search")
+            raise other_content(file, f"generation {row.generation} of another search")
         if self.generation < CROSS_ENTROPY:
             share = (kept[:, :, None] == np.arange(self._shares.shape[1])).mean(axis=0)
             self._shares = (1 - WEIGHT) * self._shares + WEIGHT * share

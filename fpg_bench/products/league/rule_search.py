@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, TypedDict, cast
+from typing import TypedDict, cast
 
 import numpy as np
 
@@ -13,13 +13,13 @@ from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTS, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import parse
-from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import write_agent
 from fpg_bench.players.player import Player
+from fpg_bench.players.population import expand_suites
 from fpg_bench.players.registry import as_player, policy_hash
-from fpg_bench.products.league.candidates import Candidates
+from fpg_bench.products.league.candidates import Candidates, earnings
 from fpg_bench.products.league.categorical import CategoricalSearch, Generation
 from fpg_bench.products.league.config import GAME, RuleSearchConfig
 from fpg_bench.products.league.folder import check_same, search_folder
@@ -65,7 +65,7 @@ def rule_search(config: RuleSearchConfig, out: str | Path) -> FoundRule:
     other, folder = other_side(config.side), Path(out)
     asked = list(SCRIPTS[other]) if config.against is None else config.against
     game = GameSpec.of(policy_env(config.side).id, against=asked, **config.game)
-    scenario, names = game.resolve(), cast("tuple[str, ...]", getattr(game, other))
+    scenario, names = game.resolve(), cast("list[str]", expand_suites(getattr(game, other), other))
     rivals = [as_player(name, other, scenario) for name in names]
     about: Row = {
         "side": config.side,
@@ -82,9 +82,9 @@ def rule_search(config: RuleSearchConfig, out: str | Path) -> FoundRule:
             check_same(folder / RESULT, "a rule search", about)
         else:
             write_json(folder / RESULT, about)
-        search = RuleSearch(config.side, rivals, game, config.goal, config.seed)
+        search = RuleSearch(config.side, rivals, scenario, config.goal, config.seed)
         for row in rows:
-            search.take(row)
+            search.take(row, ROWS)
         seconds = sum(row.seconds for row in rows)
         while seconds < config.budget:
             row, quarters = search.run(), 4 * seconds // config.budget
@@ -145,7 +145,7 @@ class RuleSearch(CategoricalSearch):
     Args:
         side: side of the rule.
         rivals: players of the other side.
-        game: the game.
+        scenario: what is played.
         goal: ``mean`` or ``lowest``.
         seed: training seed.
         reward: ``own``, or ``zero_sum`` to lower the rivals' returns.
@@ -155,29 +155,15 @@ class RuleSearch(CategoricalSearch):
         self,
         side: str,
         rivals: Sequence[Player],
-        game: GameSpec,
+        scenario: Scenario,
         goal: str = "mean",
         seed: int = 0,
         reward: str = "own",
     ) -> None:
-        scenario = game.resolve()
-        model, sign, whose = rule_graph(side, scenario), 1.0, side
-        if reward == "zero_sum":
-            sign, whose = -1.0, other_side(side)
+        model = rule_graph(side, scenario)
 
-        def play(options: np.ndarray, rival: int, first_seed: int, matches: int) -> np.ndarray:
-            count = len(options)
-            batch = TwoPlayerBatch(scenario, count * matches, threads=1)
-            rule = Candidates(model, rule_values(side, options, scenario))
-            players: dict[str, Player] = {side: rule, other_side(side): rivals[rival]}
-            match = make_match(batch, players["ally"], players["opponent"])
-            seeds = np.tile(np.arange(first_seed, first_seed + matches), count)
-            earned = np.zeros(count * matches)
-            for number in range(scenario.rounds_per_match):
-                play_round(match, seeds=None if number else seeds)
-                tallies = match.duel.batch.tallies
-                earned += sign * tallies[f"{whose}_return"] / tallies["steps"]
-            return earned.reshape(count, matches) / scenario.rounds_per_match
+        def candidates(options: np.ndarray) -> Candidates:
+            return Candidates(model, rule_values(side, options, scenario))
 
-        sizes = list(map(len, NUMBERS[side].values()))
-        super().__init__(sizes, play, len(rivals), seed, cast("Literal['mean', 'lowest']", goal))
+        play = earnings(candidates, side, rivals, scenario, reward)
+        super().__init__(list(map(len, NUMBERS[side].values())), play, len(rivals), seed, goal)

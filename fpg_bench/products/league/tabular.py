@@ -1,38 +1,33 @@
 """Tabular responses: a choice for each cell of a few discretised features, without a network.
 
 The features are read of the player's own observation and of a small memory, such as the seconds since its
-last check. A table is small enough to be found by evaluation alone, hundreds of candidates in one batch: the
-cross-entropy method (Rubinstein 1999) draws whole tables from a distribution of each cell, and a local search
-then changes one to three cells at a time. The best is exported as an ordinary agent.
+last check. A table is found by evaluation alone (:mod:`fpg_bench.products.league.categorical`), and exported
+as an ordinary agent.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypedDict, cast
+from typing import NamedTuple, TypedDict
 
 import numpy as np
-from pydantic import model_validator
 
 from fpg_bench.common.checks import one_of
-from fpg_bench.common.errors import UserError, other_content
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.imports import code_fingerprint
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.common.schema import NonNegativeInt, Strict, parse
-from fpg_bench.envs.two_player import TwoPlayerBatch
+from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.play import SeedSource
-from fpg_bench.evaluation.rounds import make_match, play_round
-from fpg_bench.evaluation.seeds import PROTOCOL, TRAINING_STRIDE, training_seed
+from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.game.actions import IN_BAND_GATE, PREFERENCE, TUNING, TYPE_SCORES, VELOCITY
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.names import JAMMING_TYPES
@@ -52,11 +47,10 @@ from fpg_bench.game.sensing import (
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE, TYPES
 from fpg_bench.players.agent import agents_named, write_agent
-from fpg_bench.players.player import Memory
 from fpg_bench.players.registry import as_player, policy_hash
-from fpg_bench.players.scripted import player_noise
-from fpg_bench.players.seeded import SeededPolicy
 from fpg_bench.products.league.best_responses import RESPONSE_REWARDS, ResponseTarget, find_target
+from fpg_bench.products.league.candidates import Candidates, earnings
+from fpg_bench.products.league.categorical import CategoricalSearch, Generation
 from fpg_bench.products.league.config import check_budget
 from fpg_bench.products.league.evaluation import evaluate_against
 from fpg_bench.products.league.folder import check_same
@@ -105,34 +99,15 @@ FEATURES: Mapping[str, Mapping[str, _Feature]] = {
 }
 
 
-class TabularPolicy(Strict):
-    """A tabular policy.
-
-    Attributes:
-        side: the side that it plays.
-        features: edges of each feature. Of an ally: ``distance_m``, ``snr_db``, ``spreading_s``,
-            ``sensed_type`` (0 for none, 1 for the first type and so on), ``covered`` (1 where the sensed
-            jamming covers it), ``since_hit_s``, and ``hits`` in a row. Of an opponent: ``distance_m``,
-            ``known_age_s``, ``next_check_s``, ``last_check`` (1 where it heard the ally, -1 where not),
-            ``own_type``, ``since_check_s``, and ``same_point``: how often in a row checks have found the ally
-            where the one before had found it.
-        cells: the choice in each cell, an index into :func:`table_choices`; the last feature varies fastest.
-    """
-
-    side: Literal["ally", "opponent"]
-    features: dict[str, list[float]]
-    cells: list[NonNegativeInt]
-
-    @model_validator(mode="after")
-    def _check(self) -> TabularPolicy:
-        check_features(self.side, self.features)
-        if len(self.cells) != count_cells(self.features):
-            raise UserError(f"cells: expected {count_cells(self.features)}, got {len(self.cells)}")
-        return self
-
-
 def check_features(side: str, features: Mapping[str, Sequence[float]]) -> None:
-    """Raise UserError for features that a side does not observe, or for invalid edges."""
+    """Raise UserError for features that a side does not observe, or for invalid edges.
+
+    An ally's are ``distance_m``, ``snr_db``, ``spreading_s``, ``sensed_type`` (0 for none, 1 for the first
+    type and so on), ``covered`` (1 where the sensed jamming covers it), ``since_hit_s``, and ``hits`` in a
+    row. An opponent's are ``distance_m``, ``known_age_s``, ``next_check_s``, ``last_check`` (1 where it heard
+    the ally, -1 where not), ``own_type``, ``since_check_s``, and ``same_point``: how often in a row checks
+    have found the ally where the one before had found it.
+    """
     for name, edges in features.items():
         if name not in FEATURES[side]:
             known = ", ".join(FEATURES[side])
@@ -201,79 +176,6 @@ def table_choices(side: str, scenario: Scenario) -> TableChoices:
     return TableChoices(names, rows, drawn, column, choices.quantiles, choices.preferences)
 
 
-class TablePlayer(SeededPolicy):
-    """Player of tables with the same features; the batch is divided evenly among them, in their order.
-
-    Args:
-        side: the side that it plays.
-        features: see :class:`TabularPolicy`.
-        cells: ``(tables, cells)``, the choices of each.
-        scenario: the rules; they give the scales of observations and the choices.
-    """
-
-    def __init__(
-        self, side: str, features: Mapping[str, Sequence[float]], cells: np.ndarray, scenario: Scenario
-    ) -> None:
-        self.side, self.cells = side, cells
-        self._choices = table_choices(side, scenario)
-        if cells.max(initial=0) >= len(self._choices.names):
-            raise UserError(f"table: choice {cells.max()}, but the {side} has {len(self._choices.names)}")
-        self._edges = _thresholds(side, features, scenario)
-        self._box_m = np.array(scenario.box_m, np.float32)
-
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
-        count = len(seen)
-        if state is None:
-            memory, steps = np.zeros((count, _MEMORY_SIZES[self.side]), np.float32), np.zeros(count, np.int64)
-        else:
-            memory, steps = state
-        if starts is not None:
-            memory, steps = np.where(starts[:, None], np.float32(0), memory), np.where(starts, 0, steps)
-        memory = self._remember(seen, memory)
-        root = seen[:, RELATIVE_POSITION : RELATIVE_POSITION + 3]
-        away = root * np.abs(root) * self._box_m
-        x, y, z = (away * away).T
-        squares = x + y + z
-        cell = np.zeros(count, np.int64)
-        for column, edges in self._edges:
-            values = self._values(column, seen, squares, memory)
-            cell = cell * (len(edges) + 1) + np.searchsorted(edges, values, side="right")
-        chosen = self.cells[np.arange(count) * len(self.cells) // count, cell]
-        actions = self._choices.rows[chosen]
-        if self.side == "opponent":
-            actions[:, VELOCITY:] = away / np.maximum(np.sqrt(squares), np.float32(PURSUIT_M))[:, None]
-        drawn = self._choices.drawn[chosen]
-        points = np.searchsorted(
-            self._choices.quantiles, player_noise(self.keys(count), steps)[drawn, 0], side="right"
-        )
-        actions[drawn, self._choices.column] = self._choices.places[points]
-        return actions, (memory, steps + 1)
-
-    def _values(self, column: int, seen: np.ndarray, squares: np.ndarray, memory: np.ndarray) -> np.ndarray:
-        """Return the values of a column of the features."""
-        if column == _DISTANCE:
-            return squares
-        if column == _TYPE:
-            first = _FIRST_TYPE[self.side]
-            return seen[:, first : first + TYPES] @ np.arange(1, TYPES + 1, dtype=np.float32)
-        return seen[:, column] if column < OBSERVATION_SIZE else memory[:, column - _MEMORY]
-
-    def _remember(self, seen: np.ndarray, memory: np.ndarray) -> np.ndarray:
-        """Return the memory after an observation."""
-        zero = np.float32(0)
-        if self.side == "ally":
-            hit = seen[:, SENSED_COVERS] > 0
-            clock, run = np.where(hit, zero, memory[:, _CLOCK] + 1), np.where(hit, memory[:, _RUN] + 1, zero)
-            return np.stack([clock, run], axis=1)
-        clock = np.where(memory[:, _NEXT] < seen[:, NEXT_CHECK], zero, memory[:, _CLOCK] + 1)
-        known, found = seen[:, KNOWN_FREQUENCY], seen[:, KNOWN_AGE] <= 0
-        again = np.where(memory[:, _KNOWN] == known, memory[:, _RUN] + 1, zero)
-        run = np.where(found, again, memory[:, _RUN])
-        return np.stack([clock, run, seen[:, NEXT_CHECK], known], axis=1)
-
-
 def _thresholds(
     side: str, features: Mapping[str, Sequence[float]], scenario: Scenario
 ) -> list[tuple[int, np.ndarray]]:
@@ -290,13 +192,22 @@ def _thresholds(
     return found
 
 
-def table_onnx(table: TabularPolicy, scenario: Scenario) -> bytes:
+def table_onnx(
+    side: str,
+    features: Mapping[str, Sequence[float]],
+    scenario: Scenario,
+    cells: Sequence[int] | None = None,
+) -> bytes:
     """Return a table as ONNX, with the inputs and outputs of :class:`fpg_bench.players.agent.OnnxPlayer`.
 
-    Its steps are those of :class:`TablePlayer`, in the same order and in float32, so the actions are the same
-    bits.
+    Args:
+        side: the side that it plays.
+        features: see :func:`check_features`.
+        scenario: the rules; they give the scales of observations and the choices.
+        cells: the choice in each cell, an index into :func:`table_choices`, the last feature fastest; None:
+            they are an input ``numbers``.
     """
-    graph, choices, side = Graph(), table_choices(table.side, scenario), table.side
+    graph, choices = Graph(), table_choices(side, scenario)
     size = _MEMORY_SIZES[side]
 
     def seen(column: int) -> str:
@@ -332,8 +243,16 @@ def table_onnx(table: TabularPolicy, scenario: Scenario) -> bytes:
             return graph.add("MatMul", of, graph.constant(np.arange(1, TYPES + 1, dtype=np.float32)[:, None]))
         return seen(column) if column < OBSERVATION_SIZE else memory[column - _MEMORY]
 
-    bins = [(values(column), edges) for column, edges in _thresholds(side, table.features, scenario)]
-    chosen = graph.add("Gather", graph.constant(table.cells), cell_of(graph, bins), axis=0)
+    bins = [(values(column), edges) for column, edges in _thresholds(side, features, scenario)]
+    cell = cell_of(graph, bins)
+    if cells is None:
+        place = graph.add("Unsqueeze", cell, graph.constant([1]))
+        of_cell = graph.add("GatherElements", "numbers", place, axis=1)
+        every = graph.constant(np.arange(len(choices.names), dtype=np.float32))
+        is_chosen = choose(graph.add("Equal", of_cell, every), number(1), number(0))
+        chosen = graph.add("ArgMax", is_chosen, axis=1, keepdims=0)
+    else:
+        chosen = graph.add("Gather", graph.constant(list(cells)), cell, axis=0)
     parts = [
         graph.add("Gather", graph.constant(choices.rows), chosen, axis=0),
         drawn_point(graph, "noise", chosen, choices.drawn, choices.quantiles, choices.drawn_rows),
@@ -345,6 +264,8 @@ def table_onnx(table: TabularPolicy, scenario: Scenario) -> bytes:
     graph.add("Sum", *parts, to="action")
     graph.add("Concat", *memory, axis=1, to="next_state")
     inputs = [rows_of("observation", OBSERVATION_SIZE), rows_of("noise", 1), rows_of("state", size)]
+    if cells is None:
+        inputs.append(rows_of("numbers", count_cells(features)))
     return graph.to_bytes(inputs, [rows_of("action", ACTION_SIZE), rows_of("next_state", size)])
 
 
@@ -386,11 +307,6 @@ DEFAULT_FEATURES: Mapping[str, Mapping[str, Sequence[float]]] = {
 }
 FINAL_MATCHES = 300  # on evaluation seeds, after the choice
 REWARDS = ("zero_sum", "own")
-# The cross-entropy method: generations, tables and rounds of each, the share that is kept, and its weight.
-CROSS_ENTROPY, TABLES, TABLE_ROUNDS, ELITE, WEIGHT = 50, 128, 4, 16, 0.3
-# Local search: changed tables, and rounds of each; those that go on to a second test, and its rounds.
-MUTANTS, MUTANT_ROUNDS, FINALISTS, FINAL_ROUNDS, MOST_CHANGES = 48, 12, 4, 128, 3
-_STRIDE = MUTANT_ROUNDS + FINAL_ROUNDS  # seeds of a generation
 _logger = logging.getLogger(__name__)
 
 Kept = TypedDict("Kept", {"return": float, "low": float, "high": float})
@@ -406,24 +322,6 @@ class Settings(TypedDict):
     reward: str
     seed: int
     protocol: str
-
-
-class _Generation(Strict):
-    """A row of ``tabular.jsonl``.
-
-    Attributes:
-        generation: its number.
-        method: ``cross-entropy`` or ``local search``.
-        earned: what the kept tables earn per step, on average.
-        cells: the choices of each table that it keeps: the elite, or the best one.
-        seconds: CPU seconds.
-    """
-
-    generation: NonNegativeInt
-    method: Literal["cross-entropy", "local search"]
-    earned: float
-    cells: list[list[NonNegativeInt]]
-    seconds: float
 
 
 class TabularResponse(Settings):
@@ -462,7 +360,7 @@ def tabular_response(
         out: a folder for ``tabular.jsonl``, a row per generation; ``agent``, the best table as an agent; and
             ``tabular.json``, the settings and the result.
         budget: CPU seconds of the search, over all calls; the generation that it ends in is finished.
-        features: edges of each feature, see :class:`TabularPolicy`; None for those of ``DEFAULT_FEATURES``.
+        features: edges of each feature, see :func:`check_features`; None for those of ``DEFAULT_FEATURES``.
         seed: training seed of the search.
         reward: ``zero_sum``, to lower the player's return, or ``own``, to raise the table's; None for
             ``zero_sum`` against an ally and ``own`` against an opponent.
@@ -496,14 +394,14 @@ def tabular_response(
         command = None  # that verb has no options for these
     file = RowFile(folder / ROWS)
     with own_folder(folder, RESULT, "tabular search"):
-        rows = [parse(_Generation, row, f"rows {file.path}") for row in file.read()]
+        rows = [parse(Generation, row, f"rows {file.path}") for row in file.read()]
         if (folder / RESULT).exists():
             check_same(folder / RESULT, "a tabular search", about)
         else:
             write_json(folder / RESULT, about)
-        search = _TabularSearch(target, edges, reward, seed)
+        search = TableSearch(target, edges, reward, seed)
         for row in rows:
-            search.take(row)
+            search.take(row, ROWS)
         seconds = sum(row.seconds for row in rows)
         while seconds < budget:
             row, quarters = search.run(), 4 * seconds // budget
@@ -518,15 +416,14 @@ def tabular_response(
             "scenario": target.scenario.hash,
             "scenario_fields": target.scenario.to_dict(),
             "training_seed": seed,
-            "training_steps": search.steps,
+            "training_steps": search.rounds * target.scenario.steps_per_round,
             "seconds": round(seconds, 1),
             "recipe": {"features": edges, "cells": cells},
             "command": command,
             "versions": versions(),
             "revision": revision(),
         }
-        table = TabularPolicy(side=cast("Any", other), features=edges, cells=cells)
-        write_agent(folder / "agent", table_onnx(table, target.scenario), **about_agent)
+        write_agent(folder / "agent", table_onnx(other, edges, target.scenario, cells), **about_agent)
         returns = {name: measure(name, str(folder / "agent"), target) for name in seeds}
         result: TabularResponse = {
             **settings,
@@ -577,119 +474,15 @@ def measure(
     return {"return": round(kept.value, 4), "low": round(kept.low, 4), "high": round(kept.high, 4)}
 
 
-@dataclass
-class _TabularSearch:
-    """State of a search: a distribution over the choices of each cell, then the best table so far.
+class TableSearch(CategoricalSearch):
+    """Search over the cells of a table that responds to a player; see :func:`tabular_response`."""
 
-    Attributes:
-        target: the player that is answered.
-        features: edges of each feature.
-        reward: what is maximised.
-        seed: training seed.
-        generation: number of generations that are finished.
-        steps: number of steps that they have played.
-    """
-
-    target: ResponseTarget
-    features: dict[str, list[float]]
-    reward: str
-    seed: int
-    generation: int = 0
-    steps: int = 0
-    _best: np.ndarray | None = None
-    _shares: np.ndarray = field(init=False)
-
-    def __post_init__(self) -> None:
-        scenario = self.target.scenario
-        self._side = other_side(self.target.side)
-        self._player = as_player(self.target.agent, self.target.side, scenario)
-        self._first_seed = training_seed(self.seed)
-        choices = len(table_choices(self._side, scenario).names)
-        self._shares = np.full((count_cells(self.features), choices), 1 / choices)
-
-    @property
-    def best(self) -> np.ndarray:
-        """``(cells,)``, the best table so far: the likeliest one until the local search begins."""
-        return self._shares.argmax(axis=1) if self._best is None else self._best
-
-    def run(self) -> _Generation:
-        """Run the next generation; return its row."""
-        began = time.process_time()
-        rng = np.random.default_rng([self.seed, self.generation])
-        first = self._first_seed + self.generation * _STRIDE % (TRAINING_STRIDE - _STRIDE)
-        is_local = self.generation >= CROSS_ENTROPY
-        cells, earned = self._improve(rng, first) if is_local else self._draw(rng, first)
-        row = _Generation(
-            generation=self.generation,
-            method="local search" if is_local else "cross-entropy",
-            earned=round(earned, 4),
-            cells=cells.tolist(),
-            seconds=round(time.process_time() - began, 3),
-        )
-        self.take(row)
-        return row
-
-    def take(self, row: _Generation) -> None:
-        """Take the tables that the next generation keeps; raise UserError for a row of another search."""
-        count, choices = self._shares.shape
-        known = [set(map(len, row.cells)) == {count}, row.generation == self.generation]
-        if not all(known) or max(map(max, row.cells)) >= choices:
-            raise other_content(ROWS, f"generation {row.generation} of another search")
-        kept = np.array(row.cells)
-        if self.generation < CROSS_ENTROPY:
-            share = (kept[:, :, None] == np.arange(choices)).mean(axis=0)
-            self._shares = (1 - WEIGHT) * self._shares + WEIGHT * share
-            rounds = TABLES * TABLE_ROUNDS
-        else:
-            self._best = kept[0]
-            rounds = MUTANTS * MUTANT_ROUNDS + (1 + FINALISTS) * FINAL_ROUNDS
-        scenario = self.target.scenario
-        self.steps += rounds * scenario.steps_per_round * scenario.rounds_per_match
-        self.generation += 1
-
-    def _draw(self, rng: np.random.Generator, first_seed: int) -> tuple[np.ndarray, float]:
-        """Draw tables; return those that earn most, and what they earn."""
-        drawn = rng.random((TABLES, len(self._shares), 1))
-        cells = (drawn > self._shares.cumsum(axis=1)[:, :-1]).sum(axis=2)
-        earned = self._earned(cells, first_seed, TABLE_ROUNDS).mean(axis=1)
-        elite = np.argsort(-earned, kind="stable")[:ELITE]
-        return cells[elite], float(earned[elite].mean())
-
-    def _improve(self, rng: np.random.Generator, first_seed: int) -> tuple[np.ndarray, float]:
-        """Change the best table in a few cells; return the best one after two tests, and what it earns.
-
-        A changed table replaces the best one if it earns more by over a standard error, on seeds on which it
-        was not chosen.
-        """
-        best, choices = self.best, self._shares.shape[1]
-        changed = np.tile(best, (MUTANTS, 1))
-        for row in changed:
-            count = min(int(rng.integers(1, MOST_CHANGES + 1)), len(row))
-            at = rng.choice(len(row), count, replace=False)
-            row[at] = (row[at] + rng.integers(1, choices, count)) % choices
-        earned = self._earned(changed, first_seed, MUTANT_ROUNDS).mean(axis=1)
-        finalists = changed[np.argsort(-earned, kind="stable")[:FINALISTS]]
-        tables = np.concatenate([best[None], finalists])
-        tested = self._earned(tables, first_seed + MUTANT_ROUNDS, FINAL_ROUNDS)
-        gains = tested[1:] - tested[0]
-        k = int(gains.mean(axis=1).argmax())
-        is_better = gains[k].mean() > gains[k].std() / math.sqrt(FINAL_ROUNDS)
-        chosen = k + 1 if is_better else 0
-        return tables[chosen][None], float(tested[chosen].mean())
-
-    def _earned(self, cells: np.ndarray, first_seed: int, matches: int) -> np.ndarray:
-        """Return ``(tables, matches)``, what each table earns per step, all on the same seeds."""
-        scenario, count = self.target.scenario, len(cells)
-        table = TablePlayer(self._side, self.features, cells, scenario)
-        players = {self.target.side: self._player, self._side: table}
-        match = make_match(
-            TwoPlayerBatch(scenario, count * matches, threads=1), players["ally"], players["opponent"]
-        )
-        seeds = np.tile(np.arange(first_seed, first_seed + matches), count)
-        sign, whose = (-1.0, self.target.side) if self.reward == "zero_sum" else (1.0, self._side)
-        earned = np.zeros(count * matches)
-        for number in range(scenario.rounds_per_match):
-            play_round(match, seeds=None if number else seeds)
-            tallies = match.duel.batch.tallies
-            earned += sign * tallies[f"{whose}_return"] / tallies["steps"]
-        return earned.reshape(count, matches) / scenario.rounds_per_match
+    def __init__(
+        self, target: ResponseTarget, features: Mapping[str, Sequence[float]], reward: str, seed: int
+    ) -> None:
+        side, scenario = other_side(target.side), target.scenario
+        model = table_onnx(side, features, scenario)
+        player = as_player(target.agent, target.side, scenario)
+        play = earnings(lambda cells: Candidates(model, cells), side, [player], scenario, reward)
+        choices = len(table_choices(side, scenario).names)
+        super().__init__([choices] * count_cells(features), play, seed=seed)

@@ -112,7 +112,6 @@ def test_a_rule_is_the_one_that_its_numbers_say_and_its_export_plays_the_same_bi
     values = rule_values(side, options, scenario)
     batch = TwoPlayerBatch(scenario, count, threads=1)
     exported = [OnnxPlayer(rule_graph(side, scenario, numbers)) for numbers in values[:3]]
-    assert all(player.row_wise for player in exported)
     players = [Candidates(rule_graph(side, scenario), values), *exported]
     runners = [PolicyRunner(side, [player], batch.batch) for player in players]
     runners.append(

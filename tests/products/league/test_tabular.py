@@ -14,19 +14,17 @@ from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.rows import RowFile
-from fpg_bench.common.schema import parse
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import as_scenario, preset
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
+from fpg_bench.products.league import categorical, tabular
 from fpg_bench.products.league import portfolio as mixing
-from fpg_bench.products.league import tabular
+from fpg_bench.products.league.candidates import Candidates
 from fpg_bench.products.league.portfolio import portfolio
 from fpg_bench.products.league.tabular import (
     FEATURES,
-    TablePlayer,
-    TabularPolicy,
     count_cells,
     table_choices,
     table_onnx,
@@ -58,8 +56,9 @@ EDGES = {
 @pytest.fixture
 def local(monkeypatch):
     """The local search begins early, and plays few rounds."""
-    for name, value in (("CROSS_ENTROPY", 3), ("MUTANTS", 8), ("FINAL_ROUNDS", 16), ("FINAL_MATCHES", 20)):
-        monkeypatch.setattr(tabular, name, value)
+    for name, value in (("CROSS_ENTROPY", 3), ("MUTANTS", 8), ("FINAL_ROUNDS", 16)):
+        monkeypatch.setattr(categorical, name, value)
+    monkeypatch.setattr(tabular, "FINAL_MATCHES", 20)
 
 
 def kept_rows(folder):
@@ -73,12 +72,10 @@ def test_an_exported_table_plays_as_the_table_to_the_bit(side, name):
     features = {name: list(map(float, EDGES[name])) for name in FEATURES[side]}
     choices = len(table_choices(side, scenario).names)
     cells = np.random.default_rng(0).integers(0, choices, count_cells(features))
-    exported = OnnxPlayer(
-        table_onnx(TabularPolicy(side=side, features=features, cells=cells.tolist()), scenario)
-    )
+    exported = OnnxPlayer(table_onnx(side, features, scenario, cells.tolist()))
     batch = TwoPlayerBatch(scenario, 16, threads=1)
     rival = as_player("hunter" if side == "ally" else "clock", other_side(side), scenario)
-    table = TablePlayer(side, features, cells[None], scenario)
+    table = Candidates(table_onnx(side, features, scenario), cells[None])
     runners = [PolicyRunner(side, [player], batch.batch) for player in (table, exported)]
     runners.append(PolicyRunner(other_side(side), [rival], batch.batch))
     for _ in range(2):
@@ -165,17 +162,6 @@ def test_invalid_settings_are_refused_and_leave_nothing(options, message, tmp_pa
     with pytest.raises(UserError, match=message):
         tabular_response("idle", tmp_path / "out", side="ally", **options)
     assert not (tmp_path / "out").exists()
-
-
-def test_a_table_is_validated():
-    with pytest.raises(UserError, match="cells: expected 3, got 2"):
-        parse(
-            TabularPolicy,
-            {"side": "opponent", "features": {"known_age_s": [1.0, 3.0]}, "cells": [0, 1]},
-            "table",
-        )
-    with pytest.raises(UserError, match="choice 8, but the opponent has 8"):
-        TablePlayer("opponent", FEW, np.array([[0, 8, 1]]), preset("standard"))
 
 
 @pytest.mark.slow
