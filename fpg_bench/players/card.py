@@ -161,8 +161,8 @@ class AgentCard(Strict):
 
     @property
     def is_search(self) -> bool:
-        """True for a table found by search, which is no sample of a trainable algorithm."""
-        return self.algorithm == "tabular"
+        """True for a table or rule found by search, which is no sample of a trainable algorithm."""
+        return self.algorithm in ("tabular", "rule")
 
     def write(self, folder: Path, model: bytes | None = None) -> None:
         """Write ``agent.json``, after ``policy.onnx`` if its bytes are given."""

@@ -228,7 +228,7 @@ def test_a_stopped_search_goes_on_and_its_agent_says_the_rule(short, tmp_path):
     assert kept[0][:shared] == kept[1][:shared]
     assert result["generations"] == len(file.read())
     card = load_agent(part / "agent", "opponent").card
-    assert card.algorithm == "rule"
+    assert (card.algorithm, card.is_search) == ("rule", True)
     assert card.recipe == {"rule": result["rule"], "words": result["words"]}
     assert card.command.startswith("fpg-bench rule-search --side opponent --against expert")
     with pytest.raises(UserError, match="another seed"):
