@@ -29,7 +29,11 @@ GONE = {  # stages whose script is gone, the revision that has it, and where
     "language-model": "cb2b58f:scripts/measure_language_model.py",
     "responses": "0b5a5ad1:scripts/train_best_responses.py",
 }
-WRITTEN = (  # by hand, among them
+WRITTEN = (  # by hand, among them, or drawn once
+    *(
+        f"docs/pictures/{name}.svg"
+        for name in ("clones", "crossplay", "detection", "seasons", "system", "waterfall")
+    ),
     "leaderboard/submissions/planner/*/submission.yaml",
     "leaderboard/submissions/ally/plain-torch/submission.yaml",
 )

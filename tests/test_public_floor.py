@@ -23,7 +23,7 @@ BESIDE = {
     "language_models": ("training.run_folder"),
     "leaderboard": (
         "common.differences common.documentation common.folders evaluation.hops evaluation.payoffs "
-        "evaluation.run_description game.flight players.onnx_file training.rl_zoo3_format "
+        "evaluation.run_description players.onnx_file training.rl_zoo3_format "
         "training.run_folder"
     ),
     "league": (
