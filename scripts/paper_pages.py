@@ -20,12 +20,12 @@ from fpg_bench.common.canvas import COLOURS, PAGE, Style, blank_figure, styled, 
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
 from fpg_bench.evaluation.table import markdown_table
-from fpg_bench.products.paper.claims import compare
-from fpg_bench.products.paper.experiment import BUDGETS
-from fpg_bench.products.paper.figures import FIGURES
-from fpg_bench.products.paper.report import CAPTIONS, fifths_table, levels_csv, tests_table
-from fpg_bench.products.paper.report import content as report_content
-from fpg_bench.products.paper.runs import RunFile, Runs, read_results
+from fpg_bench.products.papers.yang_2026.claims import compare
+from fpg_bench.products.papers.yang_2026.experiment import BUDGETS
+from fpg_bench.products.papers.yang_2026.figures import FIGURES
+from fpg_bench.products.papers.yang_2026.report import CAPTIONS, fifths_table, levels_csv, tests_table
+from fpg_bench.products.papers.yang_2026.report import content as report_content
+from fpg_bench.products.papers.yang_2026.runs import RunFile, Runs, read_results
 
 ROOT = Path(__file__).parents[1]
 RUNS = ROOT / "results/reproduction"

@@ -27,7 +27,7 @@ HEAVY = (
     "fpg_bench.cli.main",
     "fpg_bench.products.planning.compare",
     "fpg_bench.products.leaderboard.verification",
-    "fpg_bench.products.paper.experiment",
+    "fpg_bench.products.papers.yang_2026.experiment",
     "fpg_bench.products.league.best_responses",
     "cmaes",
     "matplotlib.pyplot",

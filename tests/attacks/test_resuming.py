@@ -22,8 +22,8 @@ from fpg_bench.cli import main as cli
 from fpg_bench.common.ids import policy_env
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.season import candidates, recipes
-from fpg_bench.products.paper import reproduce
-from fpg_bench.products.paper.experiment import Budget
+from fpg_bench.products.papers.yang_2026 import reproduce
+from fpg_bench.products.papers.yang_2026.experiment import Budget
 from fpg_bench.training import callbacks
 from tests.attacks import SCALE, SEED
 from tests.policies import write_seed

@@ -87,7 +87,7 @@ def reproduce(
         raise UserError(f"unknown paper {name!r}{nearest(name, PAPERS)}")
     require_extra("train", "torch", "stable_baselines3", "matplotlib", "jinja2", "markdown_it")
     if name == YANG:
-        from fpg_bench.products.paper.reproduce import reproduce as reproduce_yang
+        from fpg_bench.products.papers.yang_2026.reproduce import reproduce as reproduce_yang
 
         written = reproduce_yang(
             target,

@@ -16,7 +16,6 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.players.agent import OnnxPlayer
-from fpg_bench.products.paper import experiment as yang
 from fpg_bench.products.papers import ali_2023, firouzbakht_2013, liu_2018, verbs
 from fpg_bench.products.papers.firouzbakht_2013 import RateGame
 from fpg_bench.products.papers.learners import (
@@ -42,6 +41,7 @@ from fpg_bench.products.papers.reproduction import (
     verdict_of,
 )
 from fpg_bench.products.papers.verbs import reproduce as reproduce_verb
+from fpg_bench.products.papers.yang_2026 import experiment as yang
 from fpg_bench.training.export import export_onnx
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model

@@ -12,11 +12,11 @@ import pytest
 from paper_pages import REPORTS, VARIANTS, all_runs, results_of, variants, write_pages
 
 from fpg_bench.game.scenario import as_scenario
-from fpg_bench.products.paper.claims import CLAIMS, LEVEL, compare, verdict
-from fpg_bench.products.paper.conditions import ALL, conditions_of
-from fpg_bench.products.paper.experiment import BUDGETS
-from fpg_bench.products.paper.figures import FIGURES
-from fpg_bench.products.paper.runs import RunFile, read_results
+from fpg_bench.products.papers.yang_2026.claims import CLAIMS, LEVEL, compare, verdict
+from fpg_bench.products.papers.yang_2026.conditions import ALL, conditions_of
+from fpg_bench.products.papers.yang_2026.experiment import BUDGETS
+from fpg_bench.products.papers.yang_2026.figures import FIGURES
+from fpg_bench.products.papers.yang_2026.runs import RunFile, read_results
 
 COMMITTED = Path(__file__).parents[3] / "docs/results/paper"
 RUNS = Path(__file__).parents[3] / "results/reproduction"

@@ -18,10 +18,18 @@ from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.products.paper.claims import CLAIMS, HOLDS, NOT_RUN, Comparison, PairedTest, compare, verdict
-from fpg_bench.products.paper.conditions import BASE, LLM, LONG, conditions_of, sensitivity
-from fpg_bench.products.paper.experiment import ALGORITHM, BUDGETS, Budget, hyperparameters
-from fpg_bench.products.paper.runs import FIFTH, FINAL, STAGES, WINDOWS, Runs
+from fpg_bench.products.papers.yang_2026.claims import (
+    CLAIMS,
+    HOLDS,
+    NOT_RUN,
+    Comparison,
+    PairedTest,
+    compare,
+    verdict,
+)
+from fpg_bench.products.papers.yang_2026.conditions import BASE, LLM, LONG, conditions_of, sensitivity
+from fpg_bench.products.papers.yang_2026.experiment import ALGORITHM, BUDGETS, Budget, hyperparameters
+from fpg_bench.products.papers.yang_2026.runs import FIFTH, FINAL, STAGES, WINDOWS, Runs
 from fpg_bench.training.algorithms import find_algorithm
 
 Lines = list[list[str]]  # of a table; the first holds the headings

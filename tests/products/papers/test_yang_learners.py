@@ -11,7 +11,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.products.maddpg import MADDPG
 from fpg_bench.products.maddpg.maddpg import JointTransitions
-from fpg_bench.products.paper.experiment import check_learner
+from fpg_bench.products.papers.yang_2026.experiment import check_learner
 
 STEPS, UPDATES = 240, 100
 NETWORKS = ("actors", "critics", "actor_targets", "critic_targets")

@@ -7,15 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import fpg_bench.products.paper.reproduce as reproducing
+import fpg_bench.products.papers.yang_2026.reproduce as reproducing
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import PAPER
-from fpg_bench.products.paper.claims import compare
-from fpg_bench.products.paper.conditions import ALL, BASE, FIXED_PATHS, TARGETS, conditions_of, sensitivity
-from fpg_bench.products.paper.experiment import BUDGETS, Budget, Recorded, run_experiment
-from fpg_bench.products.paper.report import tables, write_report
-from fpg_bench.products.paper.reproduce import reproduce
-from fpg_bench.products.paper.runs import FINAL, STAGES, WINDOWS, RunFile, windows_of
+from fpg_bench.products.papers.yang_2026.claims import compare
+from fpg_bench.products.papers.yang_2026.conditions import (
+    ALL,
+    BASE,
+    FIXED_PATHS,
+    TARGETS,
+    conditions_of,
+    sensitivity,
+)
+from fpg_bench.products.papers.yang_2026.experiment import BUDGETS, Budget, Recorded, run_experiment
+from fpg_bench.products.papers.yang_2026.report import tables, write_report
+from fpg_bench.products.papers.yang_2026.reproduce import reproduce
+from fpg_bench.products.papers.yang_2026.runs import FINAL, STAGES, WINDOWS, RunFile, windows_of
 from tests.logged import logged
 
 # Enough for a round in each of the forty windows, and for some updates.

@@ -11,11 +11,25 @@ from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
-from fpg_bench.products.paper.conditions import ALL, LLM, LONG, SHORT_SEEDS, TABLES, Condition, conditions_of
-from fpg_bench.products.paper.experiment import BUDGETS, LEARNERS, Budget, check_learner, run_experiment
-from fpg_bench.products.paper.figures import draw
-from fpg_bench.products.paper.report import write_report
-from fpg_bench.products.paper.runs import RunFile, read_results
+from fpg_bench.products.papers.yang_2026.conditions import (
+    ALL,
+    LLM,
+    LONG,
+    SHORT_SEEDS,
+    TABLES,
+    Condition,
+    conditions_of,
+)
+from fpg_bench.products.papers.yang_2026.experiment import (
+    BUDGETS,
+    LEARNERS,
+    Budget,
+    check_learner,
+    run_experiment,
+)
+from fpg_bench.products.papers.yang_2026.figures import draw
+from fpg_bench.products.papers.yang_2026.report import write_report
+from fpg_bench.products.papers.yang_2026.runs import RunFile, read_results
 
 
 def reproduce(

@@ -2,8 +2,14 @@
 
 import numpy as np
 
-from fpg_bench.products.paper.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
-from fpg_bench.products.paper.runs import COLUMNS, FINAL, WINDOWS, PaperRun, RunAbout, Runs
+from fpg_bench.products.papers.yang_2026.conditions import (
+    BASE,
+    FIXED_PATHS,
+    NO_KNOWLEDGE,
+    NO_PLANNER,
+    swapped,
+)
+from fpg_bench.products.papers.yang_2026.runs import COLUMNS, FINAL, WINDOWS, PaperRun, RunAbout, Runs
 
 SEEDS = range(10)
 LEVELS = dict.fromkeys(FIXED_PATHS, 5.0) | {"tone": 3.0, "narrowband": 6.0, "comb": 5.0, "broadband": 9.0}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fpg_bench.products.paper.claims import holm, paired_test, sign_flip_p
+from fpg_bench.products.papers.yang_2026.claims import holm, paired_test, sign_flip_p
 
 
 def test_p_is_minimal_if_all_pairs_agree():

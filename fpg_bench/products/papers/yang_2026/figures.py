@@ -21,8 +21,15 @@ from fpg_bench.common.canvas import (
 )
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
-from fpg_bench.products.paper.conditions import BASE, FIXED_PATHS, LLM, NO_KNOWLEDGE, NO_PLANNER, PLANNERS
-from fpg_bench.products.paper.runs import FIFTH, STAGES, WINDOWS, Runs
+from fpg_bench.products.papers.yang_2026.conditions import (
+    BASE,
+    FIXED_PATHS,
+    LLM,
+    NO_KNOWLEDGE,
+    NO_PLANNER,
+    PLANNERS,
+)
+from fpg_bench.products.papers.yang_2026.runs import FIFTH, STAGES, WINDOWS, Runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

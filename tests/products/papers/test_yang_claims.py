@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.products.paper.claims import CLAIMS, Comparison, PairedTest, compare, holm, verdict
-from fpg_bench.products.paper.conditions import BASE
-from fpg_bench.products.paper.experiment import BUDGETS
-from fpg_bench.products.paper.report import write_report
-from tests.products.paper.made_up import LEVELS, results
+from fpg_bench.products.papers.yang_2026.claims import CLAIMS, Comparison, PairedTest, compare, holm, verdict
+from fpg_bench.products.papers.yang_2026.conditions import BASE
+from fpg_bench.products.papers.yang_2026.experiment import BUDGETS
+from fpg_bench.products.papers.yang_2026.report import write_report
+from tests.products.papers.made_up import LEVELS, results
 
 
 def by_claim(runs):

@@ -11,8 +11,14 @@ import numpy as np
 
 from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.products.paper.conditions import BASE, FIXED_PATHS, NO_KNOWLEDGE, NO_PLANNER, swapped
-from fpg_bench.products.paper.runs import STAGES, Runs
+from fpg_bench.products.papers.yang_2026.conditions import (
+    BASE,
+    FIXED_PATHS,
+    NO_KNOWLEDGE,
+    NO_PLANNER,
+    swapped,
+)
+from fpg_bench.products.papers.yang_2026.runs import STAGES, Runs
 
 MOST_PAIRS = 16  # 2^16 patterns of signs
 
