@@ -22,7 +22,7 @@ from fpg_bench.cli import main as cli
 from fpg_bench.common.ids import policy_env
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.season import candidates, recipes
-from fpg_bench.products.papers.yang_2026 import reproduce
+from fpg_bench.products.papers.yang_2026 import study
 from fpg_bench.products.papers.yang_2026.experiment import Budget
 from fpg_bench.training import callbacks
 from tests.attacks import SCALE, SEED
@@ -111,7 +111,7 @@ def _verb(words: list[str]) -> None:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
     os.dup2(null, 2)
-    reproduce.BUDGETS = {**reproduce.BUDGETS, "quick": TINY}
+    study.BUDGETS = {**study.BUDGETS, "quick": TINY}
     callbacks.SAVE_EVERY_S = math.inf  # a run that goes on from a step on its way plays other matches
     sys.argv = ["fpg-bench", *words]
     cli.main()

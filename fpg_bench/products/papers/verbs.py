@@ -86,21 +86,13 @@ def reproduce(
     if name not in PAPERS:
         raise UserError(f"unknown paper {name!r}{nearest(name, PAPERS)}")
     require_extra("train", "torch", "stable_baselines3", "matplotlib", "jinja2", "markdown_it")
-    if name == YANG:
-        from fpg_bench.products.papers.yang_2026.reproduce import reproduce as reproduce_yang
+    from fpg_bench.products.papers.reproduce import GameStudy, Study
+    from fpg_bench.products.papers.reproduce import reproduce as run_study
 
-        written = reproduce_yang(
-            target,
-            out,
-            scenario=scenario,
-            n_seeds=n_seeds,
-            first_seed=first_seed,
-            budget=budget,
-            workers=workers,
-            llm=llm,
-            transcript=transcript,
-            learner=learner,
-        )
+    if name == YANG:
+        from fpg_bench.products.papers.yang_2026.study import DuelStudy
+
+        study: Study = DuelStudy(target, scenario, learner, llm, transcript)
     else:
         given = {
             f"target {target!r}": target != "all",
@@ -111,11 +103,7 @@ def reproduce(
         }
         if lacking := next((option for option, is_given in given.items() if is_given), None):
             raise UserError(f"{name} has no {lacking}; omit it, or name {YANG}")
-        from fpg_bench.products.papers.reproduce import reproduce as reproduce_paper
-
-        paper = import_module(f"fpg_bench.products.papers.{name.replace('-', '_')}").PAPER
-        written = reproduce_paper(
-            paper, out, budget=budget, n_seeds=n_seeds, first_seed=first_seed, workers=workers
-        )
+        study = GameStudy(import_module(f"fpg_bench.products.papers.{name.replace('-', '_')}").PAPER)
+    written = run_study(study, out, budget=budget, n_seeds=n_seeds, first_seed=first_seed, workers=workers)
     for path in written:
         print_line(f"written: {path}")

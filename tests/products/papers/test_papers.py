@@ -26,7 +26,7 @@ from fpg_bench.products.papers.learners import (
     q_learning,
 )
 from fpg_bench.products.papers.page import write_page
-from fpg_bench.products.papers.reproduce import BUDGETS, reproduce
+from fpg_bench.products.papers.reproduce import BUDGETS, GameStudy, read_rows, reproduce
 from fpg_bench.products.papers.reproduction import (
     FAILS,
     HOLDS,
@@ -415,10 +415,10 @@ def test_rows_are_kept_and_only_missing_ones_are_run(tmp_path):
         played.append((player, seed))
         return {"m": 0.8 + 0.001 * seed if player == "a" else 0.2, "n": share}
 
-    rows, page, figure = reproduce(small(play), tmp_path, n_seeds=2)
+    rows, page, figure = reproduce(GameStudy(small(play)), tmp_path, n_seeds=2)
     assert played == [("a", 0), ("b", 0), ("a", 1), ("b", 1)]
     rows.write_bytes(rows.read_bytes()[:-20])  # as if it was stopped while it wrote
-    reproduce(small(play), tmp_path, n_seeds=3)
+    reproduce(GameStudy(small(play)), tmp_path, n_seeds=3)
     assert played[4:] == [("b", 1), ("a", 2), ("b", 2)]
     text = page.read_text()
     assert "| a | 0.801 ± 0.002 | 0.500 |" in text
@@ -437,7 +437,7 @@ def test_a_failed_run_is_named_and_the_others_are_kept(tmp_path):
         return {"m": 1.0, "n": 0.0}
 
     with pytest.raises(UserError, match="small b c seed 0"):
-        reproduce(small(play), tmp_path, n_seeds=1)
+        reproduce(GameStudy(small(play)), tmp_path, n_seeds=1)
     assert [row["player"] for row in RowFile(tmp_path / "small-quick.jsonl").read()] == ["a"]
 
 
@@ -458,10 +458,7 @@ def test_the_help_names_the_budgets_and_no_other():
 @pytest.mark.parametrize("paper", PAPERS, ids=NAMES)
 def test_committed_pages_follow_from_committed_rows(paper, tmp_path):
     name = f"{paper.facts.name}-full"
-    rows = {
-        (row["player"], row["condition"], row["seed"]): row
-        for row in RowFile(COMMITTED / f"{name}.jsonl").read()
-    }
+    rows = read_rows(COMMITTED / f"{name}.jsonl")
     seeds = {seed for *_, seed in rows}
     assert len(rows) == len(paper.players) * len(paper.conditions) * len(seeds)
     assert len(seeds) >= 5

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import fpg_bench.products.papers.yang_2026.reproduce as reproducing
+import fpg_bench.products.papers.yang_2026.study as studying
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import PAPER
+from fpg_bench.products.papers.reproduce import reproduce
 from fpg_bench.products.papers.yang_2026.claims import compare
 from fpg_bench.products.papers.yang_2026.conditions import (
     ALL,
@@ -21,12 +22,20 @@ from fpg_bench.products.papers.yang_2026.conditions import (
 )
 from fpg_bench.products.papers.yang_2026.experiment import BUDGETS, Budget, Recorded, run_experiment
 from fpg_bench.products.papers.yang_2026.report import tables, write_report
-from fpg_bench.products.papers.yang_2026.reproduce import reproduce
 from fpg_bench.products.papers.yang_2026.runs import FINAL, STAGES, WINDOWS, RunFile, windows_of
+from fpg_bench.products.papers.yang_2026.study import DuelStudy
 from tests.logged import logged
 
 # Enough for a round in each of the forty windows, and for some updates.
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def tiny():
+    """Adds the budget for this module."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(studying, "BUDGETS", {**BUDGETS, "tiny": TINY})
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +43,7 @@ def made(tmp_path_factory):
     """Reproduce Fig. 7; yields the folder, the written files and the messages."""
     out = tmp_path_factory.mktemp("reproduced")
     with logged() as messages:
-        written = reproduce("fig7", out, budget=TINY, workers=1)
+        written = reproduce(DuelStudy("fig7"), out, budget="tiny")
     return out, written, messages
 
 
@@ -62,14 +71,15 @@ def test_runs_become_rows_figures_and_a_report(made):
 @pytest.mark.slow
 def test_swapped_paths_are_reported_but_not_counted_as_runs(monkeypatch, tmp_path):
     seen = []
-    monkeypatch.setattr(reproducing, "write_report", lambda results, *_: seen.append(results) or [])
-    monkeypatch.setattr(reproducing, "draw", lambda *_: {})
+    monkeypatch.setattr(studying, "write_report", lambda results, *_: seen.append(results) or [])
+    monkeypatch.setattr(studying, "draw", lambda *_: {})
     budget = replace(TINY, steps=2_000)
     (short,) = [
         replace(each, changes={"rounds_per_match": 4}) for each in conditions_of("fig4", "paper", False)
     ]
-    monkeypatch.setattr(reproducing, "_conditions", lambda *_: [short])
-    reproduce("fig4", tmp_path, budget=budget, n_seeds=2, workers=1)
+    monkeypatch.setattr(DuelStudy, "conditions", lambda *_: [short])
+    monkeypatch.setitem(studying.BUDGETS, "tiny", budget)
+    reproduce(DuelStudy("fig4"), tmp_path, budget="tiny", n_seeds=2)
     frozen = [each for each in compare(seen[0]) if each.claim == "D1 frozen"]
     assert [each.statement.split()[4] for each in frozen] == [f"{path}," for path in FIXED_PATHS]
     report, *_ = write_report(seen[0], "paper", budget, [], tmp_path, "made so")
@@ -102,16 +112,16 @@ def test_a_stored_run_has_a_description_and_rows(made):
 def test_finished_runs_are_not_repeated_and_those_of_another_scenario_not_continued(
     made, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(reproducing, "draw", lambda *_: {})
+    monkeypatch.setattr(studying, "draw", lambda *_: {})
     out, _, first = made
     assert sum(": done" in line for line in first) == 3
     with logged() as messages:
-        reproduce("fig5", out, budget=TINY, workers=1)
+        reproduce(DuelStudy("fig5"), out, budget="tiny")
     assert messages == []
     other = RunFile(tmp_path, "standard", "tiny")
     other.add(RunFile(out, "paper", "tiny").read().values())
     with pytest.raises(UserError, match="planned, seed 0, played another game than standard is now"):
-        reproduce("fig4", tmp_path, scenario="standard", budget=TINY, n_seeds=1, workers=1)
+        reproduce(DuelStudy("fig4", "standard"), tmp_path, budget="tiny")
 
 
 @pytest.mark.full
@@ -201,18 +211,18 @@ def test_tables_show_the_values_in_use():
 
 
 def test_unknown_names_are_refused_before_anything_is_written(tmp_path):
-    for target, options, message in (
-        ("fig8", {}, "did you mean 'fig"),
-        ("fig3", {"scenario": "papr"}, "expected one of paper, standard, figures"),
-        ("fig3", {"budget": "ful"}, "full"),
+    for study, budget, message in (
+        (("fig8",), "quick", "did you mean 'fig"),
+        (("fig3", "papr"), "quick", "expected one of paper, standard, figures"),
+        (("fig3",), "ful", "full"),
     ):
         with pytest.raises(UserError, match=message):
-            reproduce(target, tmp_path / "out", **options)
+            reproduce(DuelStudy(*study), tmp_path / "out", budget=budget)
     assert not (tmp_path / "out").exists()
 
 
 def test_tables_are_written_without_runs(tmp_path):
-    reproduce("tables", tmp_path)
+    reproduce(DuelStudy("tables"), tmp_path)
     headings = re.findall("^## (.+?)(?::.*)?$", (tmp_path / "report-paper.md").read_text(), re.MULTILINE)
     assert headings == ["Table 1", "Table 2", "Table 3", "How it was made"]
 
@@ -222,5 +232,5 @@ def test_tables_are_written_without_runs(tmp_path):
 def test_tables_are_added_to_a_report_on_runs_where_they_are_asked_for(made):
     out, *_ = made
     for target, expected in (("tables", ["1", "2", "3"]), ("fig7", [])):
-        reproduce(target, out, budget=TINY, workers=1)
+        reproduce(DuelStudy(target), out, budget="tiny")
         assert re.findall("^## Table (\\d)", (out / "report-paper.md").read_text(), re.MULTILINE) == expected

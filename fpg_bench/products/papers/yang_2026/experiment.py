@@ -6,7 +6,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -26,11 +25,11 @@ from fpg_bench.game.actions import KNOWLEDGE_GATE
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.language_models.training import training_planner
+from fpg_bench.products.papers.reproduce import versions
 from fpg_bench.products.papers.yang_2026.conditions import Condition, swapped
 from fpg_bench.products.papers.yang_2026.runs import FINAL, PaperRun, RunAbout, window_row, windows_of
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
 from fpg_bench.training.models import make_model
-from fpg_bench.version import __version__
 
 LEARNERS = ("torch", "jax")
 
@@ -152,7 +151,6 @@ def run_experiment(
     check_learner(learner)
     torch.set_num_threads(1)
     libraries = ("torch", "numpy", *(["jax"] if learner == "jax" else []))
-    versions = [f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in libraries)]
     scenario, steps = condition.scenario(preset), condition.budgets * budget.steps
     replays = condition.planner == "llm" and transcript is not None
     planner = training_planner(condition.planner, folder, {"transcript": transcript} if replays else {})
@@ -171,7 +169,7 @@ def run_experiment(
     final = play_deterministic(model, make_games())
     about = RunAbout(
         scenario=f"{preset}, {scenario.hash}",
-        versions=", ".join(versions),
+        versions=versions(*libraries),
         seconds=round(time.monotonic() - start),
         budget=f"{budget.name}, {steps} steps, {model.n_updates} updates",
     )
