@@ -13,18 +13,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
 from fpg_bench.common.canvas import COLOURS, PAGE, Style, blank_figure, styled, write_figure
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
-from fpg_bench.evaluation.table import markdown_table
+from fpg_bench.products.papers.page import render
 from fpg_bench.products.papers.yang_2026.claims import compare
 from fpg_bench.products.papers.yang_2026.experiment import BUDGETS
+from fpg_bench.products.papers.yang_2026.facts import FACTS
 from fpg_bench.products.papers.yang_2026.figures import FIGURES
-from fpg_bench.products.papers.yang_2026.report import CAPTIONS, fifths_table, levels_csv, tests_table
 from fpg_bench.products.papers.yang_2026.report import content as report_content
+from fpg_bench.products.papers.yang_2026.report import fifths_table, levels_csv, tests_table
 from fpg_bench.products.papers.yang_2026.runs import RunFile, Runs, read_results
 
 ROOT = Path(__file__).parents[1]
@@ -140,11 +140,10 @@ def figures_page(parts: dict[str, dict[str, Any]]) -> str:
                 f"{part['minutes']:.0f}",
             ]
         )
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
-    environment.filters["table"] = markdown_table
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+    return render(
+        TEMPLATE,
         presets=list(parts),
-        captions=CAPTIONS,
+        captions=FACTS.figures,
         overlap=overlap,
         spreads=", ".join(f"{part['spread']} ({preset})" for preset, part in parts.items()),
         made=made,

@@ -205,10 +205,6 @@ _SOLVED, _EVEN, _ONE = RULES
 _LIMITED = (LOW, MIDDLE, HIGH)
 
 
-def _values(results: PaperResults, player: str, condition: str, measure: str) -> np.ndarray:
-    return np.array([*results.values(player, condition, measure).values()])
-
-
 def _threshold(results: PaperResults) -> Mapping[str, np.ndarray]:
     above = results.difference("guarantee", (_SOLVED, HIGH), (_SOLVED, FULL))
     below = results.difference("guarantee", (_SOLVED, MIDDLE), (_SOLVED, FULL))
@@ -239,7 +235,7 @@ PAPER = Paper(
             "The value of the game at equilibrium has a closed form: neither side gains by leaving it",
             "abstract",
             lambda results: {
-                f"{name}, within {_SAME}": _SAME - _values(results, _SOLVED, name, _EXPLOITABILITY[1.0])
+                f"{name}, within {_SAME}": _SAME - results.values(_SOLVED, name, _EXPLOITABILITY[1.0])
                 for name in CONDITIONS
             },
         ),
@@ -257,7 +253,7 @@ PAPER = Paper(
             f"Self-play learns the equilibrium: exploitability below {100 * _LEARNED:g} % of the value",
             "not asked in the paper",
             lambda results: {
-                f"{player}, {name}": _LEARNED - _values(results, player, name, _EXPLOITABILITY[1.0])
+                f"{player}, {name}": _LEARNED - results.values(player, name, _EXPLOITABILITY[1.0])
                 for player in SELF_PLAY
                 for name in CONDITIONS
             },

@@ -215,7 +215,7 @@ def _more_than(rival: str) -> Callable[[PaperResults], Mapping[str, np.ndarray]]
 
 def _reaches(levels: Mapping[str, float]) -> Callable[[PaperResults], Mapping[str, np.ndarray]]:
     return lambda results: {
-        f"{jammer} - {level:.3g}": np.array([*results.values("DQN", jammer, "throughput").values()]) - level
+        f"{jammer} - {level:.3g}": results.values("DQN", jammer, "throughput") - level
         for jammer, level in levels.items()
     }
 

@@ -6,22 +6,31 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from jinja2 import Environment, StrictUndefined
 
 from fpg_bench.common.canvas import PAGE, blank_figure, styled, styles_of, write_figure
 from fpg_bench.common.files import write_whole
-from fpg_bench.evaluation.statistics import mean_interval
+from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.products.papers.reproduction import (
     HOLDS,
     NOT_RUN,
-    SEEDS,
     Paper,
     PaperResults,
+    around,
     verdict,
     verdict_of,
 )
 
-_LEARNING = "The learners in the course of their training"
+_TEMPLATE = Path(__file__).with_name("page.md.j2")
+Lines = list[list[str]]  # of a table; the first holds the headings
+
+
+def render(template: Path, **values: object) -> str:
+    """Return the text of a template, in which ``table`` makes lines of cells a table."""
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
+    environment.filters["table"] = markdown_table
+    return environment.from_string(template.read_text(encoding="utf-8")).render(values)
 
 
 def write_page(paper: Paper, results: PaperResults, share: float, command: str, path: Path) -> list[Path]:
@@ -36,46 +45,33 @@ def write_page(paper: Paper, results: PaperResults, share: float, command: str, 
     """
     figures = [path.with_suffix(".svg")]
     _draw(paper, results, figures[0])
-    learning = []
     if paper.curve:
         figures.append(path.with_suffix(".learning.svg"))
         _draw_learning(paper, results, figures[1])
-        learning = [f"## Learning\n\n![{_LEARNING}, with intervals]({figures[1].name})\n\n{_LEARNING}."]
-    seeds = sorted({seed for *_, seed in results.rows})
-    rows = results.rows.values()
-    versions = ", ".join(sorted({str(row["versions"]) for row in rows}))
-    minutes = sum(float(row["seconds"]) for row in rows) / 60
     first, *others = paper.measures
-    what = paper.measures[first].capitalize()
-    beside = ", ours and the paper's" if _has_values(paper) else ""
-    shortened = f"**Trainings have {100 * share:g} % of the full length.** Claims may fail for that alone."
-    data = path.with_suffix(".jsonl").name
-    sections = [
-        f"# {paper.facts.title}",
-        *([shortened] if share < 1 else []),
-        f"{paper.facts.citation}\n\n{paper.facts.about}",
-        f"## Side by side\n\n{what}: mean over seeds with its 95 % interval, and "
-        f"the paper's value ({paper.facts.published_in}).\n\n{_side_by_side(paper, results)}\n\n"
-        f"![{what}{beside}]({figures[0].name})",
-        f"## Claims\n\n{_claims(paper, results)}\n\nA claim holds if all its parts do, such as one for each "
-        "learner. A part's margin is a difference of two players, or a tolerance less the deviation, with "
-        "its 95 % interval over seeds (Student's t): the part holds if the interval is above zero, fails if "
-        "it is below, and is open otherwise.",
-        *learning,
-        f"## Where each number comes from\n\n{_numbers(paper)}",
-        "## What could not be had, and what differs\n\n"
-        + "\n".join(f"- {each}" for each in paper.facts.missing),
-        f"## How it was made\n\n`{command}`: seeds {', '.join(map(str, seeds))}; {minutes:.0f} minutes "
-        f"in all. {versions}.",
-    ]
-    if others:
-        also = ", ".join(f"`{name}`" for name in others)
-        sections[-1] += f" [`{data}`]({data}) also has {also}."
-    write_whole(path, "\n\n".join(sections) + "\n")
+    rows = results.rows.values()
+    text = render(
+        _TEMPLATE,
+        facts=paper.facts,
+        share=share,
+        what=paper.measures[first].capitalize(),
+        side_by_side=_side_by_side(paper, results),
+        has_values=_has_values(paper),
+        figures=[figure.name for figure in figures],
+        claims=_claims(paper, results),
+        numbers=_numbers(paper),
+        command=command,
+        seeds=sorted({seed for *_, seed in results.rows}),
+        minutes=sum(float(row["seconds"]) for row in rows) / 60,
+        versions=", ".join(sorted({str(row["versions"]) for row in rows})),
+        data=path.with_suffix(".jsonl").name,
+        others=others,
+    )
+    write_whole(path, text)
     return [path, *figures]
 
 
-def _side_by_side(paper: Paper, results: PaperResults) -> str:
+def _side_by_side(paper: Paper, results: PaperResults) -> Lines:
     first = next(iter(paper.measures))
     lines = [["", *chain.from_iterable((name, "paper") for name in paper.conditions)]]
     for player in paper.players:
@@ -83,33 +79,34 @@ def _side_by_side(paper: Paper, results: PaperResults) -> str:
         cells = ((_own(results, player, name, first), published.get(name, "-")) for name in paper.conditions)
         shown = (cell if isinstance(cell, str) else f"{cell:.3f}" for cell in chain.from_iterable(cells))
         lines.append([player, *shown])
-    return markdown_table(lines)
+    return lines
 
 
 def _own(results: PaperResults, player: str, condition: str, measure: str) -> str:
-    interval = results.interval(player, condition, measure)
-    if interval is None:
-        return NOT_RUN
-    return f"{interval.value:.3f}" + ("" if np.isnan(interval.half) else f" ± {interval.half:.3f}")
+    values = results.values(player, condition, measure)
+    return around(values, 3) if values.size else NOT_RUN
 
 
-def _claims(paper: Paper, results: PaperResults) -> str:
+def _claims(paper: Paper, results: PaperResults) -> Lines:
     lines = [["claim", "source", "parts that hold", "least margin", "verdict"]]
     for claim in paper.claims:
         parts = claim.parts(results)
         held = sum(verdict_of(values) == HOLDS for values in parts.values())
-        margins = [mean_interval(values, SEEDS) for values in parts.values() if len(values) > 1]
-        least = min(margins, key=lambda margin: margin.value, default=None)
-        shown = f"{least.value:.3f} [{least.low:.3f}, {least.high:.3f}]" if least else ""
-        lines.append(
-            [claim.statement, claim.source, f"{held} of {len(parts)}", shown, verdict(claim, results)]
-        )
-    return markdown_table(lines)
+        margins = sorted(_mean(values) for values in parts.values() if len(values) > 1)
+        least = [f"{mean:.3f} [{mean - half:.3f}, {mean + half:.3f}]" for mean, half in margins[:1]]
+        cells = (f"{held} of {len(parts)}", "".join(least), verdict(claim, results))
+        lines.append([claim.statement, claim.source, *cells])
+    return lines
 
 
-def _numbers(paper: Paper) -> str:
+def _mean(values: np.ndarray) -> tuple[float, float]:
+    """Return the mean over seeds, NaN for none, and half of its interval, 0 for a single one."""
+    return (float(values.mean()) if values.size else np.nan), float(np.nan_to_num(student_half(values)))
+
+
+def _numbers(paper: Paper) -> Lines:
     lines = [[each.name, each.value, f"{each.source}: {each.where}"] for each in paper.facts.numbers]
-    return markdown_table([["number or choice", "value", "source: place, or reason"], *lines])
+    return [["number or choice", "value", "source: place, or reason"], *lines]
 
 
 def _has_values(paper: Paper) -> bool:
@@ -126,9 +123,8 @@ def _draw(paper: Paper, results: PaperResults, path: Path) -> None:
     width = 0.8 / len(paper.players)
     for index, (player, style) in enumerate(styles_of(paper.players).items()):
         at = np.arange(len(paper.conditions)) + (index - (len(paper.players) - 1) / 2) * width
-        own = [results.interval(player, condition, first) for condition in paper.conditions]
-        values = [(np.nan, 0.0) if each is None else (each.value, np.nan_to_num(each.half)) for each in own]
-        mean, half = np.transpose(values)
+        own = [_mean(results.values(player, condition, first)) for condition in paper.conditions]
+        mean, half = np.transpose(own)
         axes.errorbar(at, mean, half, label=player, **style | {"ls": ""})
         known = paper.facts.published.get(player, {})
         published = [known.get(condition) for condition in paper.conditions]
@@ -149,10 +145,10 @@ def _draw_learning(paper: Paper, results: PaperResults, path: Path) -> None:
     panels = figure.subplots(1, len(paper.conditions), sharex=True, sharey=True)
     for axes, condition in zip(panels, paper.conditions, strict=True):
         for player, style in styles_of(paper.players).items():
-            own = [results.interval(player, condition, measure) for measure in paper.curve.values()]
-            values = np.array([(each.value, np.nan_to_num(each.half)) for each in own if each])
-            if len(values) == len(own) and np.ptp(values[:, 0]):  # rules do not learn
-                axes.errorbar([*paper.curve], *values.T, label=player, **style)
+            own = [_mean(results.values(player, condition, measure)) for measure in paper.curve.values()]
+            mean, half = np.transpose(own)
+            if np.ptp(mean) > 0:  # rules do not learn; it is NaN where something was not run
+                axes.errorbar([*paper.curve], mean, half, label=player, **style)
         axes.set(title=condition, xlabel="share of the training", xscale="log")
         axes.set_yscale("symlog", linthresh=0.01)
     panels[0].set_ylim(bottom=0)

@@ -14,10 +14,9 @@ from fpg_bench.common.errors import UserError, shown
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Items, Strict, parse
-from fpg_bench.evaluation.statistics import Interval, mean_interval, student_half
+from fpg_bench.evaluation.statistics import student_half
 
 HOLDS, FAILS, OPEN, ONE_SEED, NOT_RUN = "holds", "does not hold", "open", "one seed", "not run"
-SEEDS = "training seeds"
 
 
 class Number(Strict):
@@ -75,7 +74,7 @@ class PaperResults:
 
     rows: Mapping[tuple[str, str, int], Row]
 
-    def values(self, player: str, condition: str, measure: str) -> dict[int, float]:
+    def by_seed(self, player: str, condition: str, measure: str) -> dict[int, float]:
         """Return a measure by seed."""
         return {
             seed: float(row[measure])
@@ -83,14 +82,13 @@ class PaperResults:
             if (who, where) == (player, condition)
         }
 
-    def interval(self, player: str, condition: str, measure: str) -> Interval | None:
-        """Return the mean over seeds; None if nothing was run."""
-        values = self.values(player, condition, measure)
-        return mean_interval(np.array(list(values.values())), SEEDS) if values else None
+    def values(self, player: str, condition: str, measure: str) -> np.ndarray:
+        """Return a measure in the order of seeds, ``(seeds,)``."""
+        return np.array([*self.by_seed(player, condition, measure).values()])
 
     def difference(self, measure: str, one: tuple[str, str], other: tuple[str, str]) -> np.ndarray:
         """Return the differences of a measure between two (player, condition) on the seeds of both."""
-        first, second = (self.values(*pair, measure) for pair in (one, other))
+        first, second = (self.by_seed(*pair, measure) for pair in (one, other))
         return np.array([first[seed] - second[seed] for seed in first if seed in second])
 
 
@@ -145,6 +143,12 @@ def checked_action(action: Any, space: gymnasium.Space[Any]) -> int:
     if not space.contains(action):
         raise UserError(f"action: expected one of {space}, got {shown(action)}")
     return int(action)
+
+
+def around(values: np.ndarray, digits: int, factor: float = 1) -> str:
+    """Return the mean over seeds and the half width of its 95 % interval (Student's t), as text."""
+    mean = f"{factor * values.mean() + 0.0:.{digits}f}"
+    return mean if len(values) < 2 else f"{mean} ± {factor * student_half(values):.{digits}f}"
 
 
 def verdict_of(values: np.ndarray) -> str:

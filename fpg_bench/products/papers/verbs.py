@@ -85,7 +85,7 @@ def reproduce(
         return
     if name not in PAPERS:
         raise UserError(f"unknown paper {name!r}{nearest(name, PAPERS)}")
-    require_extra("train", "torch", "stable_baselines3", "matplotlib", "jinja2", "markdown_it")
+    require_extra("train", "torch", "stable_baselines3", "matplotlib", "jinja2")
     from fpg_bench.products.papers.reproduce import GameStudy, Study
     from fpg_bench.products.papers.reproduce import reproduce as run_study
 

@@ -18,6 +18,7 @@ from fpg_bench.products.papers.yang_2026.conditions import (
     NO_PLANNER,
     swapped,
 )
+from fpg_bench.products.papers.yang_2026.facts import FACTS
 from fpg_bench.products.papers.yang_2026.runs import STAGES, Runs
 
 MOST_PAIRS = 16  # 2^16 patterns of signs
@@ -83,14 +84,7 @@ def holm(ps: Sequence[float]) -> list[float]:
 LEVEL = 0.05
 HOLDS, REVERSED, OPEN = "holds", "the opposite", "not shown"
 NOT_RUN = "not run"
-CLAIMS = {
-    "D1": "Planned paths serve the opponent better than fixed ones (Fig. 3)",
-    "D1 frozen": "They do so with the same trained pair, where nothing but the path is exchanged",
-    "D2": "Overlap falls over training while jamming success rises (Fig. 4 and 5)",
-    "D3": "Each jamming type alone leaves the opponent below the ally; single tone is weakest, broadband "
-    "strongest (Fig. 6)",
-    "D4": "Without the planner the opponent is worse, without the knowledge base the ally (Fig. 7)",
-}
+CLAIMS = FACTS.claims
 
 # Pairs of jamming types: alone, the first one earns more than the second.
 STRONGER = (

@@ -56,7 +56,9 @@ def draw(results: Runs, preset: str, folder: Path) -> dict[str, list[Path]]:
     for name, painter in FIGURES.items():
         figure = painter(results, preset)
         if figure is not None:
-            written[name] = save_figure(figure, folder / f"{name}-{preset}")
+            written[name] = [folder / f"{name}-{preset}{suffix}" for suffix in (".svg", ".pdf")]
+            for path in written[name]:
+                write_figure(figure, path)
     return written
 
 
@@ -210,11 +212,3 @@ FIGURES: Mapping[str, Callable[[Runs, str], Figure | None]] = MappingProxyType(
         "paths": paths,
     }
 )
-
-
-def save_figure(figure: Figure, stem: Path) -> list[Path]:
-    """Write ``<stem>.svg`` and ``<stem>.pdf``, reproducibly to the byte, and return both paths."""
-    paths = [stem.with_suffix(form) for form in (".svg", ".pdf")]
-    for path in paths:
-        write_figure(figure, path)
-    return paths
