@@ -3,8 +3,13 @@
 Importing registers the ids with Gymnasium and PettingZoo, turns the telemetry of libraries off and loads
 nothing heavy; the names below load what they need when they are first used.
 """
+# ruff: noqa: E402
 
 from __future__ import annotations
+
+from fpg_bench.common.starting import stop_in_one_line
+
+stop_in_one_line()
 
 import importlib
 from typing import TYPE_CHECKING, Any

@@ -88,3 +88,16 @@ def test_a_user_s_program_is_type_checked_as_the_package_says(tmp_path):
     environment = {**os.environ, "MYPYPATH": str(tmp_path / "found")}
     done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert [line.split(":")[1] for line in done.stdout.splitlines()[:-1]] == ["7"], done.stdout
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("words", [("-m", "fpg_bench", "envs"), ("-c", "import fpg_bench")])
+def test_ctrl_c_while_modules_are_imported_is_one_line_of_the_command_line_alone(tmp_path, words):
+    (tmp_path / "gymnasium.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(60)"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    done = subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True)
+    expected = (130, "fpg-bench: stopped") if words[0] == "-m" else (-2, "KeyboardInterrupt")
+    assert (done.returncode, done.stderr.splitlines()[-1]) == expected
+    assert len(done.stderr.splitlines()) == 1 or words[0] == "-c"

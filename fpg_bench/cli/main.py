@@ -22,6 +22,7 @@ from fpg_bench.common.errors import UserError, bounded
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
 from fpg_bench.common.products import load, offered
+from fpg_bench.common.starting import STOPPED, stopped
 
 _display_type = TyperOption.display_type_rich
 
@@ -88,7 +89,7 @@ app = typer.Typer(
 )
 _NAME = "fpg-bench"
 _DEBUG = False
-_STOPPED, _KEPT = 130, "stopped; what was finished is kept"
+_KEPT = "stopped; what was finished is kept"
 _AGAIN_S = 0.05
 _ENDED: int | None = None  # exit status after a SIGTERM
 _INTERRUPTED = False  # by Ctrl-C
@@ -143,7 +144,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _terminated)
     if hasattr(signal, "SIGALRM"):  # not on Windows
         signal.signal(signal.SIGALRM, signal.default_int_handler)
-    if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+    if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, stopped):
         signal.signal(signal.SIGINT, _interrupted)
     sys.unraisablehook = _heard_again
     try:
@@ -158,7 +159,7 @@ def _run() -> None:
         if wrong := next((word for word in sys.argv if re.search("[\ud800-\udfff]", word)), None):
             raise UserError(f"{wrong}: is not valid UTF-8; choose another name")
         status = app(sys.argv[1:] or ["--help"], prog_name=_NAME, standalone_mode=False)
-        if status == _STOPPED:  # how typer reports Ctrl-C
+        if status == STOPPED:  # how typer reports Ctrl-C
             raise KeyboardInterrupt
         sys.exit(status)
     except typer.TyperException as error:  # wrong arguments
@@ -171,7 +172,7 @@ def _run() -> None:
         cause = error.__cause__ or error.__context__
         if isinstance(cause, EOFError):  # typer takes it for the user's own stop
             _fail(f"{described(cause)} (the traceback: fpg-bench --debug ...)", 1)
-        _fail(_KEPT, _ENDED or _STOPPED)
+        _fail(_KEPT, _ENDED or STOPPED)
     except UserError as error:
         _fail(str(error), 2)
     except BrokenPipeError:
@@ -183,7 +184,7 @@ def _run() -> None:
         _fail(f"{where}{error.strerror or error}{full}", 1)
     except Exception as error:
         if _INTERRUPTED or _ENDED:  # an interrupted import of a C module raises an ImportError
-            _fail(_KEPT, _ENDED or _STOPPED)
+            _fail(_KEPT, _ENDED or STOPPED)
         _fail(f"{described(error)} (the traceback: fpg-bench --debug ...)", 1)
 
 

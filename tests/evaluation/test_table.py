@@ -169,6 +169,19 @@ def test_training_stands_beside_the_score(summaries, suite):
         assert line[head.index("minutes")] == ("-" if steps is None else "1.5")
 
 
+def test_the_caption_names_players_of_code_and_apart_from_them_rivals_of_code(summaries, suite):
+    one, *others = summaries
+    dated = [dataclasses.replace(one, played="2026-01-02 03:04 UTC"), *others]
+    assert f"Code, as it was when it was played: {one.entry} (2026-01-02 03:04 UTC)." in caption(dated, suite)
+    rivals = (*suite.rivals[:2], dataclasses.replace(suite.rivals[2], players=("mine:Jammer",)))
+    coded = dataclasses.replace(suite, rivals=rivals)
+    coded.__dict__["hash"] = "0" * 64  # no such package is installed
+    assert f"Rows against code (mine:Jammer), as it was when it was played: {one.entry} (" in caption(
+        dated, coded
+    )
+    assert "code" not in caption(summaries, suite).lower()
+
+
 def test_a_table_of_nobody_and_names_with_bars(summaries, suite):
     assert as_csv([]).strip() == ""
     assert len(lines_of_table([], suite, 80)) == 1

@@ -430,6 +430,14 @@ def test_each_matrix_of_cross_play_is_shown_with_the_strongest_first(visit):
     assert page.locator("#matrix").input_value() == "jamming_success_rate"
 
 
+@pytest.mark.parametrize("asked", ["__proto__", "toString", "nothing"])
+def test_a_matrix_that_there_is_not_is_the_first(visit, asked):
+    page = visit(f"crossplay.html#matrix={asked}")
+    page.wait_for_selector("#heatmap td")
+    assert page.locator("#matrix").input_value() == "ally"
+    assert drawn(page)[1] == "ally's return of each pair"
+
+
 def test_a_link_leads_to_the_cross_play_of_the_other_scenario_whose_rounds_are_played_by_its_rules(
     browser, tmp_path
 ):

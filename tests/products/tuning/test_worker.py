@@ -31,6 +31,12 @@ def test_a_worker_runs_trials_until_enough_are_finished_and_no_more_on_the_next_
     assert len(work(tmp_path, 5).trials) == 5
 
 
+def test_a_trial_that_another_worker_plays_counts_among_those_asked_for(tmp_path):
+    _, study = open_fake(tmp_path)
+    study.ask()
+    assert states(work(tmp_path, 3)) == ["RUNNING", "COMPLETE", "COMPLETE"]
+
+
 def test_pruned_and_failed_trials_are_marked_and_have_no_score(tmp_path, caplog):
     caplog.set_level(logging.INFO, "fpg_bench")
 
