@@ -44,7 +44,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Offer(Strict):
-    """What a name stands for; in a manifest also the place alone.
+    """The object that a name stands for; in a manifest also the place alone.
 
     Attributes:
         place: what is loaded, as ``package.module:object``.

@@ -24,7 +24,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Verification:
-    """How a board is verified.
+    """Options of a board's verification.
 
     Attributes:
         names: the entries, ``track/name`` each; empty: all.

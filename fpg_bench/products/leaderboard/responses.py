@@ -116,7 +116,7 @@ class Response:
 
 
 class Draw(Strict):
-    """What an entry earned against a response in one draw of the evaluation seeds.
+    """Returns of an entry against a response in one draw of the evaluation seeds.
 
     Attributes:
         rewards: return per step of each training seed of the entry.

@@ -1,4 +1,4 @@
-"""What the paper states, from ``facts.yml``."""
+"""Statements of the paper, from ``facts.yml``."""
 
 from __future__ import annotations
 
