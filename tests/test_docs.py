@@ -80,7 +80,7 @@ def test_every_block_works_in_the_order_of_the_page(page, tmp_path):
         assert bool(model.requests) == ("FPG_LLM_MODEL" in page.read_text())
 
 
-@pytest.mark.parametrize("page", [*PAGES, README], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, README, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
 def test_links_lead_somewhere(page):
     assert broken_links(page) == []
 
