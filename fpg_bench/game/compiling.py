@@ -131,6 +131,11 @@ class _Cache(caching.FunctionCache):
                 self.flush()  # type: ignore[no-untyped-call]
             return None
 
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the machine code of a signature; on a full disk it is played with and not kept."""
+        with contextlib.suppress(OSError):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+
 
 def compiled(function: Callable[..., Any], allocates: bool = False) -> Any:
     """Compile a function: no fast-math (identical bits), no GIL, cached on disk.

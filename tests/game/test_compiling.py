@@ -1,5 +1,6 @@
 """The cache of compiled code: every change begins a new one, and only real compiling is announced."""
 
+import errno
 import os
 import shutil
 import subprocess
@@ -106,6 +107,15 @@ def test_an_unwritable_cache_still_plays_and_says_so(tmp_path, monkeypatch, capf
         assert compiling.compiled(mix.py_func)(numpy.uint64(1)) == mix(numpy.uint64(1))
     assert f"{NOTICE}the game, about ten seconds" in (message := capfd.readouterr().err)
     assert "cannot be kept: no writable cache folder" in message
+
+
+def test_what_a_full_disk_cannot_keep_is_played_with_all_the_same(tmp_path, monkeypatch):
+    def full(*words):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(compiling, "cache_folder", lambda *words: tmp_path)
+    monkeypatch.setattr(compiling._Hashed, "_dump", full)
+    assert compiling.compiled(mix.py_func)(numpy.uint64(1)) == mix(numpy.uint64(1))
 
 
 @pytest.mark.full
