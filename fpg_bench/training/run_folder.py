@@ -150,6 +150,11 @@ def revision() -> str | None:
 
 def _git(root: Path, *arguments: str) -> str:
     result = subprocess.run(
-        ["git", *arguments], cwd=root, capture_output=True, text=True, check=True, timeout=10
+        ["git", "--no-optional-locks", *arguments],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=10,
     )
     return result.stdout.strip()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import shutil
 
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 from fpg_bench import GameSpec, Run, UserError
 from fpg_bench.cli.main import app
 from fpg_bench.evaluation.run_description import RunDescription
+from fpg_bench.training import run_folder
 from fpg_bench.training import train as training
 from tests.training.tiny import ALLY, run_config, settings, train_tiny
 
@@ -137,3 +139,17 @@ def test_another_suite_for_the_same_run_is_refused(tmp_path):
             f"{tmp_path / 'run'}: holds this run scored on ally-shifted-v2, not on ally-v2; keep its suite "
             "(--suite ally-shifted-v2), or choose another folder"
         )
+
+
+def test_asking_for_the_revision_writes_nothing_into_the_repository(tmp_path):
+    for words in (
+        ["init"],
+        ["-c", "user.name=a", "-c", "user.email=a", "commit", "--allow-empty", "-m", "a"],
+    ):
+        run_folder._git(tmp_path, *words)
+    (tmp_path / "file").write_text("content")
+    run_folder._git(tmp_path, "add", ".")
+    os.utime(tmp_path / "file", (1, 1))  # which a status would note in the index, under a lock
+    before = (tmp_path / ".git" / "index").read_bytes()
+    assert "file" in run_folder._git(tmp_path, "status", "--porcelain")
+    assert (tmp_path / ".git" / "index").read_bytes() == before
