@@ -1,8 +1,9 @@
-"""Measure the scale of each public suite, and compare it with that in the suite's file.
+"""Measure the scale of each suite, and compare it with that in the suite's file.
 
 python scripts/measure_scales.py [SUITE ...]
 
-zero: mean return per step of the random player or planner. top: for allies a link that nobody jams, for
+zero: mean return per step of the random player or planner; random: the same in a suite that borrows zero and
+top from its track's public one. top: for allies a link that nobody jams, for
 others the mean over rivals of the best known return, of the oracle and all scripts for players, of scripts
 for teams, and of ``optimised`` for planners. On the evaluation seeds of the suite.
 """
@@ -27,7 +28,12 @@ from fpg_bench.game.spec import GameSpec
 DIGITS = 2
 # Suites that are older than the scripts with memory; in paper, allies have no bound but the best known.
 OLDER = re.compile(r"(opponent-|opponent-learned-|(ally|opponent)-paper-)v1")
-BORROWING = ("-shifted-", "-responses-", "-strangers-")  # suites with the scale of their track's public suite
+BORROWING = (
+    "-shifted-",
+    "-responses-",
+    "-strangers-",
+    "-season-",
+)  # zero and top of their track's public suite
 
 
 def rewards(name: str, suite: Suite) -> list[float]:
@@ -52,36 +58,43 @@ def unjammed(scenario: Scenario, game: GameSpec | None) -> float:
     return rewards(best, Suite("unjammed", "ally", quiet, 100, rivals, game=game))[0]
 
 
-def scale(suite: Suite) -> tuple[float, float]:
-    """Return zero and top of a suite."""
-    zero = fmean(rewards("random", suite))
+def scale(suite: Suite) -> Scale:
+    """Return the scale of a suite."""
+    zero = round(fmean(rewards("random", suite)), DIGITS)
+    if any(part in suite.name for part in BORROWING):
+        return dataclasses.replace(suite.scale, random=zero)
+    return Scale(zero, round(top(suite), DIGITS))
+
+
+def top(suite: Suite) -> float:
+    """Return the reward per step that scores 100."""
     if suite.side == "ally" and not OLDER.fullmatch(suite.name):
-        return zero, unjammed(suite.scenario, suite.game)
+        return unjammed(suite.scenario, suite.game)
     if suite.game is not None:
         by_rival = zip(*(rewards(name, suite) for name in suite.game.scripts[suite.side]), strict=True)
-        return zero, fmean(map(max, by_rival))
+        return fmean(map(max, by_rival))
     older = {"ally": ALLIES, "opponent": OPPONENTS}
     scripts = (older if OLDER.fullmatch(suite.name) else SCRIPTED).get(suite.side, ())
     bounds = ("optimised",) if suite.side == PLANNER else ("oracle", *scripts)
     by_rival = zip(*(rewards(name, suite) for name in bounds), strict=True)
-    return zero, fmean(map(max, by_rival))
+    return fmean(map(max, by_rival))
 
 
 def main() -> int:
     """Print a line per suite; returns 1 if a file has another scale."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("suites", nargs="*", help="names or files; default: all public ones")
+    parser.add_argument("suites", nargs="*", help="names or files; default: all shipped ones")
     parser.add_argument("--allow", action="append", default=[], help="code that a file may name")
-    public = [name for name in suite_names() if re.search(r"-v[0-9]$", name)]
     options = parser.parse_args()
-    names = options.suites or [name for name in public if not any(part in name for part in BORROWING)]
+    names = options.suites or suite_names()
     differ = False
     for suite in (load_suite(name, allow=options.allow) for name in names):
-        zero, top = (round(value, DIGITS) for value in scale(suite))
-        is_same = suite.scale in (Scale(), Scale(zero, top))
+        found = scale(suite)
+        is_same = suite.scale in (Scale(), found)
         differ |= not is_same
         note = "" if is_same else f"  (in the file: {suite.scale})"
-        print(f"{suite.name}: scale: {{zero: {zero}, top: {top}}}{note}")
+        shown = ", ".join(f"{key}: {value}" for key, value in vars(found).items() if value is not None)
+        print(f"{suite.name}: scale: {{{shown}}}{note}")
     return int(differ)
 
 

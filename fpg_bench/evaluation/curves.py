@@ -188,7 +188,7 @@ def score_levels(suites: Iterable[str], scenario: Scenario | None = None) -> dic
         if scenario is not None and not suite.is_of(scenario):
             continue
         if suite.scale != Scale():
-            levels["random"] = suite.scale.score(suite.scale.zero)
+            levels["random"] = 0.0
         for best in summarise(load_zoo().read_script_records(suite), suite)[:1]:
             levels[best.entry] = best.score.value
     return levels

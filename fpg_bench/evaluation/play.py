@@ -28,7 +28,6 @@ from fpg_bench.players.planner import Plan, as_planner
 from fpg_bench.players.player import LosesRounds
 
 SeedSource = Callable[[int], Sequence[int]]  # returns so many seeds
-LOST_SCORE = -100.0  # the highest score of a round that was lost by an invalid action
 _DIGITS = 3  # of a round's return
 _logger = logging.getLogger(__name__)
 
@@ -178,7 +177,7 @@ class _Sums:
         """Return the record of the rounds that an entry played against a rival."""
         returns, lost = np.array(self.returns).T, np.array(self._lost).T
         if lost.any():
-            worst = self._suite.scale.reward(LOST_SCORE) * self._suite.scenario.steps_per_round
+            worst = self._suite.scale.lost * self._suite.scenario.steps_per_round
             returns[lost] = min([worst, *returns[~lost]])
         tally = pooled_tally(np.concatenate(self._tallies))
         tally |= {name: sum(each[name] for each in self._clean) for name in self._clean[0]}

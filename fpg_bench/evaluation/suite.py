@@ -39,28 +39,40 @@ Rewards = TypeVar("Rewards", float, np.ndarray)
 
 @dataclass(frozen=True)
 class Scale:
-    """Linear scale of scores: a mean reward per step of ``zero`` scores 0 and ``top`` scores 100.
+    """Linear scale of scores: random play scores 0 and a mean reward per step of ``top`` scores 100.
 
     ``Scale()``, the scale of a suite that names none, makes the score the reward per step.
+
+    Attributes:
+        zero: what random play earns on the public suite; with ``top`` it decides what a lost round returns.
+        top: the upper bound.
+        random: what random play earns on this suite, outside its hash; None: ``zero``.
     """
 
     zero: float = 0.0
     top: float = 100.0
+    random: float | None = None
+
+    @property
+    def random_play(self) -> float:
+        """The reward per step that scores 0."""
+        return self.zero if self.random is None else self.random
 
     def score(self, reward: Rewards) -> Rewards:
         """Return the score of a reward per step, or of an array of them."""
-        return 100 * (reward - self.zero) / (self.top - self.zero)
+        return 100 * (reward - self.random_play) / (self.top - self.random_play)
 
-    def reward(self, score: float) -> float:
-        """Return the reward per step of a score."""
-        return self.zero + score / 100 * (self.top - self.zero)
+    @property
+    def lost(self) -> float:
+        """The highest reward per step of a round that was lost by an invalid action."""
+        return self.zero - (self.top - self.zero)
 
     @property
     def description(self) -> str:
         """The scale as text."""
         if self == Scale():
             return "score: the return per step"
-        return f"score: 0 = {self.zero:g} per step (random), 100 = {self.top:g}"
+        return f"score: 0 = {self.random_play:g} per step (random), 100 = {self.top:g}"
 
 
 @dataclass(frozen=True)
@@ -289,11 +301,13 @@ def _suite_files() -> dict[str, Path]:
 class _ScaleFile(Strict):
     zero: float
     top: float
+    random: float | None = None
 
     @pydantic.model_validator(mode="after")
     def _check(self) -> _ScaleFile:
-        if self.top <= self.zero:
-            raise UserError(f"top must lie above zero, got {self.top:g} and {self.zero:g}")
+        for name, low in (("zero", self.zero), ("random", self.random)):
+            if low is not None and self.top <= low:
+                raise UserError(f"top must lie above {name}, got {self.top:g} and {low:g}")
         return self
 
 
@@ -355,7 +369,7 @@ class _SuiteFile(Strict):
             scenario,
             self.matches,
             rivals,
-            scale=Scale() if self.scale is None else Scale(self.scale.zero, self.scale.top),
+            scale=Scale() if self.scale is None else Scale(**dict(self.scale)),
             opponent=self.opponent,
             last_rounds=self.last_rounds,
             season=self.season,

@@ -5,7 +5,7 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.play import LOST_SCORE, match_of, play, rounds
+from fpg_bench.evaluation.play import match_of, play, rounds
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import Scale, load_suite
 from fpg_bench.players.scripted import Scripted
@@ -73,9 +73,9 @@ def test_a_lost_round_scores_minus_100_and_no_more_than_the_worst_that_was_playe
         scores = each.scale.score(each.rewards(record.returns))
         assert record.lost == 3
         assert record.returns[::2] == sound.returns[::2]
-        assert scores[1::2] == pytest.approx([min(LOST_SCORE, scores[::2].min())] * 3)
+        assert scores[1::2] == pytest.approx([min(-100, scores[::2].min())] * 3)
         assert record.tally == sound.tally  # what was played is told as it was
-    assert scores[::2].min() < LOST_SCORE
+    assert scores[::2].min() < -100
 
 
 class Faulty:
@@ -98,7 +98,7 @@ def test_an_action_that_is_not_finite_loses_the_round_of_its_game_alone(suite, c
     record = play(player_entry(Faulty(1, 4), name="faulty"), suite, suite.rivals[0])
     scores = suite.scale.score(suite.rewards(record.returns))
     assert (sound.lost, record.lost) == (0, 2)
-    assert scores[[1, 4]] == pytest.approx([min(LOST_SCORE, np.delete(scores, [1, 4]).min())] * 2)
+    assert scores[[1, 4]] == pytest.approx([min(-100, np.delete(scores, [1, 4]).min())] * 2)
     assert np.delete(record.returns, [1, 4]).tolist() == np.delete(sound.returns, [1, 4]).tolist()
     assert f"faulty against {suite.rivals[0].name}: 2 of 6 rounds are lost" in caplog.text
     with pytest.raises(UserError, match="all 6 rounds are lost: its actions are not finite"):

@@ -71,9 +71,10 @@ def written(tmp_path, content):
 def test_public_suites_have_a_scale_and_rivals_that_can_be_had(name):
     suite = load_suite(name)
     assert suite.scale != Scale()
-    assert suite.scale.score(suite.scale.zero) == 0
+    assert suite.scale.score(suite.scale.random_play) == 0
     assert suite.scale.score(suite.scale.top) == pytest.approx(100)
-    assert suite.scale.reward(50) == pytest.approx((suite.scale.zero + suite.scale.top) / 2)
+    whole = dataclasses.replace(suite.scale, random=None)
+    assert whole.score(suite.scale.lost) == pytest.approx(-100)
 
 
 def test_every_id_has_its_suite():
@@ -130,6 +131,7 @@ def test_rewards_per_step_are_those_of_the_rounds_that_count(tmp_path):
         ("matches: 10", "matches: 10\nrounds_per_match: none", "rounds_per_match: expected a whole number"),
         ("matches: 10", "matches: 10\nlast_rounds: 2", "last_rounds: at most the match's 1 rounds"),
         ("matches: 10", "matches: 10\nscale: {zero: 3, top: 3}", "top must lie above zero"),
+        ("matches: 10", "matches: 10\nscale: {zero: 1, top: 3, random: 4}", "top must lie above random"),
         ("matches: 10", "matches: 10\nscale: {zero: a, top: b}", "scale.zero: expected a number, got 'a'"),
         ("opponent: tone", "ally: tone", r"rivals\[0\]: expected opponent, a player's name"),
         ("path: pursuit", "path: pursuit, planner: circle", "path or planner"),
@@ -200,6 +202,9 @@ def test_the_hash_speaks_of_everything_that_decides():
     hashes = {suite.hash, *(dataclasses.replace(suite, **change).hash for change in changes)}
     assert len(hashes) == len(changes) + 1
     assert dataclasses.replace(suite, name="same").hash == suite.hash
+    measured = dataclasses.replace(suite.scale, random=5.0)
+    assert dataclasses.replace(suite, scale=measured).hash == suite.hash
+    assert measured.lost == suite.scale.lost
 
 
 def test_an_agent_counts_by_its_policy_and_not_by_its_name(tmp_path, monkeypatch):

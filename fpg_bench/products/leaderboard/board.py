@@ -253,7 +253,7 @@ class BoardTrack:
 
     Attributes:
         ranked_by: the role of the suite that ranks it.
-        scale: returns per step that score 0 and 100.
+        scale: returns per step that score 0 and 100 in the public suite.
         student: Student's t of the differences by role; with it those of all pairs hold together.
         entries: best first; then those without a rank, then references, then those not verified.
     """

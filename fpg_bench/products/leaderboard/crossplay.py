@@ -17,7 +17,7 @@ from annotated_types import Ge, Gt, Le, Len, Lt
 
 from fpg_bench.common.schema import Items, NonNegativeInt, PositiveInt
 from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.play import LOST_SCORE, lost_rounds
+from fpg_bench.evaluation.play import lost_rounds
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.seeds import PROTOCOL, evaluation_seeds
 from fpg_bench.evaluation.store import StrictResult
@@ -345,7 +345,7 @@ def play_rounds(
 def rewards_of(duel: TwoPlayerBatch, entry: CrossplayEntry, lost: np.ndarray) -> np.ndarray:
     """Return ``(n,)`` an entry's return per step in each game; a lost round counts as lost in its track."""
     rewards: np.ndarray = duel.batch.tallies[f"{entry.side}_return"] / duel.batch.tallies["steps"]
-    rewards[lost] = min([entry.scale.reward(LOST_SCORE), *rewards[~lost]])
+    rewards[lost] = min([entry.scale.lost, *rewards[~lost]])
     return rewards
 
 

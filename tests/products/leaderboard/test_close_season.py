@@ -341,7 +341,7 @@ def test_an_entry_that_answers_nan_or_dies_holds_up_no_closing(closed):
     assert season.entries["ally/broken"]
     profile = Store(work / "opponent/o00" / PROFILE).records()
     lost = [earned(record, "ally")["ally"] for record in profile if record.entry == "ally/broken"]
-    assert lost == [pytest.approx(load_suite("ally-v2").scale.reward(-100), rel=0.01)] * 2
+    assert lost == [pytest.approx(load_suite("ally-v2").scale.lost, rel=0.01)] * 2
 
 
 @pytest.mark.full

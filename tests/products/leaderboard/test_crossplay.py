@@ -8,7 +8,7 @@ import pytest
 
 from fpg_bench.common.rows import SEAL
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.play import LOST_SCORE, play
+from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.agent import OnnxPlayer
@@ -102,7 +102,7 @@ def test_lost_rounds_go_to_the_other_side(in_process, monkeypatch):
     assert lost.lost == (1, 0)
     assert lost.jamming_success_rate >= 0.5
     scale, (reward,) = ally.scale, lost.ally_rewards
-    worst = scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)
+    worst = 2 * scale.zero - scale.top
     assert reward <= (worst + scale.top) / 2
     ally = entry("ally-v2", "a", "idle")
     lost = play_pair(ally, entry("opponent-v2", "o", 0, shipped=False))

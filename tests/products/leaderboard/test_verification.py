@@ -15,7 +15,6 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
-from fpg_bench.evaluation.play import LOST_SCORE
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.folders import work_folder
@@ -124,7 +123,7 @@ def test_lost_rounds_count_as_the_lowest_return(board, in_process):
     assert verdicts_of(board)["ally/linear"][1].endswith(", 4 of 8 rounds lost by rule")
     case = case_of(board, folder)
     scale = case.suites[PUBLIC].scale
-    worst = (scale.zero + LOST_SCORE / 100 * (scale.top - scale.zero)) * 300
+    worst = (2 * scale.zero - scale.top) * 300
     for line in case.result.records:
         lowest = min(worst, line.returns[0], line.returns[2])
         assert [line.returns[k] for k in (1, 3)] == pytest.approx([lowest] * 2, abs=1e-3)

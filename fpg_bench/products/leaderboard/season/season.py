@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import yaml
 from pydantic import field_validator
@@ -14,8 +16,11 @@ from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.imports import SUITE
 from fpg_bench.common.schema import Items, Strict, parse
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.seeds import SeasonKey
-from fpg_bench.evaluation.suite import PLANNER
+from fpg_bench.evaluation.suite import PLANNER, read_suite
+from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.season.entries import SeasonEntry, entries_of_side
@@ -110,7 +115,7 @@ def write_suites(season: Season, number: int) -> None:
             continue
         side, is_planner = other_side(track.side), track.side == PLANNER
         template = read_yaml(suites_folder() / f"{track.public}.yml", "suite")
-        content: dict[str, object] = {name: template[name] for name in _COPIED if name in template}
+        content: dict[str, Any] = {name: template[name] for name in _COPIED if name in template}
         matches = _MOST_MATCHES // len(season.members[side])
         most = _PLANNER_MATCHES if is_planner else _MATCHES
         content |= {"matches": min(matches, most), "season": season.seed}
@@ -121,7 +126,26 @@ def write_suites(season: Season, number: int) -> None:
         ]
         header = f"# The members of {season.name}, trained after entries were closed."
         header += " Made by: fpg-bench leaderboard close-season.\n"
-        _write_yaml(season.folder.parent / f"{key.suite_name(track.public)}.yml", header, content)
+        file = season.folder.parent / f"{key.suite_name(track.public)}.yml"
+        _write_yaml(file, header, content)
+        content["scale"] |= {"random": round(_random_play(season, file), 2)}
+        _write_yaml(file, header, content)
+
+
+def _random_play(season: Season, file: Path) -> float:
+    """Return what random play earns per step under a suite of a season."""
+    suite = read_suite(str(file))
+    members = season.members[suite.other_side]
+    suite = dataclasses.replace(
+        suite,
+        rivals=tuple(
+            dataclasses.replace(rival, players=(str(season.agent(suite.other_side, member)),))
+            for rival, member in zip(suite.rivals, members, strict=True)
+        ),
+    )
+    return summary_of(
+        [play(player_entry("random"), suite, rival) for rival in suite.rivals], suite
+    ).reward.value
 
 
 def _write_yaml(path: Path, header: str, content: dict[str, object]) -> None:

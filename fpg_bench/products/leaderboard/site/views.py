@@ -150,7 +150,7 @@ _TOPS = {
 def scale_text(track: BoardTrack) -> str:
     """Describe the returns per step that score 0 and 100."""
     zero, top = (format_number(end, "step") for end in (track.scale.zero, track.scale.top))
-    text = f"a score of 0 is the return of random play ({zero} per step)"
+    text = f"a score of 0 is the return of random play in the same suite ({zero} per step in the public one)"
     text += f", 100 is {_TOPS[track.side]} ({top} per step)"
     return text if track.side == "ally" else f"{text}; it can be exceeded"
 
@@ -444,9 +444,6 @@ def _kept(row: RowView) -> float:
 
 def _track_notes(board: Board, track: BoardTrack) -> Iterator[str]:
     """Yield what a reader of a track's table may stumble over."""
-    for entry, figures in track.verified():
-        if entry.plays == "random" and abs(figures.score.value) >= 1:
-            yield f"Against these rivals random play itself scores {format_number(figures.score.value)}."
     agents = {entry.plays: entry.name for entry in track.entries if entry.kind == "zoo" and entry.plays}
     for other in board.tracks:
         shared = [agents[entry.plays] for entry in other.entries if entry.plays in agents]
