@@ -17,6 +17,7 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.curves import EVALUATIONS, draw_curves
 from fpg_bench.evaluation.statistics import (
     TRAINING_SEEDS,
+    Interval,
     mean_interval,
     performance_profile,
     probability_of_improvement,
@@ -103,14 +104,15 @@ def _scores(zoo: Zoo, group: ZooGroup) -> Iterator[Row]:
         agents = [agent for agent in zoo.members(f"{group.name}/{algorithm}") if agent.shipped]
         summary = summaries.get(algorithm)
         scores = {} if summary is None else summary.seed_scores()
+        score = None if summary is None else _trained_again(summary)
         if agents:
             yield {
                 "agent": f"{group.name}/{algorithm}",
                 "suite": suite.name,
                 "steps": agents[0].card().played_steps,
-                "score": None if summary is None else summary.score.value,
-                "low": None if summary is None else summary.score.low,
-                "high": None if summary is None else summary.score.high,
+                "score": None if score is None else score.value,
+                "low": None if score is None else score.low,
+                "high": None if score is None else score.high,
                 "seeds": {
                     f"seed_{agent.seed}": {
                         "steps": agent.card().played_steps,
@@ -138,7 +140,7 @@ def _row(zoo: Zoo, group: ZooGroup) -> list[str]:
     best: list[str] = []
     for is_trained in (True, False):
         first = next((summary for summary in last if summary.trained is is_trained), None)
-        best += [first.entry, f"{number(first.score.value)} {bounds(first.score)}"] if first else ["-", "-"]
+        best += [first.entry, _written(first)] if first else ["-", "-"]
     folder = zoo.scores(group).relative_to(zoo.folder).as_posix()
     files = [TABLE, *(f"{name}.svg" for name in PICTURES)]
     links = [f"[{Path(name).stem}](../{zoo.folder.name}/{folder}/{name})" for name in files]
@@ -175,7 +177,7 @@ def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summar
     elsewhere = [next((s for s in suite if s.entry == summary.entry), None) for suite in others]
     lows = {f"{s.suite.name}, {s.worst}": s.by_rival[s.worst].value for s in (summary, *elsewhere) if s}
     worst = min(lows, key=lambda name: lows[name])
-    scores = [_trained_again(s) if s else "-" for s in (summary, *elsewhere)]
+    scores = [_written(s) if s else "-" for s in (summary, *elsewhere)]
     return [
         summary.label,
         str(summary.training_seeds or "-"),
@@ -188,11 +190,15 @@ def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summar
     ]
 
 
-def _trained_again(summary: Summary) -> str:
+def _trained_again(summary: Summary) -> Interval:
     """Return the score with its interval over training seeds; that of a script is over matches."""
-    score = summary.score
     if summary.trained:
-        score = mean_interval(summary.samples.mean(axis=1), TRAINING_SEEDS)
+        return mean_interval(summary.samples.mean(axis=1), TRAINING_SEEDS)
+    return summary.score
+
+
+def _written(summary: Summary) -> str:
+    score = _trained_again(summary)
     return f"{number(score.value)} {bounds(score)}"
 
 

@@ -143,9 +143,8 @@ def _random_play(season: Season, file: Path) -> float:
             for rival, member in zip(suite.rivals, members, strict=True)
         ),
     )
-    return summary_of(
-        [play(player_entry("random"), suite, rival) for rival in suite.rivals], suite
-    ).reward.value
+    records = [play(player_entry("random"), suite, rival) for rival in suite.rivals]
+    return summary_of(records, suite).reward.value
 
 
 def _write_yaml(path: Path, header: str, content: dict[str, object]) -> None:
