@@ -316,7 +316,7 @@ def _read(model: bytes) -> bytes:
         read_form(plain)
     except UserError as error:
         raise UserError(f"policy.onnx: {error}") from error
-    return plain.SerializeToString(deterministic=True)
+    return bytes(plain.SerializeToString(deterministic=True))
 
 
 def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike[str], **about: Any) -> None:

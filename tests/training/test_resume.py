@@ -1,6 +1,7 @@
 """A run that was stopped goes on where it was, ends as it would have, and never loses a good checkpoint."""
 
 import base64
+import errno
 import json
 import pickle
 import re
@@ -202,7 +203,7 @@ def test_an_incomplete_checkpoint_leaves_the_one_before(tmp_path, monkeypatch):
     def fail(path, content):
         written.append(path)
         if len(written) == 3:
-            raise OSError("no space left")
+            raise OSError(errno.ENOSPC, "no space left")
         real(path, content)
 
     monkeypatch.setattr(checkpoint, "write_json", fail)

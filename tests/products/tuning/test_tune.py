@@ -126,7 +126,7 @@ def test_a_policy_is_scored_in_the_scenario_that_is_tuned_on(words, files):
 
 @pytest.mark.parametrize("side", ["ally", "opponent"])
 def test_both_sides_are_trained_and_that_of_the_suite_is_scored(side):
-    task = make_task("maddpg", "fpg_bench:FPG/duel_v0", n_seeds=1, steps=960, suite=f"{side}-v1", rounds=2)
+    task = make_task("maddpg", "fpg_bench:FPG/duel_v0", n_seeds=1, steps=960, suite=f"{side}-v2", rounds=2)
     assert (task.game.id, make_task("maddpg", "FPG/duel_v0", n_seeds=1).suite) == ("FPG/duel_v0", "ally-v2")
     values = {"learning_starts": 200, "batch_size": 16, "policy_kwargs.net_arch": [8]}
     objective, models = Objective(task), []
@@ -134,7 +134,7 @@ def test_both_sides_are_trained_and_that_of_the_suite_is_scored(side):
     objective._model = lambda *given: models.append(make(*given)) or models[-1]
     score = objective.train(values, [7])
     trained = dict(zip(("ally", "opponent"), models[-1].players, strict=True))
-    evaluator = PolicyEvaluator(f"{side}-v1", 2, side=side)
+    evaluator = PolicyEvaluator(f"{side}-v2", 2, side=side)
     played = evaluator.score(OnnxPlayer(export_onnx(trained[side])))
     assert score.value == pytest.approx(played["score"], abs=1e-3)
 

@@ -58,8 +58,8 @@ def check_members(evidence: Evidence) -> Iterator[Verdict]:
         if len(rows) < FEWEST:
             continue
         own = evidence.members[list(rows)]
-        best = own[np.argsort(-own.mean(axis=1), kind="stable")[:BEST]]
-        yield _agreement(f"{side}: halves agree on the best of {table}", _split_half(best), len(best))
+        first = own[np.argsort(-own.mean(axis=1), kind="stable")[:BEST]]
+        yield _agreement(f"{side}: halves agree on the best of {table}", _split_half(first), len(first))
         strangers = evidence.strangers[list(rows)]
         value = spearman(own.mean(axis=1), strangers.mean(axis=1))
         yield _agreement(f"{side}: strangers agree on {table}", value, len(rows))

@@ -329,9 +329,10 @@ def correlations(track: BoardTrack) -> list[tuple[Measure, Interval, Interval]]:
     partial = (score - score[1] * hops) / np.sqrt((1 - score[1] ** 2) * np.maximum(1 - hops**2, 1e-9))
     rows = zip(columns, score.tolist(), partial.tolist(), strict=True)
     found = [row for row in rows if row[0] not in ("score", HOPS)] + [(HOPS, float(score[1]), math.nan)]
+    count = len(ranked)
     return [
-        (MEASURES[name], *(correlation_interval(of, len(ranked), held) for held, of in enumerate(values)))
-        for name, *values in found
+        (MEASURES[name], correlation_interval(plain, count, 0), correlation_interval(held, count, 1))
+        for name, plain, held in found
     ]
 
 
