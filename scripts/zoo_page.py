@@ -1,4 +1,4 @@
-"""The zoo's index, and each group's table, learning curves, profiles and probabilities of improvement."""
+"""The zoo's index, and each group's table, learning curves and probabilities of improvement."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from fpg_bench.evaluation.statistics import (
     TRAINING_SEEDS,
     Interval,
     mean_interval,
-    performance_profile,
     probability_of_improvement,
 )
 from fpg_bench.evaluation.suite import load_suite
@@ -28,7 +27,7 @@ from fpg_bench.evaluation.table import bounds, markdown_table
 from fpg_bench.evaluation.zoo import SCORES, Zoo, ZooAgent, ZooGroup
 
 PAGE, TABLE, CURVES = "README.md", "table.csv", "curves.jsonl"
-PICTURES = ("curves", "profiles", "improvement")
+PICTURES = ("curves", "improvement")
 COMMAND = "python scripts/train_zoo.py --tables"
 _MEASURES = (
     ("overlap ratio %", "overlap_ratio"),
@@ -44,7 +43,7 @@ Agents that are shipped, each a player by its name: `fpg_bench.load_agent("ally-
 the last of its suites, which is the held-out one where there is one, with its 95 % interval over training
 seeds ([protocol](../docs/benchmark/protocol.md)). *Best script* is the best of `all-scripted`; scripts
 that came later are on the board. *All agents* has the scores of every algorithm and of these scripts, with
-steps, minutes and measures. Beside it are learning curves on tuning seeds, performance profiles and the
+steps, minutes and measures. Beside it are learning curves on tuning seeds and the
 probability of improvement (Agarwal et al. 2021). An oracle sees the full state: it shows what
 knowledge is worth, and has no rank.
 
@@ -234,28 +233,7 @@ def draw_pictures(zoo: Zoo, group: ZooGroup, summaries: Sequence[Summary]) -> No
     styles = styles_of(group.steps)
     if rows := curve_file(zoo, group).read():
         _save(draw_curves(rows, levels=levels, band="range"), paths[0])
-    _draw_profiles(scores, styles, paths[1])
-    _draw_improvement(scores, styles, paths[2])
-
-
-@styled
-def _draw_profiles(scores: Mapping[str, np.ndarray], styles: Styles, path: Path) -> None:
-    """Draw the share of runs above each return per step, of scores ``(training seeds, rivals)``."""
-    figure = blank_figure(COLUMN, 2.8)
-    axes = figure.subplots()
-    values = np.concatenate([each.ravel() for each in scores.values()])
-    thresholds = np.linspace(values.min() - 1, values.max() + 1, 400)
-    for name, each in scores.items():
-        style = styles.get(name, {"color": GREY, "ls": ":"})
-        if len(each) > 1:
-            for seed in performance_profile(each[:, None], thresholds):
-                axes.step(thresholds, seed, color=style["color"], lw=0.4, alpha=0.45)
-        profile = performance_profile(each, thresholds)
-        axes.step(thresholds, profile, label=name, markevery=len(thresholds) // 5, **style)
-    axes.plot([], [], color=GREY, lw=0.4, label="one training seed")
-    axes.set(xlabel="return per step τ", ylabel="share of runs above τ", ylim=(-0.02, 1.02))
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    _save(figure, path)
+    _draw_improvement(scores, styles, paths[1])
 
 
 @styled

@@ -144,19 +144,6 @@ def may_be_best(samples: Sequence[np.ndarray], floor: float = -math.inf) -> list
     ]
 
 
-def performance_profile(scores: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
-    """Return the share of runs that score more than each threshold.
-
-    Args:
-        scores: ``(..., training seeds, rivals)``.
-        thresholds: ``(t,)``.
-
-    Returns:
-        ``(..., t)``, in [0, 1].
-    """
-    return np.asarray((scores[..., None] > thresholds).mean(axis=(-3, -2)))
-
-
 def probability_of_improvement(one: np.ndarray, other: np.ndarray) -> Interval:
     """Return the probability that a new training of one entry scores more than one of another.
 

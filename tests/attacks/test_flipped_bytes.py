@@ -33,7 +33,7 @@ KINDS = (
     "../baselines/suites/season-*/season.yml",
 )
 # What the others decide, too: it may change where an entry is left out.
-TOGETHER = ("rank", "may_be_best", "behind", "seeds_gap", "same_policies", "exploited", "is_late", "worst")
+TOGETHER = ("rank", "may_be_best", "behind", "seeds_gap", "same_policies", "exploited", "is_late")
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from fpg_bench.evaluation.statistics import (
     may_be_best,
     mean_interval,
     pair_error,
-    performance_profile,
     probability_of_improvement,
     rank_ranges,
 )
@@ -164,16 +163,7 @@ def test_comparisons_are_calibrated(count):
     assert left_out <= 0.05
 
 
-# Profiles and probabilities of improvement
-
-# Two training seeds (down) on three entries (across).
-SCORES = np.array([[10.0, 50.0, 90.0], [20.0, 50.0, 120.0]])
-
-
-def test_a_profile_is_the_share_of_runs_above():
-    thresholds = np.array([0.0, 10.0, 49.9, 50.0, 100.0, 120.0])
-    expected = np.array([6, 5, 4, 2, 1, 0]) / 6  # more than, not as much as
-    assert performance_profile(SCORES, thresholds) == pytest.approx(expected)
+# Probabilities of improvement
 
 
 def test_probability_of_improvement_by_hand():

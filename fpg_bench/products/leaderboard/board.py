@@ -15,7 +15,6 @@ from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
 from fpg_bench.evaluation.statistics import (
     MATCHES,
-    TRAINING_SEEDS,
     Interval,
     mean_interval,
     pair_error,
@@ -33,7 +32,6 @@ from fpg_bench.products.leaderboard.cases import Case
 from fpg_bench.products.leaderboard.crossplay import Pair, Pairs, fully_played, pair_key
 from fpg_bench.products.leaderboard.entries import Entries
 from fpg_bench.products.leaderboard.exploited import Attack, Exploited
-from fpg_bench.products.leaderboard.ranking import profiles
 from fpg_bench.products.leaderboard.result import PlannerFacts, round_finite
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import (
@@ -78,24 +76,6 @@ class BoardSuite:
         """Return a rival's name after the algorithm that trained it: ``TD3 o04``."""
         trained = self.trained.get(rival)
         return f"{trained.partition(',')[0]} {rival}" if trained else rival
-
-
-@dataclass(frozen=True)
-class WorstCase:
-    """Lowest mean return per step of an entry, over the suites under unchanged rules and cross-play.
-
-    It is a mean over training seeds, which hides what one of them loses; see :class:`Exploited`.
-
-    Attributes:
-        rival: a rival of a suite, or an entry of the other side.
-        where: the role of the suite, or ``cross-play``.
-        score: the return as a score on the public suite's scale.
-    """
-
-    rival: str
-    where: str
-    score: Interval
-    return_per_step: Interval
 
 
 @dataclass(frozen=True)
@@ -173,7 +153,6 @@ class Figures:
     improvement: Interval | None
     score: Interval
     scores: Mapping[str, Interval]
-    worst: WorstCase
     by_rival: Mapping[str, Mapping[str, Interval]]
     first_rounds: Mapping[str, Mapping[str, float]]
     units: Mapping[str, UnitScores]
@@ -240,14 +219,6 @@ class BoardEntry:
 
 
 @dataclass(frozen=True)
-class Profiles:
-    """Performance profiles: the share of each entry's runs that score more than each threshold."""
-
-    thresholds: tuple[float, ...]
-    share: Mapping[str, tuple[float, ...]]
-
-
-@dataclass(frozen=True)
 class BoardTrack:
     """A table of the board.
 
@@ -266,7 +237,6 @@ class BoardTrack:
     scale: Scale
     entries: tuple[BoardEntry, ...]
     student: Mapping[str, float]
-    profiles: Profiles
 
     @property
     def other_side(self) -> str:
@@ -392,7 +362,6 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
             figures=_make_figures(
                 item,
                 item.summaries.get(role, item.summaries[PUBLIC]),
-                worst_case(item.slug, track.side, item.summaries, every.pairs.results.values()),
                 placed.get(item.slug),
                 again.get(item.slug),
                 is_late=_is_late(item.submission, every.suites.season(track)),
@@ -430,7 +399,6 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
         student={
             role: student_t(suite.matches, error) for role, suite in suites.items() if suite.matches > 1
         },
-        profiles=_make_profiles(ranking),
     )
 
 
@@ -501,7 +469,6 @@ def _make_entry(
 def _make_figures(
     item: Case,
     ranking: Summary,
-    worst: WorstCase,
     placed: Standing | None,
     improvement: Interval | None,
     is_late: bool,
@@ -518,7 +485,6 @@ def _make_figures(
         improvement=improvement,
         score=_score(ranking.score),
         scores={role: _score(summary.score) for role, summary in summaries.items()},
-        worst=worst,
         by_rival={
             role: {name: _score(interval, summary.suite.scale) for name, interval in summary.by_rival.items()}
             for role, summary in summaries.items()
@@ -569,37 +535,6 @@ def _make_planner_figures(public: Summary, facts: PlannerFacts | None) -> Planne
     )
 
 
-def worst_case(
-    slug: str,
-    side: str,
-    summaries: Mapping[str, Summary],
-    pairs: Iterable[Pair] = (),
-) -> WorstCase:
-    """Return the lowest mean return per step of an entry.
-
-    It is taken over the suites under unchanged rules and over cross-play. It is an upper bound on the true
-    worst case: the entry may earn less against a player that it has not met.
-
-    Args:
-        slug: the entry's slug.
-        side: ``ally``, ``opponent`` or ``planner``.
-        summaries: by role of the suite; changed rules do not count.
-        pairs: results of cross-play.
-    """
-    other = other_side(side)
-    cases: list[tuple[Interval, str, str]] = []
-    for role, summary in summaries.items():
-        if role != SHIFTED:
-            cases.append((summary.by_rival[summary.worst], summary.worst, role))
-    for pair in pairs:
-        if side in SIDES and getattr(pair, side) == slug:
-            reward = np.array(pair.rewards(side))
-            cases.append((mean_interval(reward, TRAINING_SEEDS), getattr(pair, other), CROSSPLAY))
-    interval, rival, where = min(cases, key=lambda case: case[0].value)
-    score = _score(interval, summaries[PUBLIC].suite.scale)
-    return WorstCase(rival, where, score, _score(interval))
-
-
 def lowest_rival(
     slug: str,
     side: str,
@@ -607,10 +542,13 @@ def lowest_rival(
     pairs: Iterable[Pair] = (),
     seeds: Sequence[int] = (),
 ) -> Attack:
-    """Return the lowest return per step of a single training seed, over the same rivals.
+    """Return the lowest return per step of a single training seed, over suites and cross-play.
 
     Args:
-        slug, side, summaries, pairs: as for :func:`worst_case`.
+        slug: the entry's slug.
+        side: ``ally`` or ``opponent``.
+        summaries: by role of the suite; changed rules do not count.
+        pairs: results of cross-play.
         seeds: the entry's training seeds, in their order; none of a script.
     """
     met = [
@@ -653,14 +591,6 @@ def _improvements(ranked: Sequence[Summary]) -> dict[str, Interval]:
         for of in others
         if of.trained and not of.training.is_search
     }
-
-
-def _make_profiles(ranking: Sequence[Summary]) -> Profiles:
-    thresholds, shares = profiles(ranking)
-    return Profiles(
-        tuple(map(round_finite, thresholds)),
-        {summary.entry: tuple(map(round_finite, row)) for summary, row in zip(ranking, shares, strict=True)},
-    )
 
 
 def _make_crossplay(pairs: Pairs, season: int | None) -> CrossPlay | None:

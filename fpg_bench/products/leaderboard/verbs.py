@@ -207,7 +207,7 @@ def build(
     replays: Annotated[bool, typer.Option(help="Simulate missing replays; existing ones are kept.")] = True,
     docs: Annotated[
         str,
-        typer.Option(help="URL of the documentation, relative to OUT. Default: the site includes the rules."),
+        typer.Option(help="URL of the documentation, relative to OUT. Default: where it is published."),
     ] = "",
 ) -> None:
     """Build the static site, unless nothing has changed since the last time; it can be viewed offline.

@@ -23,9 +23,7 @@ from fpg_bench.products.leaderboard.board import (
     CrossPlay,
     Figures,
     NashMixture,
-    Profiles,
     UnitScores,
-    WorstCase,
 )
 from fpg_bench.products.leaderboard.exploited import RESPONSE, Attack, Exploited
 from fpg_bench.products.leaderboard.site import page_data
@@ -79,7 +77,6 @@ def example_board(
             )
             for place, row in enumerate(ordered)
         ]
-        slugs = tuple(row.slug for row in ranked)
         tracks.append(
             BoardTrack(
                 key=key,
@@ -90,7 +87,6 @@ def example_board(
                 scale=Scale(-5.66, 22.0),
                 entries=(*ranked, *(row for row in rows if row.figures is None)),
                 student={suite.role: 3.25 for suite in suites},
-                profiles=_profiles(slugs),
             )
         )
     return Board(
@@ -205,8 +201,7 @@ def _figures(
         improvement=None,
         score=_score(score, 6, SEEDS),
         scores={role: _score(value, 6, SEEDS) for role, value in scores.items()},
-        worst=_worst(index, by_rival[PUBLIC]),
-        exploited=_exploited(index, text),
+        exploited=_exploited(index, kind, text),
         by_rival=by_rival,
         first_rounds={role: dict.fromkeys(scores, 1234.5) for role, scores in by_rival.items()},
         units=_units(by_rival),
@@ -235,22 +230,16 @@ def _units(by_rival: dict[str, dict[str, Interval]]) -> dict[str, UnitScores]:
     }
 
 
-def _worst(index: int, scores: dict[str, Interval]) -> WorstCase:
-    """Return a round of a script from cross-play in every third row, else the lowest of the suite."""
-    if index % 3 == 0:
-        return WorstCase("player-1", CROSSPLAY, Interval(-30.0), Interval(-13.96))
-    rival, score = min(scores.items(), key=lambda item: item[1].value)
-    return WorstCase(rival, PUBLIC, score, _score(2.5, 0.5))
-
-
-def _exploited(index: int, text: str) -> Exploited:
+def _exploited(index: int, kind: str, text: str) -> Exploited:
     """Return the lowest known return; the first training seed of the third entry was answered by somebody."""
     rival = Attack("player-1", CROSSPLAY, Interval(-13.96), 3)
+    seeds = [None] if kind == "script" else list(range(5))
     if index != 2:
-        return Exploited(rival)
+        return Exploited.of(rival, (), seeds)
     attack = Attack("breaker-1", RESPONSE, _score(-14.65, 0.35, "matches"), 0, f"Breaker {text}".strip())
     attack = dataclasses.replace(attack, authors=(f"A. Name {text}".strip(),), seconds=1200.0)
-    return Exploited(attack, (attack, dataclasses.replace(attack, rival="breaker-2")))
+    attack = dataclasses.replace(attack, steps=1_500_000, against=(0,))
+    return Exploited.of(rival, (attack, dataclasses.replace(attack, rival="breaker-2")), seeds)
 
 
 def _measures(rng: np.random.Generator) -> dict[str, float | None]:
@@ -270,17 +259,6 @@ def _measures(rng: np.random.Generator) -> dict[str, float | None]:
         "spread_ratio": 0.25,
         "near_ratio": None,
     }
-
-
-def _profiles(slugs: tuple[str, ...]) -> Profiles:
-    thresholds = np.linspace(-20, 160, 37)
-    return Profiles(
-        tuple(thresholds.tolist()),
-        {
-            slug: tuple((1 / (1 + np.exp((thresholds - 60 - 3 * k) / 12))).tolist())
-            for k, slug in enumerate(slugs)
-        },
-    )
 
 
 def _crossplay(rng: np.random.Generator, tracks: list[BoardTrack], season: int | None) -> CrossPlay:

@@ -69,7 +69,6 @@ def test_entries_are_ranked_and_marked(entered):
     assert (entries["wise"].kind, entries["wise"].training, wise.training_seeds) == ("script", None, 0)
     assert (ally.ranked_by, wise.score) == (PUBLIC, wise.scores[PUBLIC])
     assert tuple(wise.by_rival[PUBLIC]) == ally.suites[0].rivals
-    assert wise.worst.score.value == min(score.value for score in wise.by_rival[PUBLIC].values())
     assert wise.measures["return"] == pytest.approx(wise.measures["ally_return"] / 300, rel=1e-4)
     assert sum(wise.histograms["jam"]) == pytest.approx(1, abs=1e-4)
     assert [figures[slug].has_few_seeds for slug in ("wise", "few", "linear")] == [False, True, True]
@@ -79,16 +78,11 @@ def test_entries_are_ranked_and_marked(entered):
     assert all(1 <= of.rank[0] <= of.rank[1] <= 2 for of in figures.values() if of.rank)
     for of in figures.values():
         assert of.score.value == pytest.approx(ally.scale.score(of.measures["return"]), rel=1e-4)
-        worst = of.worst
-        assert worst.score.value == pytest.approx(ally.scale.score(worst.return_per_step.value), rel=1e-4)
     seeds = figures["linear"].by_seed
     assert list(seeds) == [0, 2, 10]
     assert sum(seeds.values()) / 3 == pytest.approx(figures["linear"].score.value, rel=1e-4)
     assert seeds[0] == pytest.approx(figures["few"].score.value)
     assert wise.by_seed == {}
-    share = ally.profiles.share
-    assert sorted(share) == sorted(entry.slug for entry in ally.entries)
-    assert {len(shares) for shares in share.values()} == {len(ally.profiles.thresholds)}
     for key, slug in (("opponent-pursuit", "near"), ("opponent-learned", "far")):
         assert [entry.slug for entry in track_of(board, key).entries] == [slug]
 
@@ -150,7 +144,7 @@ def test_crossplay_shows_who_has_played_everybody_and_names_the_others(entered, 
     for matrix in (crossplay.jamming_success_rate, *crossplay.returns.values()):
         assert [len(row) for row in matrix] == [2] * 4
     assert crossplay.missing == {"ally": (), "opponent": ()}
-    assert CROSSPLAY in {figures.worst.where for figures in figures_of(board.tracks[0]).values()}
+    assert CROSSPLAY in {figures.exploited.lowest.where for figures in figures_of(board.tracks[0]).values()}
     content = json.loads(board.to_json(), parse_constant=lambda name: 1 / 0)  # NaN or Infinity
     assert [track["key"] for track in content["tracks"]] == [track.key for track in board.tracks]
     assert content["crossplay"]["standard"]["allies"] == ["few", "linear", "still", "wise"]
@@ -219,7 +213,7 @@ def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
     for figures in all_figures:
         assert list(figures.scores) == list(figures.by_rival) == roles
         assert figures.score == figures.scores[UNSEEN]
-        assert figures.worst.where in (PUBLIC, UNSEEN)
+        assert figures.exploited.lowest.where in (PUBLIC, UNSEEN)
     assert {figures.training_seeds for figures in all_figures if figures.rank is None} == {3}
     unseen = [figures.scores[UNSEEN].value for figures in all_figures if figures.rank]
     assert unseen == sorted(unseen, reverse=True)

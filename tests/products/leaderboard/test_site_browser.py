@@ -20,7 +20,7 @@ from tests.products.leaderboard.example_board import example_board, small_zoo, w
 pytestmark = pytest.mark.browser
 
 ENTRIES = 27
-NAMES = ("index", "ranking", "play", "try", "crossplay", "statistics", "compare", "submit", "rules")
+NAMES = ("index", "ranking", "play", "try", "crossplay", "statistics", "compare", "submit")
 PAGES = (WATCHED, *(f"{name}.html" for name in NAMES))
 
 

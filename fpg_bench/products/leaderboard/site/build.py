@@ -12,7 +12,7 @@ from fpg_bench.common.documentation import published
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.products.leaderboard.board import Board
-from fpg_bench.products.leaderboard.site import reading_pages, views
+from fpg_bench.products.leaderboard.site import views
 from fpg_bench.products.leaderboard.site.entry_page import badge_file, badge_view, entry_view
 from fpg_bench.products.leaderboard.site.findings import finding_cards
 from fpg_bench.products.leaderboard.site.mark import MARK, check_folder
@@ -42,9 +42,8 @@ def build_site(
         board: the board.
         out: the folder; files of an earlier build that are no longer needed are removed from it.
         replays: by track and entry, the rounds that its page shows; ``board`` names their files.
-        docs: address of the documentation's site, from the folder (such as ``..``); empty: the pages of
-            :mod:`fpg_bench.products.leaderboard.site.reading_pages` are part of this site, others are named
-            only.
+        docs: address of the documentation's site, from the folder (such as ``..``); empty: the published one.
+            Without any, its pages are named only.
         policies: by track and entry, policies of submitted entries that a visitor can play against; see
             :func:`fpg_bench.products.leaderboard.site.page_data.submitted_policies`.
 
@@ -57,6 +56,7 @@ def build_site(
     """
     _check_names(board)
     folder, replays = Path(out), replays or {}
+    docs = docs or published().get("Documentation", "").rstrip("/")
     check_folder(folder)
     files: dict[str, str | bytes] = {MARK: "made by fpg-bench leaderboard build\n"}
     files |= _pages(board, replays, docs) | _static_files() | data_files(board, policies or {})
@@ -81,8 +81,6 @@ def _check_names(board: Board) -> None:
 
 def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     """Render all pages and badges; returns their texts by file name."""
-    from markupsafe import Markup
-
     tracks = [views.track_view(board, track) for track in board.tracks]
     front: dict[str, object] = {
         "film": _film(board, replays),
@@ -105,9 +103,6 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
         view = views.crossplay_view(board, scenario)
         choice: dict[str, object] = {"crossplay": view, "scenario": scenario, "scenarios": scenarios}
         pages.append((f"{stem}.html", "crossplay.html", choice))
-    for name, (_, title) in reading_pages.PAGES.items() if not docs else ():
-        text = Markup(reading_pages.render_page(name))
-        pages.append((f"{name}.html", "reading.html", {"title": title, "text": text}))
     for track in board.tracks:
         for entry in track.entries:
             content = {
@@ -142,6 +137,7 @@ def _environment(board: Board, docs: str) -> Environment:
         "sort_key": views.sort_key,
         "interval": views.format_interval,
         "signed": views.format_signed,
+        "rank": views.format_rank,
     }
     environment.globals |= {
         "board": board,
@@ -159,30 +155,23 @@ def _environment(board: Board, docs: str) -> Environment:
 
 
 def _doc_link(docs: str, page: str, text: str, heading: str = "", root: str = "") -> Markup:
-    """Return a link to a page of the documentation, ``folder/name``, or of this site without one.
-
-    If there is no such page, return its text and file name.
-    """
+    """Return a link to a page of the documentation, ``folder/name``; without one, its text and file name."""
     from markupsafe import Markup
 
-    name, anchor = page.rpartition("/")[2], f"#{heading}" if heading else ""
-    if not docs and name not in reading_pages.PAGES:
+    if not docs:
         return Markup("{} (<code>docs/{}.md</code>)").format(text, page)
-    place = f"{docs if '://' in docs else root + docs}/{page}" if docs else f"{root or './'}{name}"
-    return Markup('<a href="{}.html{}">{}</a>').format(place, anchor, text)
+    place = f"{docs if '://' in docs else root + docs}/{page}.html"
+    return Markup('<a href="{}{}">{}</a>').format(place, f"#{heading}" if heading else "", text)
 
 
 def _software_links(docs: str, root: str) -> dict[str, str]:
     """Return addresses of documentation, source and paper by label; one that is not known is left out.
 
-    Repository and documentation are those of ``[project.urls]`` in the package's metadata; the documentation
-    that is built beside this site, or the rules in it, takes precedence.
+    The repository is that of ``[project.urls]`` in the package's metadata.
     """
-    addresses = published()
-    beside = docs if "://" in docs else root + docs
     links = {
-        "Docs": f"{beside}/index.html" if docs else addresses.get("Documentation", f"{root}rules.html"),
-        "Source": addresses.get("Repository"),
+        "Docs": f"{docs if '://' in docs else root + docs}/index.html" if docs else None,
+        "Source": published().get("Repository"),
         "Paper": PAPER,
     }
     return {label: address for label, address in links.items() if address}

@@ -16,7 +16,6 @@ from fpg_bench.products.leaderboard.site.views import (
     Axis,
     ExploitedView,
     Measure,
-    WorstView,
     exploited_view,
     format_number,
     format_rank,
@@ -25,7 +24,6 @@ from fpg_bench.products.leaderboard.site.views import (
     safe_link,
     same_policies_text,
     scale_text,
-    worst_view,
 )
 from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
 
@@ -64,7 +62,6 @@ class FiguresView:
 
     role: str
     axis: Axis
-    worst: WorstView
     exploited: ExploitedView | None
     lost: str
     same_policies: str
@@ -124,7 +121,7 @@ def entry_view(board: Board, track: BoardTrack, entry: BoardEntry) -> EntryView:
 def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: Figures) -> FiguresView:
     role = track.ranked_by if track.ranked_by in figures.scores else PUBLIC
     planner = figures.planner
-    charted = [figures.worst.score, *figures.scores.values()]
+    charted = [*figures.scores.values()]
     charted += [score for scores in figures.by_rival.values() for score in scores.values()]
     by_seed = {seed: Interval(value) for seed, value in figures.by_seed.items()}
     charted += by_seed.values()
@@ -132,7 +129,6 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
     return FiguresView(
         role=ROLES[role].label.lower(),
         axis=Axis.of_scores(charted),
-        worst=worst_view(board, track, figures),
         exploited=exploited_view(board, track, figures),
         lost=lost_text(figures),
         same_policies=same_policies_text(figures),

@@ -67,7 +67,6 @@ def data_files(board: Board, submitted: Policies) -> dict[str, str]:
         "board.json": board.to_json(),
         **dataset_files(board),
         **_compare_files(board),
-        "data/statistics.js": _script(statistics_data(board)),
         **crossplay,
         **_play_files(board, submitted, zoo),
     }
@@ -123,7 +122,6 @@ def _compared_entry(
         "authors": ", ".join(entry.authors),
         "score": _interval(figures.score),
         "gap": _rounded(figures.gap, 1),
-        "worst": _rounded(figures.worst.score.value, 1),
         "scores": {suite.role: _interval(figures.scores.get(suite.role)) for suite in suites},
         "by_rival": {
             suite.role: [_interval(figures.by_rival.get(suite.role, {}).get(rival)) for rival in suite.rivals]
@@ -141,29 +139,6 @@ def _interval(score: Interval | None) -> list[float | None]:
 
 def _rounded(value: float | None, digits: int) -> float | None:
     return None if value is None or math.isnan(value) else round(value, digits)
-
-
-def statistics_data(board: Board) -> Row:
-    """Return the ranks and performance profiles of each track."""
-    return {"tracks": [_track_statistics(track) for track in board.tracks]}
-
-
-def _track_statistics(track: BoardTrack) -> Row:
-    order = [entry.slug for entry in track.entries]
-    profiles = track.profiles
-    return {
-        "key": track.key,
-        "title": track.title,
-        "names": {entry.slug: entry.name for entry in track.entries},
-        "order": order,
-        "ranks": {entry.slug: format_rank(of.rank) for entry, of in track.verified() if of.rank},
-        "thresholds": [round(threshold, 1) for threshold in profiles.thresholds],
-        "share": {
-            slug: [round(share, 3) for share in profiles.share[slug]]
-            for slug in order
-            if slug in profiles.share
-        },
-    }
 
 
 def crossplay_data(board: Board, scenario: str, submitted: Policies, zoo: Zoo) -> Row | None:

@@ -13,7 +13,7 @@ from scipy.stats import rankdata
 from fpg_bench.evaluation.statistics import Interval, correlation_interval
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
-from fpg_bench.products.leaderboard.exploited import RESPONSE
+from fpg_bench.products.leaderboard.exploited import RESPONSE, Effort
 from fpg_bench.products.leaderboard.tracks import (
     PUBLIC,
     RESPONSES,
@@ -201,23 +201,6 @@ class Axis:
         return self.place(score.low), self.place(score.high)
 
 
-@dataclass(frozen=True)
-class WorstView:
-    """The worst case of an entry: its rival's name, and where they met, in words."""
-
-    score: Interval
-    return_per_step: Interval
-    rival: str
-    where: str
-
-
-def worst_view(board: Board, track: BoardTrack, figures: Figures) -> WorstView:
-    """Return the presentation of an entry's worst case."""
-    worst = figures.worst
-    rival = _rival(board, track, worst.rival, worst.where)
-    return WorstView(worst.score, worst.return_per_step, rival, _place(worst.where))
-
-
 def _place(where: str) -> str:
     return where if where == CROSSPLAY else ROLES[where].label.lower()
 
@@ -236,6 +219,8 @@ class ExploitedView:
     Attributes:
         found_by: who found it, and for how many CPU seconds.
         n_responses: number of responses to it.
+        attacked: how many training seeds somebody attacked.
+        efforts: with how much somebody attacked which training seed.
     """
 
     value: float
@@ -243,6 +228,8 @@ class ExploitedView:
     interval: str
     found_by: str
     n_responses: int
+    attacked: str
+    efforts: str
 
 
 def exploited_view(board: Board, track: BoardTrack, figures: Figures) -> ExploitedView | None:
@@ -263,7 +250,30 @@ def exploited_view(board: Board, track: BoardTrack, figures: Figures) -> Exploit
         " to ".join(ends) if math.isfinite(reward.half) else "",
         found_by if lowest.training_seed is None else f"{found_by}, seed {lowest.training_seed}",
         len(figures.exploited.attacks),
+        *_attacked(figures.exploited.efforts),
     )
+
+
+def _attacked(efforts: Sequence[Effort]) -> tuple[str, str]:
+    """Return in short how many training seeds somebody attacked, and at length with how much."""
+    made = [each for each in efforts if each.responses]
+    left = [str(each.training_seed) for each in efforts if not each.responses]
+    words = [
+        f"{'the script' if each.training_seed is None else f'seed {each.training_seed}'}: "
+        f"{_several(each.responses, 'response')} of {format_number(each.steps, 'whole')} steps and "
+        f"{format_number(each.seconds, 'whole')} CPU s"
+        for each in made
+    ]
+    if not made:
+        return "nobody yet", "nobody yet"
+    if left:
+        words.append(f"seed{'s' if len(left) > 1 else ''} {', '.join(left)}: nobody yet")
+    count = f"{len(made)} of {_several(len(efforts), 'seed')} attacked"
+    return "attacked" if efforts[0].training_seed is None else count, "; ".join(words)
+
+
+def _several(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
 def warnings(figures: Figures | None) -> list[str]:
@@ -307,7 +317,6 @@ class RowView:
     ranking: Interval | None
     public: Interval | None
     shifted: Interval | None
-    worst: WorstView | None
     exploited: ExploitedView | None
     warnings: list[str]
 
@@ -469,7 +478,6 @@ def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
         ranking=scores.get(track.ranked_by),
         public=scores.get(PUBLIC),
         shifted=scores.get(SHIFTED),
-        worst=None if figures is None else worst_view(board, track, figures),
         exploited=None if figures is None else exploited_view(board, track, figures),
         warnings=warnings(figures),
     )

@@ -164,7 +164,7 @@
   function facts(a, b) {
     const budget = ({ steps }) => (steps === null ? "–" : `${steps.toLocaleString("en")} steps`);
     return [
-      ["Rank", a.rank, b.rank], ...gaps(a, b), ["Worst score", number(a.worst), number(b.worst)],
+      ["Rank", a.rank, b.rank], ...gaps(a, b),
       ["Algorithm", a.algorithm, b.algorithm], ["Authors", a.authors, b.authors], ["Learning budget per seed", budget(a), budget(b)],
     ];
   }
