@@ -41,11 +41,11 @@ _HEAD = """\
 Agents that are shipped, each a player by its name: `fpg_bench.load_agent("ally-scripted/ppo/seed_0")`.
 `fpg-bench zoo` lists all of them with their public scores. The table has the best algorithm of each group on
 the last of its suites, which is the held-out one where there is one, with its 95 % interval over training
-seeds ([protocol](../docs/benchmark/protocol.md)). *Best script* is the best of `all-scripted`; scripts
-that came later are on the board. *All agents* has the scores of every algorithm and of these scripts, with
-steps, minutes and measures. Beside it are learning curves on tuning seeds and the
-probability of improvement (Agarwal et al. 2021). An oracle sees the full state: it shows what
-knowledge is worth, and has no rank.
+seeds, and the best script of `all-scripted` with one over matches
+([protocol](../docs/benchmark/protocol.md)); scripts that came later are on the board. *All agents* has the
+scores of every algorithm and of these scripts, with steps, minutes and measures. Beside it are learning
+curves on tuning seeds and the probability of improvement (Agarwal et al. 2021). An oracle sees the full
+state: it shows what knowledge is worth, and has no rank.
 
 """
 _FOOT = f"""
