@@ -198,8 +198,8 @@ class CategoricalSearch:
 
     def _score(self, earned: np.ndarray) -> np.ndarray:
         """Return ``(candidates,)``, what each earns by the goal."""
-        by_rival: np.ndarray = earned.mean(axis=2)
-        return by_rival.mean(axis=1) if self.goal == "mean" else by_rival.min(axis=1)
+        by_rival = earned.mean(axis=2)
+        return np.asarray(by_rival.mean(axis=1) if self.goal == "mean" else by_rival.min(axis=1))
 
 
 def _shared(rounds: int, rivals: int) -> int:
