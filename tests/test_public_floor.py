@@ -1,4 +1,4 @@
-"""What products import of the core: the public floor of the map, and what each still takes from elsewhere."""
+"""Imports of products: the public floor of the map, and what each still takes from elsewhere."""
 
 from __future__ import annotations
 

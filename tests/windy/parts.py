@@ -68,7 +68,7 @@ class LoudGame(OtherGame):
 
 
 class _Loud:
-    """What opens the games."""
+    """Maker of the games."""
 
     spec = LoudGame
 
