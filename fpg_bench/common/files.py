@@ -181,10 +181,11 @@ def write_whole(path: Path, content: str | bytes) -> None:
         error.filename = str(path)
         raise
     try:
-        with naming(path), os.fdopen(handle, "wb") as file:
-            file.write(data)
-        os.chmod(temporary, 0o666 & ~_UMASK)  # mkstemp does not ask it
-        os.replace(temporary, path)
+        with naming(path):
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+            os.chmod(temporary, 0o666 & ~_UMASK)  # mkstemp does not ask it
+            os.replace(temporary, path)
     except BaseException:
         os.unlink(temporary)
         raise

@@ -118,7 +118,7 @@ def _verb(words: list[str]) -> None:
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("verb", ["match"] if SCALE == 1 else VERBS)  # the others' own tests interrupt them
+@pytest.mark.parametrize("verb", ["compare"] if SCALE == 1 else VERBS)  # the others' own tests interrupt them
 def test_a_killed_command_resumes_to_the_same_result(verb, tmp_path):
     values = settings("ppo", normalize={"norm_obs": False})
     (tmp_path / "tiny.yml").write_text(json.dumps({policy_env(side).id: values for side in SIDES}))

@@ -106,7 +106,7 @@ def test_two_policies_of_one_training_seed_are_refused_and_one_by_two_names_is_o
 
 @pytest.mark.parametrize("name", ["mine (2)", "modèle", "a(b) c"])
 def test_a_name_of_ones_own_may_have_parentheses_and_accents(suite, name):
-    script = "by-type(hold_s=3)"
+    script = "by-type(hop_below_db=3)"
     assert [each.name for each in entries_of([f"{name}=expert"], suite)] == [name]
     assert [each.name for each in entries_of([script], suite)] == [script]
 

@@ -147,7 +147,7 @@ def test_a_member_is_a_player_by_its_own_name(suite):
         ("suite:", "no such suite"),
         ("{suite}/ally-only", "has no members that play the opponent"),
         ("{suite}/broken", "sha256"),
-        ("{suite}/empty", "agent.json"),
+        ("{suite}/empty", "the folder holds none"),
     ],
 )
 def test_a_suite_that_is_not_there_or_is_damaged_is_refused_in_one_line(suite, spec, words):

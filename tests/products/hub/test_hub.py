@@ -249,7 +249,7 @@ def test_what_cannot_be_done_is_one_clear_line(hub, first, tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ("changes", "data", "message"),
     [
-        ({}, through("RandomNormalLike"), r"policy.onnx: operator 'RandomNormalLike' is not played; .*draws nothing"),
+        ({}, through("RandomNormalLike"), r"policy.onnx: operator 'RandomNormalLike' is not played"),
         ({}, through("Abs", "Neg", "Log"), r"policy.onnx: loses rounds"),
         ({}, b"no network", r"policy.onnx: is not an ONNX file"),
         ({"policy_sha256": "0" * 64}, None, r"policy_sha256: does not match policy.onnx"),
