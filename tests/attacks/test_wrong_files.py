@@ -26,7 +26,7 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
 from fpg_bench.products.language_models.servers import SERVER_FOLDER, load_server
 from fpg_bench.products.language_models.transcript import Attempt
-from fpg_bench.products.leaderboard.crossplay import Pair, read_pair
+from fpg_bench.products.leaderboard.crossplay import Pair
 from fpg_bench.products.league.champions import load_champions
 from fpg_bench.products.offline.spec import load_spec
 from fpg_bench.products.tuning.space import load_space
@@ -38,6 +38,7 @@ BASELINES = baselines_folder()
 BOARD = BASELINES.parent / "leaderboard"
 # What is refused in other words than by its key: no finite number, half a letter, another format
 ELSEWHERE = (
+    "a number is too large",  # its line is named
     "not finite",
     "invalid Unicode character escape code",
     "lacks game",
@@ -95,9 +96,7 @@ def _dataset(content: Any) -> None:
 
 
 def _pair(content: Any) -> None:
-    pair = read_pair(content)
-    if not isinstance(pair, Pair):
-        raise UserError("not finite, or no pair")  # which the board plays again
+    pair = parse(Pair, content, "pair")
     assert np.isfinite([*pair.ally_rewards, *pair.opponent_rewards]).all()
 
 
@@ -118,6 +117,11 @@ def _shipped_suite(name: str) -> Any:
 def _row(pattern: str) -> Any:
     row = json.loads(next(BOARD.glob(pattern)).read_text().splitlines()[1])
     return row | {"returns": row["returns"][:5]}
+
+
+def _first_pair() -> Any:
+    row = json.loads((BOARD / "results/crossplay.jsonl").open().readline())
+    return {name: value for name, value in row.items() if name != "sha256"}
 
 
 def _attempt() -> Any:
@@ -151,7 +155,7 @@ FILES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {
     ),
     "record": (lambda: _row("results/ally/*.jsonl"), lambda c: read_record(c, "record")),
     "record of a planner": (lambda: _row("results/planner/*.jsonl"), lambda c: read_record(c, "record")),
-    "pair": (lambda: json.loads((BOARD / "results/crossplay.jsonl").open().readline()), _pair),
+    "pair": (_first_pair, _pair),
     "attempt": (_attempt, lambda c: Attempt.read(c, "attempt")),
     "study": (
         lambda: make_task("ppo", "FPG/AllyVsScripted-v0", n_seeds=1, steps=1000).model_dump(mode="json"),

@@ -157,7 +157,7 @@ def test_each_record_is_kept_once_and_the_newest_of_a_matchup(tmp_path):
 def test_what_the_board_verified_is_read_there_and_neither_kept_nor_played_again(tmp_path):
     zoo, group, suite, records = one_agent(tmp_path / "zoo")
     own = RowFile(zoo.records_file(group))
-    rows = [row | {"entry": "small-ppo", "suite": "other-name"} for row in own.read()]
+    rows = [row | {"entry": "small-ppo"} for row in own.read()]
     board = RowFile(tmp_path / "leaderboard/results/ally/small-ppo.jsonl")
     board.append([{"kind": "result"}, *rows, rows[0] | {"fingerprint": "another policy"}])
     assert script.compact(zoo) == len(rows) == 2

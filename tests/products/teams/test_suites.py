@@ -12,9 +12,9 @@ from fpg_bench.products.teams.match import play_teams
 from fpg_bench.products.teams.rules import TEAM_SCRIPTS
 
 HASHES = {
-    "team-ally-link-v1": "05a0dbf2972a03257ac2819b705aa502a1b2a10bef6ec562bd2179db7ad0e5f1",
-    "team-ally-strangers-link-v1": "2136bfde595b5de2a7df28a9aef30dcc9eb5673f670252db66660a242304dfda",
-    "team-opponent-link-v1": "024ed89d2ef9c219e2a42232d71e4e93cfdb503d7324a9ac07847ddd11c797b1",
+    "team-ally-link-v1": "024670aac180921cc42c392ca3241a00c720c84e7b3bc919b2d93ba0a80a2713",
+    "team-ally-strangers-link-v1": "9496efc4aac3ee3e461d15671e0bb121247aa23bcf72253625940335c3b49592",
+    "team-opponent-link-v1": "f756d7351ea226c0fa9c50ec7fa60a66c4d13bf2dcb2fd84b0fc51cfff92419a",
 }
 
 
