@@ -153,7 +153,7 @@ PLAYS = (
         "play --out round.html",
         "scenario show link",
     ),
-    f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner cma-es --every 300",
+    f"play --ally {AGENT} --opponent opponent-pursuit/ppo/seed_0 --planner hill-climb --every 300",
     "leaderboard init own",
 )
 REFUSES = ("scenario check nowhere.yml",)

@@ -620,8 +620,13 @@ def test_the_round_moves_until_it_is_stopped_or_where_motion_is_wanted(visit, mo
         assert page.evaluate(MOVED)
 
 
-PRESSED = """() => { for (let k = 1; k < 300; k++)
-document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key: "n", bubbles: true })); }"""
+PRESSED = """async () => {  // a key while a second is played counts for nothing
+  const said = (id) => document.getElementById(id).textContent;
+  for (let k = 0; k < 3000 && !said("result") && !said("event").startsWith("The round is over"); k++) {
+    document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key: "n", bubbles: true }));
+    await new Promise((done) => setTimeout(done));
+  }
+}"""
 
 
 def begin(page, side, **settings):
