@@ -25,7 +25,7 @@ CORE = ("game", "envs", "players", "evaluation")  # folders of tests that are ru
 # A planner of a product is the default of an id, and rivals of a suite fly as planners say.
 WITH_PLANNERS = (
     "AllyVsPlanner or ally-planner or every_id_has_its_suite or committed_suites_stay or rounded_up_to_whole "
-    "or action_of_any_seat or expected_a_mapping or change3"
+    "or action_of_any_seat or change3"
 )
 FAST = "not (full or process or slow)"
 TESTS = {
