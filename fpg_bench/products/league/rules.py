@@ -30,7 +30,6 @@ from fpg_bench.game.sensing import (
     KNOWN_AGE,
     KNOWN_FREQUENCY,
     LAST_CHECK,
-    NEXT_CHECK,
     OWN_POSITION,
     SENSED_COVERS,
     SENSED_TYPE,
@@ -86,7 +85,7 @@ OPPONENT: Mapping[str, tuple[Option, ...]] = MappingProxyType(
     }
 )
 NUMBERS = MappingProxyType({"ally": ALLY, "opponent": OPPONENT})
-_MEMORY = {"ally": 7, "opponent": 6}
+_MEMORY = {"ally": 7, "opponent": 5}
 
 
 def rule_values(side: str, indices: np.ndarray, scenario: Scenario) -> np.ndarray:
@@ -201,7 +200,7 @@ def _write_opponent(graph: PolicyGraph, scenario: Scenario) -> bytes:
     phase_s = phase_s + 1
     is_next = (given("centre_s") - 0.5 < phase_s) | ~has_begun
     phase_s = is_next.where(0, phase_s)
-    drawn = graph.constant(*[0.0]) * turn
+    drawn = turn * 0.0
     for count in sorted(_CENTRES)[1:]:
         edges = graph.constant(*(NormalDist().inv_cdf(k / count) for k in range(1, count)))
         of = given("centres").equals(graph.constant(count))
@@ -222,7 +221,7 @@ def _write_opponent(graph: PolicyGraph, scenario: Scenario) -> bytes:
             (IN_BAND_GATE, 1, is_known.where(-1, 1)),
             (VELOCITY, 3, away / reach),
         ],
-        [known, left, phase_s, turn, found.where(1, 1), seen.column(NEXT_CHECK)],
+        [known, left, phase_s, turn, found.where(1, 1)],
     )
 
 
