@@ -34,7 +34,7 @@ def few(code):
 
 @pytest.fixture(scope="module")
 def entered(tmp_path_factory):
-    """Run the page's snippets, but for the verdict, which has tests of its own."""
+    """Run the page's snippets, but for `submit run`: `verify` plays the entry."""
     folder = tmp_path_factory.mktemp("page")
     reader = Reader(folder / "here", small_baselines(folder / "baselines"))
     for language, code in blocks(PAGE):
@@ -52,7 +52,7 @@ def test_the_page_s_snippets_make_a_sound_submission(entered):
     assert output.count("from the model's own predict") == 1
     assert "largest difference from predict(): " in output
     assert f"\n{ENTRY}: nothing is wrong\n" in output
-    assert "ally/my-agent: left out: has no result" in output
+    assert "\n1 entries, 2 rounds to watch" in output  # it stands on the board that is built
 
 
 def test_every_key_is_told_of():
