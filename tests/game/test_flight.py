@@ -9,7 +9,7 @@ import pytest
 
 from fpg_bench.game.scenario import STANDARD, ScenarioError
 
-from .playing import ally, begin, opponent, still, wander
+from .playing import begin, wander
 
 
 def test_a_path_of_less_than_a_second_is_refused():
@@ -17,24 +17,6 @@ def test_a_path_of_less_than_a_second_is_refused():
     with pytest.raises(ScenarioError, match=r"9\.9 m long"):
         dataclasses.replace(STANDARD, ally_path_m=short)
     dataclasses.replace(STANDARD, ally_path_m=(*short[:3], (10.1, 0, 0)))
-
-
-@pytest.mark.parametrize(("steps", "count"), [(300, 16), (100, 16), (20, 4), (17, 5), (10, 10)])
-def test_waypoints_within_reach_are_met_when_due(steps, count):
-    """Point i at ceil((i + 1) T / n): the first whole second at or after the time at which it is due."""
-    scenario = still(steps_per_round=steps, waypoints=count, opponent_path="waypoints")
-    batch = begin(scenario, 3)
-    rng = np.random.default_rng(0)
-    here, points = batch.games["opponent_position"][0].copy(), []
-    for _ in range(count):
-        here = np.clip(here + rng.uniform(-3, 3, 3), 0, scenario.box_m)
-        points.append(here)
-    batch.set_waypoints(0, np.array(points))
-    met = {-(-(i + 1) * steps // count): i for i in range(count)}
-    for k in range(steps):
-        batch.step(ally(), opponent())
-        if k + 1 in met:
-            np.testing.assert_allclose(batch.games["opponent_position"][0], points[met[k + 1]], atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import yaml
 
 from fpg_bench.game.knowledge import EXPERT_FILE
@@ -29,22 +28,6 @@ def chosen(jam_kind: int, jam_mhz: float, point: int, scores=(0, 0, 0, 0), games
 def outside(half: float, centre: float, point: int) -> set[int]:
     """The points farther than a footprint and its guard of 2.5 MHz, but the present one."""
     return {i for i in range(15) if abs(POINT_MHZ[i] - centre) > half + 2.5 + 1e-6} - {point}
-
-
-@pytest.mark.parametrize(
-    ("jam_mhz", "point", "expected"),
-    [
-        (150, 0, {12, 13, 14}),
-        (150, 14, {11, 12, 13}),  # never the present point
-        (250, 5, {0, 1, 2}),
-        (205, 7, {0, 1, 14}),  # 55.0, 47.9 and 45.0 MHz away
-        (230, 0, {1, 2, 3}),
-    ],
-)
-def test_the_farthest_hop_draws_from_three(jam_mhz, point, expected):
-    away = sorted(outside(25, jam_mhz, point), key=lambda i: -abs(POINT_MHZ[i] - jam_mhz))[:3]
-    assert set(away) == expected
-    assert chosen(BROADBAND, jam_mhz, point) == expected
 
 
 def test_no_candidate_at_all_is_any_other_point():

@@ -14,7 +14,7 @@ from fpg_bench.game import link
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import preset
 
-from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, begin, opponent, place, to_point
+from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, begin, opponent, to_point
 from .reference import ReferenceGame
 
 LINK = preset("link")
@@ -82,13 +82,6 @@ def test_the_rate_is_near_that_of_the_best_modulation(sinr):
     assert ideal[0] < rate < ideal[1]
 
 
-def test_the_rate_has_a_top_and_a_bottom():
-    assert link.rate_mbit_s(30.0, False, RULES, RADIO) == pytest.approx(5 * 5.55)
-    assert link.rate_mbit_s(30.0, True, RULES, RADIO) == pytest.approx(2 * 5.55)
-    assert link.rate_mbit_s(-6.51, False, RULES, RADIO) == 0
-    assert link.rate_mbit_s(-6.49, False, RULES, RADIO) > 1
-
-
 def test_the_beam_is_that_of_eight_elements():
     degrees = np.array([2.0, 4.0, 6.5, 8.0])
     for angle, gain in zip(np.radians(degrees), waveforms.array_gain(8, degrees), strict=True):
@@ -115,103 +108,6 @@ def test_the_filter_passes_its_width():
     np.testing.assert_allclose(square, gain**2, atol=1e-3)
 
 
-def test_fading_remembers_the_step_before():
-    batch = begin(dataclasses.replace(LINK, fading_distance_m=0, fading_correlation=0.76), games=3000)
-    values = [batch.games["fading"].copy()]
-    for _ in range(12):
-        batch.step(ally().repeat(3000, 0), opponent().repeat(3000, 0))
-        values.append(batch.games["fading"].copy())
-    for fading in (values[0], values[-1]):
-        assert fading.mean() == pytest.approx(0, abs=0.08)
-        assert fading.std() == pytest.approx(1, abs=0.06)
-    for lag in (1, 3):
-        assert np.corrcoef(values[-1], values[-1 - lag])[0, 1] == pytest.approx(0.76**lag, abs=0.06)
-
-
-def test_a_hop_takes_a_part_of_the_reward_and_of_the_rate():
-    here, away = (begin(dataclasses.replace(LINK, flight_cost_per_w=0), seed=3) for _ in range(2))
-    point = int(here.games["point"][0])
-    jam = opponent(TONE, tuning=1.0 if point < 7 else -1.0, in_band=True)
-    here.step(ally(), jam)
-    away.step(ally(hop=True, preference=to_point(point)), jam)
-    for name in ("ally_reward", "rate_mbit_s", "opponent_reward"):
-        assert away.games[name][0] == pytest.approx(0.7 * here.games[name][0])
-
-
-@pytest.mark.parametrize(
-    ("speed", "watts"),  # of Fig. 2 of Zeng, Xu and Zhang, by its formula
-    [(-1.0, 168.4842), (-0.6, 143.6083), (-0.2, 126.0291), (1.0, 248.9523)],
-)
-def test_flying_costs_the_power_of_a_rotary_wing_above_its_least(speed, watts):
-    free, dear = (begin(dataclasses.replace(LINK, flight_cost_per_w=c), seed=3) for c in (0, 0.1))
-    for batch in (free, dear):
-        batch.step(ally(speed=speed), opponent())
-    cost = free.games["ally_reward"] - dear.games["ally_reward"]
-    assert cost == pytest.approx(0.1 * (watts - 126.0027), abs=1e-4)
-    assert free.games["opponent_reward"] == dear.games["opponent_reward"]
-
-
-def test_a_move_takes_airtime_and_a_change_of_the_waveform_none():
-    """Spreading moves the ally from point 0 to 5; what the reward loses, the rate loses too."""
-    base = dataclasses.replace(LINK, flight_cost_per_w=0, fading_sd_db=0)
-    free = begin(dataclasses.replace(base, hop_airtime_s=0), seed=3)
-    charged = begin(dataclasses.replace(base, hop_airtime_s=0.3), seed=3)
-    for action, share in (
-        (ally(hop=True, preference=-1), 0.7),
-        (ally(spread=True), 0.7),  # moves
-        (ally(spread=True), 1.0),
-        (ally(), 1.0),
-        (ally(hop=True, spread=True, preference=0), 0.7),
-    ):
-        for batch in (free, charged):
-            batch.step(action, opponent())
-        for name in ("rate_mbit_s", "ally_reward", "opponent_reward"):
-            assert charged.games[name][0] == pytest.approx(share * free.games[name][0])
-
-
-def test_a_jammer_that_looks_through_is_silent_for_a_part_of_a_check():
-    base = dataclasses.replace(LINK, flight_cost_per_w=0, first_check_s=(2, 2), check_interval_s=(3, 3))
-    jammed, gap = (begin(dataclasses.replace(base, look_through_s=s), seed=3) for s in (0, 0.25))
-    for step in range(4):
-        for batch in (jammed, gap):
-            place(batch, batch.games["ally_position"][0])
-            batch.step(ally(), opponent(NARROWBAND))
-        shares = gap.games["opponent_reward"] / jammed.games["opponent_reward"]
-        assert shares == pytest.approx(0.75 if step == 1 else 1.0)
-    assert not hears(TONE, jammer_isolation_db=60, look_through_s=0)
-    assert hears(TONE, jammer_isolation_db=60, look_through_s=0.1)
-
-
-def test_fading_decorrelates_over_the_distance_flown():
-    scenario = dataclasses.replace(
-        LINK, fading_distance_m=20, jamming_fading_sd_db=1, opponent_speed_m_s=12, ally_speed_m_s=(5, 10)
-    )
-    batch = begin(scenario, games=3000)
-    place_far = batch.games["opponent_position"]
-    place_far[:, 0] = np.where(batch.games["ally_position"][:, 0] < 750, 1500, 0)
-    actions = ally(speed=0).repeat(3000, 0), opponent().repeat(3000, 0)  # 7.5 m/s
-    values = []
-    for _ in range(8):
-        batch.step(*actions)
-        values.append([batch.games[name].copy() for name in ("fading", "jamming_fading")])
-    for k, flown in enumerate((7.5, 7.5 + 12)):
-        now, before = values[-1][k], values[-2][k]
-        assert now.std() == pytest.approx(1, abs=0.06)
-        assert np.corrcoef(now, before)[0, 1] == pytest.approx(math.exp(-flown / 20), abs=0.06)
-    assert abs(np.corrcoef(*values[-1])[0, 1]) < 0.06
-
-
-def test_back_off_lowers_the_power_of_a_type():
-    for kind, loss in ((TONE, 0.0), (BROADBAND, 4.0)):
-        noise = []
-        for backoff in ((0, 0, 0, 0), (0, 0, 4, 0)):
-            batch = begin(dataclasses.replace(LINK, jamming_backoff_db=backoff), seed=3)
-            place(batch, batch.games["ally_position"][0])
-            batch.step(ally(), opponent(kind))
-            noise.append(batch.games["snr_db"][0])
-        assert noise[1] - noise[0] == pytest.approx(loss, abs=0.01)
-
-
 @pytest.mark.parametrize(("width_mhz", "first", "last"), [(60, 6, 8), (55, 5, 9), (10, 1, 13), (77, 7, 7)])
 def test_a_signal_moves_to_where_it_fits_into_the_band_when_it_spreads_and_stays_there(
     width_mhz, first, last
@@ -223,32 +119,6 @@ def test_a_signal_moves_to_where_it_fits_into_the_band_when_it_spreads_and_stays
         batch.step(ally(), opponent())
         assert batch.games["point"][0] == point
         assert batch.games["frequency_mhz"][0] == pytest.approx(2403.05 + point * 77.4 / 14)
-
-
-def hears(kind, **changes) -> bool:
-    """One step with a check: a link 700 m away, jammed on its own channel."""
-    scenario = dataclasses.replace(
-        LINK,
-        **{"first_check_s": (1, 1), "opponent_path": "learned", "fading_sd_db": 0, "base_side_lobe_db": 100},
-        **changes,
-    )
-    batch = begin(scenario)
-    start = batch.games["ally_position"][0]
-    away = np.array([700.0 if start[0] < 750 else -700.0, 0, 0])
-    place(batch, start + away)
-    batch.step(ally(), opponent(kind))
-    return batch.games["last_check"][0] == 1
-
-
-def test_a_jammer_hears_worse_through_its_own_jamming():
-    assert hears(TONE, jammer_isolation_db=130, look_through_s=0)
-    assert not hears(TONE, jammer_isolation_db=101, look_through_s=0)
-    assert hears(BROADBAND, jammer_isolation_db=116, look_through_s=0)
-
-
-def test_the_base_station_is_heard_in_its_beam():
-    assert not hears(TONE, ally_emission_dbm=-100)
-    assert hears(BROADBAND, ally_emission_dbm=-100, base_beam_deg=360)
 
 
 def test_no_cell_of_the_checks_is_a_negative_zero():

@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from fpg_bench.game.scenario import STANDARD
 
-from .playing import BROADBAND, COMB, NARROWBAND, TONE, ally, at_mhz, begin, opponent, still, to_point
-
-
-def test_the_covering_flag_speaks_of_what_was_sensed():
-    """With the type always wrong the flag follows the wrong footprint."""
-    found = set()
-    for seed in range(30):
-        batch = begin(still(sensing_type_error=1.0), seed)
-        batch.step(ally(hop=True, preference=to_point(7)), opponent(TONE, tuning=at_mhz(190), in_band=True))
-        assert not batch.games["covered"][0]
-        kind = int(batch.games["sensed_type"][0])
-        assert kind != TONE
-        flag = batch.ally_observations[0, 14]
-        assert flag == {NARROWBAND: 1, BROADBAND: 1, COMB: -1}[kind]
-        assert batch.ally_observations[0, 10 + kind] == 1
-        found.add(kind)
-    assert found == {NARROWBAND, BROADBAND, COMB}
+from .playing import BROADBAND, ally, at_mhz, begin, opponent, still, to_point
 
 
 def test_how_wrong_sensing_is():
@@ -55,3 +41,14 @@ def test_the_ally_does_not_see_what_the_opponent_knows():
             batch.step(ally(hop=True, preference=to_point(k)), jam)
         np.testing.assert_array_equal(one.ally_observations, other.ally_observations)
     assert one.games["known_mhz"][0] != other.games["known_mhz"][0]
+
+
+def test_the_opponent_sees_nothing_of_an_ally_that_it_does_not_hear():
+    one, other = (begin(dataclasses.replace(STANDARD, detection="off"), 3) for _ in range(2))
+    rng = np.random.default_rng(2)
+    for k in range(40):
+        action = rng.uniform(-1, 1, (1, 9))
+        one.step(ally(hop=k % 3 == 0, preference=-0.7), action)
+        other.step(ally(hop=k % 4 == 0, preference=0.6, spread=True), action)
+        assert (one.opponent_observations == other.opponent_observations).all()
+    assert one.games["frequency_mhz"] != other.games["frequency_mhz"]
