@@ -1,11 +1,17 @@
-"""Files of every kind in which one thing is wrong: refused in a line that names it, or read and played."""
+"""Files of every kind in which one thing is wrong: refused in a line that names it, or read and played.
+
+What is said of each place is that of ``golden/wrong_files.json``, which
+``python -m tests.attacks.test_wrong_files`` writes again.
+"""
 
 from __future__ import annotations
 
 import copy
 import gzip
 import json
-import random
+import os
+import re
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,15 +32,17 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
 from fpg_bench.products.language_models.servers import SERVER_FOLDER, load_server
 from fpg_bench.products.language_models.transcript import Attempt
+from fpg_bench.products.leaderboard.about import read_about
 from fpg_bench.products.leaderboard.crossplay import Pair
 from fpg_bench.products.league.champions import load_champions
 from fpg_bench.products.offline.spec import load_spec
 from fpg_bench.products.tuning.space import load_space
 from fpg_bench.products.tuning.study import Task, make_task
-from tests.attacks import SCALE, SEED
 from tests.attacks.mutations import misspelt, mutations
+from tests.products.leaderboard.making import FIELDS
 
 BASELINES = baselines_folder()
+GOLDEN = Path(__file__).parents[1] / "golden" / "wrong_files.json"
 BOARD = BASELINES.parent / "leaderboard"
 # What is refused in other words than by its key: no finite number, half a letter, another format
 ELSEWHERE = (
@@ -81,6 +89,11 @@ def _card(content: Any) -> None:
     assert AgentCard.parse(card.to_dict(), "agent").to_dict() == card.to_dict()
     str(card), card.flies, card.fits(STANDARD)
     card.game.resolve()
+
+
+def _submission(content: Any) -> None:
+    if lines := read_about(content)[1]:
+        raise UserError("; ".join(lines))
 
 
 def _game(content: Any) -> None:
@@ -138,8 +151,8 @@ FILES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {
     "knowledge": (lambda: _yaml(EXPERT_FILE), _knowledge),
     "scenario": (lambda: _fields("standard"), _scenario),
     "scenario of link": (lambda: _fields("link"), _scenario),
-    "agent": (lambda: AgentCard.parse(_agent(), "agent").to_dict(), _card),
-    "agent of format 1": (_agent, _card),
+    "agent": (lambda: _agent() | {"policies": {"a": "ab"}, "offline": {"dataset": "fpg/a-v0"}}, _card),
+    "submission": (lambda: FIELDS | {"zoo": None, "script": None, "scenario": "standard"}, _submission),
     "game": (lambda: {"id": "FPG/AllyVsScripted-v0", "opponent": ["tone"], "history": 8,
                       "observation": "waterfall", "scenario": {"hop_cost": 60.0}}, _game),
     "suite": (lambda: _shipped_suite("opponent-shifted-v2"), _suite),
@@ -168,27 +181,32 @@ def _without_name(content: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in content.items() if key != "name"}
 
 
-@pytest.mark.parametrize("kind", FILES)
-def test_what_is_wrong_in_a_file_is_named_in_one_line(kind, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def answers(kind: str) -> dict[str, dict[str, str]]:
+    """All that is said of each place in a file of a kind, with what was wrong there; "" of what is read."""
     make, read = FILES[kind]
-    content = make()
+    content, found = make(), {}
     read(copy.deepcopy(content))
-    cases = list(mutations(content))
-    refused = 0
-    for what, place, wrong in random.Random(SEED).sample(cases, min(len(cases), 80 * SCALE)):
-        where = f"{what} in {place}"
-        keys = [part for part in place if isinstance(part, str)]
+    for what, place, wrong in mutations(content):
+        where, said = ".".join(map(str, place)), ""
         try:
             read(wrong)
         except UserError as error:
-            refused += 1
-            line = str(error)
-            assert line.isprintable(), where
-            assert len(line) <= 1500, where
+            said = str(error)
+            assert said.isprintable(), (where, what)
+            assert len(said) <= 1500, (where, what)
+            keys = [part for part in place if isinstance(part, str)]
             named = [*keys, *([misspelt(keys[-1])] if what == "misspelt" else [])]
-            assert any(name in line for name in [*named, *ELSEWHERE]), f"{where}: {line}"
-    assert refused > 10
+            assert any(name in said for name in [*named, *ELSEWHERE]), f"{where}, {what}: {said}"
+            said = said.replace(f"{Path.cwd()}/", "").replace(str(Path.cwd()), "").replace(what, "...")
+            said = re.sub(r"(; (did you mean|known:)|, got |x{50}).*", "", said)
+        found.setdefault(where, {}).setdefault(said, []).append(what)
+    return {place: {said: " | ".join(whats) for said, whats in each.items()} for place, each in found.items()}
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_what_is_wrong_in_a_file_is_named_in_one_line_as_it_was(kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert answers(kind) == json.loads(GOLDEN.read_text())[kind], "python -m tests.attacks.test_wrong_files"
 
 
 def test_a_message_is_one_printable_line_whatever_a_file_put_into_it():
@@ -197,3 +215,11 @@ def test_a_message_is_one_printable_line_whatever_a_file_put_into_it():
     assert line.startswith("unknown player '�[2J �xxx")
     assert line.endswith("xxx'; known: tone")
     assert len(line) < 400
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        GOLDEN.write_text(
+            json.dumps({kind: answers(kind) for kind in FILES}, indent=1, ensure_ascii=False) + "\n"
+        )

@@ -12,8 +12,6 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import read_records
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
-from fpg_bench.players.agent import load_agent
-from fpg_bench.players.card import AgentCard
 
 
 @pytest.fixture(scope="module")
@@ -46,10 +44,3 @@ def test_a_row_that_lacks_what_it_needs_is_named(tmp_path, row):
     file.append([{"side": "ally", "score": 1.5}, row])
     with pytest.raises(UserError, match=r"line 2: (side|score) is missing or has the wrong type"):
         file.read()
-
-
-@pytest.mark.parametrize("seed", [[], {}, "1"])
-def test_an_agent_of_no_training_seed_is_one_line(seed):
-    about = load_agent("ally-scripted/ppo/seed_0").card.to_dict() | {"training_seed": seed}
-    with pytest.raises(UserError, match="training_seed: expected a whole number or null"):
-        AgentCard.parse(about, "here")

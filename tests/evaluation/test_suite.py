@@ -124,25 +124,16 @@ def test_rewards_per_step_are_those_of_the_rounds_that_count(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("side: ally", "side: referee", "side: expected ally, opponent or planner, got 'referee'"),
-        ("side: ally", "side: [ally", "not valid YAML"),
-        ("matches: 10", "matches: 0", "matches: expected a whole number above 0, got 0"),
-        ("matches: 10", "match: 10", "unknown key 'match'; did you mean 'matches'"),
-        ("matches: 10", "matches: 10\nrounds_per_match: none", "rounds_per_match: expected a whole number"),
         ("matches: 10", "matches: 10\nlast_rounds: 2", "last_rounds: at most the match's 1 rounds"),
         ("matches: 10", "matches: 10\nscale: {zero: 3, top: 3}", "top must lie above zero"),
         ("matches: 10", "matches: 10\nscale: {zero: 1, top: 3, random: 4}", "top must lie above random"),
-        ("matches: 10", "matches: 10\nscale: {zero: a, top: b}", "scale.zero: expected a number, got 'a'"),
         ("opponent: tone", "ally: tone", r"rivals\[0\]: expected opponent, a player's name"),
         ("path: pursuit", "path: pursuit, planner: circle", "path or planner"),
         ("path: pursuit", "planner: circel", "did you mean 'circle'"),
         ("path: pursuit", "path: persuit", "did you mean 'pursuit'"),
-        ("path: pursuit", "changes: {hop_csot: 1}", "did you mean 'hop_cost'"),
         ("path: pursuit", "changes: {steps_per_round: 10}", "is the same for all rivals"),
-        ("{opponent: tone, path: pursuit}", "tone", r"rivals\[0\]: expected a mapping, got 'tone'"),
         ("opponent: tone", "opponent: tonne", "did you mean 'tone'"),
         ("pursuit}", "pursuit}\n  - {opponent: tone, path: pursuit}", "'tone/pursuit' is listed twice"),
-        ("scenario: standard", "scenario: standrad", "did you mean 'standard'"),
     ],
 )
 def test_bad_suite_files(tmp_path, old, new, message):

@@ -109,31 +109,6 @@ def test_an_object_stays_in_its_program():
         spec.to_dict()
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("circle", "game: expected a mapping"),
-        ({}, "id: expected an environment id, got None"),
-        ({"id": 3}, "id: expected an environment id, got 3"),
-        ({"id": "FPG/AllyVsScriptd-v0"}, "did you mean 'FPG/AllyVsScripted-v0'"),
-        ({"id": ALLY, "pth": "circle"}, "unknown key 'pth'; did you mean 'path'"),
-        ({"id": ALLY, "path": []}, "path: expected a name or a list of names"),
-        ({"id": ALLY, "opponent": [3]}, r"opponent: expected a name or a list of names, got \[3\]"),
-        ({"id": ALLY, "planner": {"a": 1}}, "planner: expected a name"),
-        ({"id": ALLY, "history": True}, "history: expected a whole number"),
-        ({"id": ALLY, "actions": "many"}, "actions: expected one of continuous"),
-        ({"id": ALLY, "scenario": 3}, "scenario: expected a preset, a YAML file or a mapping"),
-        ({"id": ALLY, "scenario": {"hop_kost": 3}}, "unknown key 'hop_kost'; did you mean 'hop_cost'"),
-        ({"id": DUEL, "opponent": "tone"}, "unexpected keyword argument 'opponent': in FPG/duel_v0 you play"),
-    ],
-)
-def test_what_is_no_game_is_one_line(content, message):
-    with pytest.raises(UserError, match=message) as caught:
-        GameSpec.from_dict(content, "here")
-    assert str(caught.value).startswith("here: ")
-    assert "\n" not in str(caught.value)
-
-
 def test_an_unknown_option_is_also_a_type_error():
     with pytest.raises(UnknownOptionError, match="'oponent'; did you mean 'opponent'"):
         GameSpec.of(ALLY, oponent="tone")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fpg_bench import GameSpec, Scenario, load_agent, preset, write_agent
+from fpg_bench import GameSpec, Scenario, preset, write_agent
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.watching import watch
@@ -107,33 +107,6 @@ def test_a_scenario_that_cannot_be_told_is_named_by_the_caller(own):
         with pytest.raises(UserError, match=r"ally mine/ally: .*; name the scenario"):
             watch(own, "tone")
         watch(own, "tone", scenario="standard", every=300)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"game": None}, "game: expected a mapping"),
-        ({"game": {"id": "FPG/AllyVsScripted-v9"}}, "which this version does not have"),
-        ({"game": {"id": "FPG/AllyVsScripted-v0", "pth": "circle"}}, "game: unknown key 'pth'"),
-        ({"game": {"id": "FPG/team_v0", "side": "ally"}, "skills": 5}, "skills: expected a mapping, got 5"),
-        ({"training_seed": True}, "training_seed: expected a whole number or null"),
-        ({"training_steps": -1}, "training_steps: expected a whole number from 0"),
-        ({"policies": ["a"]}, "policies: expected a mapping"),
-        ({"hyperparameters": 3}, "hyperparameters: expected a mapping"),
-        ({"seconds": float("inf")}, "a number that is not finite"),
-        ({"format": [2]}, r"format \[2\], this version reads 2"),
-        ({"algorithm": "-1+cmd"}, "algorithm: expected printable text that begins with a letter or a digit"),
-        ({"seconds": -1}, "seconds: expected a number from 0 to 3,600,000,000, got -1"),
-        ({"seconds": 1e308}, "seconds: expected a number from 0 to"),
-        ({"steps_done": -5}, "steps_done: expected a whole number from 0"),
-        ({"algorithm": ""}, "algorithm: expected at least 1 characters"),
-    ],
-)
-def test_a_card_that_does_not_hold_is_one_line(change, message):
-    content = load_agent("ally-scripted/ppo/seed_0").card.to_dict() | change
-    with pytest.raises(UserError, match=message) as caught:
-        AgentCard.parse(content, "here")
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.slow

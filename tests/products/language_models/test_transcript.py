@@ -152,17 +152,6 @@ def test_the_key_is_advice(recorded, caplog):
     assert "line 1" in caplog.text
 
 
-@pytest.mark.parametrize("name", ["text", "seed", "waypoints", "seconds", "request"])
-def test_a_damaged_line_is_named(recorded, name):
-    line = json.loads(recorded.read_text())
-    changed_line = {**line, name: True if name in ("text", "waypoints", "request") else "7"}
-    del line[name]
-    for damaged, problem in ((line, f"lacks {name}"), (changed_line, f"{name}: expected")):
-        recorded.write_text("{}\n" + json.dumps(damaged) + "\n")
-        with pytest.raises(UserError, match=f"line 2 is not a valid attempt: {problem}"):
-            Transcript(recorded, "replay").find(ATTEMPT.where, BODY)
-
-
 def test_the_first_of_two_answers_to_the_same_counts(recorded):
     transcript = Transcript(recorded, "record")
     assert transcript.add(changed(text="another"), {}) == ATTEMPT

@@ -59,22 +59,14 @@ def test_present_values_are_tried_as_far_as_they_lie_in_the_space(space):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("gamma: 0.9", "gamma: expected a mapping, got 0.9"),
-        ("gamma: {kind: flaot, low: 0, high: 1}", "gamma: expected kind: float, int, choice"),
-        ("gamma: {kind: float, low: 0.1}", "gamma: lacks high"),
-        ("gamma: {kind: float, low: 0.1, hihg: 1}", "unknown key 'hihg'; did you mean 'high'"),
         ("gamma: {kind: float, low: 1e-4, high: 1}", r"gamma.low: expected a number \(1.0e-4, not 1e-4\)"),
-        ("gamma: {kind: int, low: 0.5, high: 1}", "low: expected a whole number, got 0.5"),
         ("gamma: {kind: float, low: 2, high: 1}", "low 2 is above high 1"),
         ("gamma: {kind: float, low: 0, high: 1, log: true}", "must start above 0"),
-        ("gamma: {kind: float, low: 0, high: 1, log: 1}", "log: expected true or false"),
-        ("gamma: {kind: choice, choices: 3}", "choices: expected a list"),
         ("gamma: {kind: choice, choices: [0.5, .inf]}", "expected finite numbers, got"),
         ("gamma: {kind: choice, choices: []}", "choices: expected a list"),
         ("n_timesteps: {kind: int, low: 1, high: 2}", "'n_timesteps' is not a hyper-parameter that can be"),
         ("1: {kind: int, low: 1, high: 2}", "1 is not a hyper-parameter"),
         ("{}", "names no hyper-parameter"),
-        ("- gamma", "expected a mapping"),
     ],
 )
 def test_a_file_that_is_no_space_is_refused(tmp_path, line, message):
