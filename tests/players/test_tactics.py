@@ -16,20 +16,9 @@ from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import SeededPolicy
 from fpg_bench.players.tactics import Tactic, draw_variants
 
-from .playing import ally_sees, mean, opponent_sees
+from .playing import ally_sees, opponent_sees
 
 LINK = preset("link")
-
-
-def hops(player: SeededPolicy, snr_db: list[float]) -> list[bool]:
-    """Return in which steps an ally hops that sees these values of the SNR."""
-    state, found = None, []
-    for value in snr_db:
-        action, state = player.predict(ally_sees(value), state)
-        assert action[0, 1] < 0 < action[0, 2]
-        assert action[0, 4] == action[0, 0]  # by the knowledge base
-        found.append(bool(action[0, 0] > 0))
-    return found
 
 
 def hit_by(kind: int | None) -> np.ndarray:
@@ -50,13 +39,6 @@ def jams(player: SeededPolicy, seen: list[np.ndarray]) -> list[tuple[str, float,
     return found
 
 
-def moved(known: float, jammed: float, age_s: float = 0.0) -> np.ndarray:
-    """Return what an opponent sees whose tone was at ``jammed`` and who knows the frequency ``known``."""
-    seen = opponent_sees(age_s=age_s)
-    seen[0, 6], seen[0, 9], seen[0, 10] = known, jammed, 1
-    return seen
-
-
 @pytest.mark.parametrize(("side", "name"), [(side, name) for side in SIDES for name in ALL_TACTICS[side]])
 def test_each_is_a_player_and_plays_a_game_of_a_batch_as_it_plays_it_alone(side, name):
     player, rng = Tactic(side, name, STANDARD), np.random.default_rng(0)
@@ -75,85 +57,6 @@ def test_each_is_a_player_and_plays_a_game_of_a_batch_as_it_plays_it_alone(side,
                 seen[step, game : game + 1], alone[game], starts[step, game : game + 1]
             )
             assert np.array_equal(one[0], actions[game])
-
-
-def test_sulk_hops_three_times_and_then_stays_for_half_a_minute():
-    out, well = 0.0, 20.0
-    assert hops(Tactic("ally", "sulk", STANDARD), [well, out, out, well, out]) == [
-        False,
-        True,
-        True,
-        False,
-        True,
-    ]
-    long = hops(Tactic("ally", "sulk", STANDARD), [out] * 37)
-    assert long == [*[True] * 3, *[False] * 30, *[True] * 3, False]
-    assert hops(Tactic("ally", "sulk", STANDARD, patience_hops=1, rest_s=2), [out] * 5) == [
-        True,
-        False,
-        False,
-        True,
-        False,
-    ]
-
-
-@pytest.mark.parametrize(
-    ("kind", "snr_db", "covered", "spreading_s", "expected"),
-    [
-        ("tone", 9.9, True, 0, "spread"),
-        ("tone", 10.1, True, 0, "stay"),
-        ("tone", 30, True, 3, "spread"),
-        ("tone", 30, False, 3, "stay"),
-        ("comb", 9.9, True, 3, "hop"),
-        ("comb", 10.1, True, 0, "stay"),
-        ("broadband", 0, False, 0, "stay"),
-    ],
-)
-def test_by_type_spreads_against_a_tone_and_hops_away_from_all_else(
-    kind, snr_db, covered, spreading_s, expected
-):
-    seen = ally_sees(snr_db * STANDARD.snr_scale_db / LINK.snr_scale_db, covered, spreading_s)
-    seen[0, 10 + JAMMING_TYPES.index(kind)] = 1
-    action = Tactic("ally", "by-type", LINK).predict(seen)[0][0]
-    assert (bool(action[0] > 0), bool(action[1] > 0)) == (expected == "hop", expected == "spread")
-
-
-def test_scan_and_alternate_go_round_the_band():
-    scan = jams(Tactic("opponent", "scan", STANDARD), [opponent_sees()] * 6)
-    assert scan == [("narrowband", place, True) for place in (-0.8, -0.4, 0, 0.4, 0.8, -0.8)]
-    alternate = jams(Tactic("opponent", "alternate", STANDARD), [opponent_sees()] * 3)
-    assert alternate == [("broadband", place, True) for place in (-0.5, 0.5, -0.5)]
-    slow = jams(Tactic("opponent", "alternate", STANDARD, hold_s=2), [opponent_sees()] * 3)
-    assert [place for _, place, _ in slow] == [-0.5, -0.5, 0.5]
-
-
-def test_guard_steps_a_comb_over_three_points_when_near_and_jams_beside_when_far():
-    near = jams(Tactic("opponent", "guard", STANDARD), [opponent_sees((88, 0, 0))] * 4)
-    point = round(100 / 14 / 50, 3)
-    assert near == [("comb", place, False) for place in (-point, 0, point, -point)]
-    assert jams(Tactic("opponent", "guard", STANDARD), [opponent_sees((90, 0, 0))]) == [
-        ("narrowband", 0.28, False)
-    ]
-
-
-def test_herd_alternates_once_two_checks_found_the_ally_elsewhere():
-    seen = [
-        moved(0.2, 0.2),
-        moved(0.4, 0.2),
-        moved(0.4, 0.4, 3),
-        moved(0.4, 0.4),
-        moved(0.1, 0.4),
-        moved(0.1, 0.1),
-    ]
-    types = jams(Tactic("opponent", "herd", STANDARD), seen)
-    assert [kind for kind, _, _ in types[:4]] == ["tone", "narrowband", "tone", "tone"]
-    assert types[4:] == [("broadband", -0.5, True), ("broadband", 0.5, True)]
-
-
-def test_all_opponents_fly_at_the_ally():
-    for name in ALL_TACTICS["opponent"]:
-        action = Tactic("opponent", name, STANDARD).predict(opponent_sees((30, 0, -40)))[0][0]
-        np.testing.assert_allclose(action[6:], (0.6, 0, -0.8), atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -246,20 +149,3 @@ def test_variants_are_scripts_that_can_be_played_and_a_seed_gives_the_same(side)
     assert {name.split("(")[0] for name in names} == set(ALL_TACTICS[side]) & set(SCRIPTED[side])
     for name in names:
         as_player(name, side, LINK)
-
-
-def test_herd_earns_more_than_watchful_from_an_ally_that_hops_and_as_much_from_one_that_stays():
-    assert mean("opponent_return", "expert", "herd") > mean("opponent_return", "expert", "watchful") + 3
-    assert mean("opponent_return", "idle", "herd") == mean("opponent_return", "idle", "watchful")
-
-
-def test_sulk_earns_more_than_expert_from_opponents_that_keep_it_hopping():
-    assert mean("ally_return", "sulk", "alternate") > mean("ally_return", "expert", "alternate") + 1
-
-
-def test_by_type_earns_more_than_other_scripts_in_link_over_two_types():
-    earned = {
-        name: sum(mean("ally_return", name, opponent, LINK) for opponent in ("tone", "comb"))
-        for name in ("by-type", "expert", "expert-spread", "sulk")
-    }
-    assert max(earned, key=earned.__getitem__) == "by-type"

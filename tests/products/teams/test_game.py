@@ -137,38 +137,6 @@ def test_seats_draw_apart():
     assert len(np.unique(batch.opponents["opponent_start"].reshape(18, 3), axis=0)) == 18
 
 
-def test_a_convoy_flies_one_curve_and_starts_spaced():
-    batch = TeamBatch(LINK, TeamRules(4, 1, spacing_m=60), 30)
-    batch.reset(seeds=0)
-    points = batch.allies["control_points"]
-    assert (points == points[:, :1]).all()
-    gaps = np.linalg.norm(np.diff(batch.allies["ally_position"], axis=1), axis=2)
-    assert gaps.max() < 60.001
-    assert np.median(gaps) > 59  # nearly straight between them
-
-
-def test_mates_within_one_beam_share_its_power_and_others_keep_theirs():
-    """By a link budget of allies that no mate disturbs: those two points away or more do not."""
-    deaf = dataclasses.replace(LINK, filter_stopband_db=-200)
-    rules = [TeamRules(5, 1, "separate", share_power=share) for share in (True, False)]
-    shared, whole = (TeamBatch(deaf, each, 100) for each in rules)
-    for batch in (shared, whole):
-        batch.reset(seeds=0)
-    paths = shared.allies["ally_position"] - deaf.base_station_m
-    metres = np.linalg.norm(paths, axis=2)
-    ways = paths / metres[..., None]
-    apart_deg = np.degrees(2 * np.arcsin(np.linalg.norm(ways[:, :, None] - ways[:, None], axis=3) / 2))
-    sharing = (apart_deg < 16.4).sum(axis=2)
-    points = shared.allies["point"]
-    is_free = (np.abs(points[:, :, None] - points[:, None]) > 1).sum(axis=2) == 4
-    loss_db = 20 * np.log10(metres / 1000) + 20 * np.log10(shared.allies["frequency_mhz"]) + 32.45
-    snr_db = 36 - 10 * np.log10(sharing) - loss_db + 148 - 10 * np.log10(5e6)
-    assert np.allclose(shared.allies["snr_db"][is_free], snr_db[is_free], atol=0.01)
-    assert {1, 2, 3} <= set(sharing[is_free])
-    alone = is_free & (sharing == 1)
-    assert np.array_equal(shared.allies["snr_db"][alone], whole.allies["snr_db"][alone])
-
-
 def test_numbers_are_drawn_by_the_round_and_absent_seats_are_zeros():
     batch = TeamBatch(LEARNED, TeamRules((2, 5), (1, 3)), 200)
     batch.reset(seeds=0)
@@ -203,24 +171,6 @@ def test_mates_tell_what_they_are_meant_to(mates):
         known = {"none": (), "place": of_place, "full": range(size)}[told[side]]
         kept = np.isin((np.arange(start, 67) - start) % size, known)
         assert np.array_equal(rows[..., start:], np.where(kept, whole[..., start:], 0))
-
-
-def test_further_jammers_come_in_the_order_of_distance():
-    batch = played(TeamRules(2, 3), games=30)
-    away = np.linalg.norm(
-        batch.allies["ally_position"][:, :, None] - batch.opponents["opponent_position"][:, None], axis=3
-    )
-    assert np.allclose(batch.allies["distance_m"], away.min(axis=2))
-    scale = np.array(LINK.box_m)
-    blocks = [3, 15, 25]
-    seen = [batch.ally_observations[..., at : at + 3].astype(float) for at in blocks]
-    metres = [np.linalg.norm(np.sign(x) * x**2 * scale, axis=2) for x in seen]
-    assert np.allclose(np.stack(metres, axis=2), np.sort(away, axis=2), rtol=1e-4)
-
-
-def test_the_reward_of_a_team_is_the_mean_of_its_allies():
-    batch = played(TeamRules(3, 2), games=100, steps=20)
-    assert np.allclose(batch.rewards("ally", "team")[:, 0], batch.rewards("ally").mean(axis=1))
 
 
 @pytest.mark.parametrize(
