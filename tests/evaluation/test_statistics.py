@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import simulate_ranks
 from scipy import stats
+from scipy.special import stdtrit
 
 from fpg_bench.evaluation.statistics import (
     correlation_interval,
@@ -13,6 +14,7 @@ from fpg_bench.evaluation.statistics import (
     pair_error,
     probability_of_improvement,
     rank_ranges,
+    student_t,
 )
 
 
@@ -56,6 +58,18 @@ def test_scripts_are_compared_match_by_match():
         pytest.approx(known.high),
         "matches",
     )
+
+
+def test_two_matches_are_enough_for_an_interval():
+    found = difference(np.array([[1.0, 5.0]]), np.array([[0.0, 1.0]]))
+    assert found.half == pytest.approx(stats.t.ppf(0.975, 1) * 1.5)
+    assert np.isnan(difference(np.ones((1, 1)), np.zeros((1, 1))).half)
+
+
+def test_the_listed_quantiles_are_those_of_scipy():
+    for count in (*range(2, 25), 99, 100, 101):
+        assert student_t(count) == stdtrit(count - 1, 0.975)
+    assert student_t(10, 0.1) == stdtrit(9, 0.95)
 
 
 def test_policies_are_fixed_so_that_only_matches_widen_a_difference():
@@ -212,6 +226,7 @@ def test_the_interval_of_a_correlation_is_fishers():
         np.arctanh(0.61) + np.array([-half, 0, half])
     )
     assert correlation_interval(0.61, 11, given=1) == found
+    assert correlation_interval(0.5, 4).low == pytest.approx(np.tanh(np.arctanh(0.5) - 1.959964 * 1.125**0.5))
     for value, count in ((0.5, 3), (1.0, 10), (np.nan, 10)):
         assert np.isnan(correlation_interval(value, count).low)
 

@@ -24,7 +24,7 @@ from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.train import parse_seeds, train_seeds
+from fpg_bench.training.train import _BEYOND, _is_less, parse_seeds, train_seeds
 from tests.logged import logged
 from tests.training.tiny import ALLY, EVALUATION_ROUNDS, SMALL, run_config, settings, train, train_tiny
 
@@ -366,6 +366,13 @@ def test_a_line_is_logged_for_each_tenth_and_every_thirty_seconds(algorithm, sec
     else:
         assert len(lines) >= 1200 // 4  # four games a step: a line for each
         assert lines[0].startswith("training: 4 of 1,200 steps, ")
+
+
+def test_what_is_less_is_less_than_both_chances_explain_together():
+    earned = np.array([9.0, 11.0])  # 1 is its standard error, and that of what was played
+    for share in (0.99, 1.01):
+        played = earned - share * (_BEYOND * 2**0.5 + 0.1)
+        assert _is_less(played, earned) == (share > 1)
 
 
 @pytest.mark.parametrize(
