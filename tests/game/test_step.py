@@ -47,6 +47,7 @@ VARIANTS = {
     "link": preset("link"),
     "link-learned": dataclasses.replace(preset("link"), opponent_path="learned", sensing_type_error=0.5),
     "link-other": OTHER_LINK,
+    "link-base-alone": dataclasses.replace(preset("link"), ally_emission_dbm=-100, base_beam_deg=90),
     "link-channel": dataclasses.replace(preset("link"), channel=FREE_SPACE),
     "link-other-learned": dataclasses.replace(OTHER_LINK, opponent_path="learned"),
     "link-no-notch": dataclasses.replace(

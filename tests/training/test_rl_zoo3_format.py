@@ -145,15 +145,8 @@ def test_all_that_cannot_be_read_is_named_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"gamma": -0.1}, "gamma: expected a number from 0 to 1"),
-        ({"gae_lambda": float("nan")}, "gae_lambda: expected a number from 0 to 1"),
-        ({"learning_rate": -1e-3}, "learning_rate: expected a number above 0"),
         ({"learning_rate": "lin_-1"}, "learning_rate: expected a number"),
         ({"learning_rate": "lin_nan"}, "learning_rate: expected a number"),
-        ({"clip_range": 0}, "clip_range: expected a number above 0"),
-        ({"n_epochs": 0}, "n_epochs: expected a number above 0"),
-        ({"policy_kwargs": {"net_arch": "64, 64"}}, "net_arch: expected sizes of layers"),
-        ({"policy_kwargs": {"net_arch": 64}}, "net_arch: expected sizes of layers"),
         ({"policy_kwargs": {"net_arch": [64, "x"]}}, "net_arch: expected sizes of layers"),
         ({"policy_kwargs": {"net_arch": [0]}}, "net_arch: expected sizes of layers"),
         ({"policy_kwargs": {"net_arch": {"pi": [8], "vf": 8}}}, "net_arch.vf: expected sizes of layers"),
