@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import random
 import shutil
@@ -54,27 +53,6 @@ def _value(folder: Path, rng: random.Random) -> None:
     _rewrite(folder, rng, change)
 
 
-def _lines(folder: Path, rng: random.Random) -> None:
-    """Lines that are missing, there twice, or another's."""
-
-    def change(rows: Rows) -> None:
-        first, second = rng.sample(rows, 2)
-        which = rng.randrange(4)
-        if which == 0:
-            rows.remove(first)
-        elif which == 1:
-            rows.append(copy.deepcopy(first))
-        elif which == 2:
-            names = ("seed", "match", "round", "attempt")
-            for name in rng.sample(names, rng.randrange(1, 5)):
-                first[name], second[name] = second[name], first[name]
-        else:
-            first["round"] += rng.choice([1, 100])
-            first["seed"] += rng.randrange(2)
-
-    _rewrite(folder, rng, change)
-
-
 def _swapped(folder: Path, rng: random.Random) -> None:
     """Attempts in each other's places: under another seed, with another's answer, in another order."""
     names = rng.choice([("seed",), ("attempt",), ("seed", "attempt"), ("request", *_ANSWER), ()])
@@ -90,50 +68,7 @@ def _swapped(folder: Path, rng: random.Random) -> None:
     _rewrite(folder, rng, change)
 
 
-def _asked(folder: Path, rng: random.Random) -> None:
-    """A prompt that the game never wrote: other rewards, more words, or none."""
-
-    def change(rows: Rows) -> None:
-        request = rng.choice([row for row in rows if row["request"]])["request"]
-        message = rng.choice(request["messages"])
-        text = message["content"]
-        place = rng.randrange(len(text) + 1)
-        texts = [
-            text + " The ally is at 500.",
-            text[:place],
-            text[:place] + "7" + text[place:],
-            "",
-            text * 40,
-        ]
-        message["content"] = rng.choice(texts)
-
-    _rewrite(folder, rng, change)
-
-
-def _answered(folder: Path, rng: random.Random) -> None:
-    """An answer that is better than what was given, in one of the places where it stands."""
-    path = [[rng.uniform(0, 900), rng.uniform(0, 900), rng.uniform(0, 300)] for _ in range(16)]
-    text = json.dumps({"waypoints": [dict(zip("xyz", point, strict=True)) for point in path]})
-
-    def change(rows: Rows) -> None:
-        row = rng.choice(rows)
-        which = rng.randrange(5)
-        if which == 0:
-            row["text"] = text
-        elif which == 1:
-            row["waypoints"], row["status"] = path, "ok"
-        elif which == 2:
-            reply = {"choices": [{"message": {"content": text}}]}
-            row["raw"] = rng.choice([None, "x" * 10_000, text, reply, {}])
-        elif which == 3:
-            row["text"], row["waypoints"], row["status"] = text, path, "ok"
-        else:
-            row["error"], row["text"] = rng.choice(["budget", "http", "refused", "ok"]), None
-
-    _rewrite(folder, rng, change)
-
-
-_WAYS = [_json, *[_value] * 3, _lines, *[_swapped] * 2, *[_asked] * 2, *[_answered] * 2]
+_WAYS = [_json, _value, _swapped]
 
 
 def _rewrite(folder: Path, rng: random.Random, change: Callable[[Rows], None]) -> None:
