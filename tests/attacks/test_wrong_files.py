@@ -200,7 +200,7 @@ def answers(kind: str) -> dict[str, dict[str, str]]:
             said = said.replace(f"{Path.cwd()}/", "").replace(str(Path.cwd()), "").replace(what, "...")
             said = re.sub(r"(; (did you mean|known:)|, got |x{50}).*", "", said)
         found.setdefault(where, {}).setdefault(said, []).append(what)
-    return {place: {said: " | ".join(whats) for said, whats in each.items()} for place, each in found.items()}
+    return {place: {said: " | ".join(cases) for said, cases in each.items()} for place, each in found.items()}
 
 
 @pytest.mark.parametrize("kind", FILES)
