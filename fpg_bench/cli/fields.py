@@ -14,6 +14,8 @@ from typing import Annotated, Any, get_args
 import typer
 
 Given = Mapping[str, Any]  # values of fields, by name
+HELP_ALL = "help_all"
+_MANY = 24  # options that --help shows at once
 _TEXT = ("str", "Any", "Hyperparams")
 _TYPES = {"int": int, "float": float, "bool": bool, "Collection[str]": list[str], "Path": Path}
 
@@ -91,8 +93,12 @@ def with_fields(verb: Callable[..., None]) -> Callable[..., None]:
         else:
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
 
+    if len(parameters) > _MANY:
+        parameters.append(_keyword(HELP_ALL, _HelpAll, False))
+
     @functools.wraps(verb)
     def call(**given: Any) -> None:
+        given.pop(HELP_ALL, None)
         for name, (fields, is_whole) in groups.items():
             values = fields.collect(given)
             given[name] = fields.kind(**values) if is_whole else values
@@ -100,6 +106,18 @@ def with_fields(verb: Callable[..., None]) -> Callable[..., None]:
 
     call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return call
+
+
+def _show_all(ctx: typer.Context, is_given: bool) -> None:
+    if is_given:
+        ctx.meta[HELP_ALL] = True
+        typer.echo(ctx.get_help())
+        raise typer.Exit
+
+
+_HelpAll = Annotated[
+    bool, typer.Option("--help-all", is_eager=True, callback=_show_all, help="Show all options and exit.")
+]
 
 
 def first_sentences(kind: type) -> dict[str, str]:

@@ -14,10 +14,10 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup, TyperOption
+from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_command, get_group
 
-from fpg_bench.cli.fields import with_fields
+from fpg_bench.cli.fields import HELP_ALL, with_fields
 from fpg_bench.common.errors import UserError, bounded
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
@@ -42,6 +42,20 @@ _REMOVED = {  # verbs and options of earlier versions, and what does their work 
 }
 
 
+class _Verb(TyperCommand):
+    """A verb whose ``--help`` leaves details to ``--help-all``, if it has many options."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help, without the panels of details where ``--help-all`` shows them."""
+        from fpg_bench.cli.options import DETAILS
+
+        kept = self.params
+        if any(each.name == HELP_ALL for each in kept) and not ctx.meta.get(HELP_ALL):
+            self.params = [each for each in kept if getattr(each, "rich_help_panel", None) not in DETAILS]
+        super().format_help(ctx, formatter)
+        self.params = kept
+
+
 class _Commands(UserDict[str, Any]):
     """Commands by name, imported when they are asked for: all together take longer than most of them run."""
 
@@ -54,7 +68,7 @@ class _Commands(UserDict[str, Any]):
             if isinstance(verb, typer.Typer):
                 self.data[name] = get_group(verb)
             else:
-                (alone := typer.Typer(add_completion=False)).command()(with_fields(verb))
+                (alone := typer.Typer(add_completion=False)).command(cls=_Verb)(with_fields(verb))
                 self.data[name] = get_command(alone)
             self.data[name].name = name
         return self.data[name]

@@ -24,12 +24,22 @@ from fpg_bench.training.config import RunConfig
 
 # Panels of long lists of options, in the order in which they are shown.
 GAME = "Game"
+GAME_DETAILS = "Details of the game"
 OTHER_GAMES = "Other games"
+LANGUAGE_MODEL = "Language model"
 TRAINING = "Training"
 EVALUATION = "Evaluation"
 OUTPUT = "Output"
 PARALLEL = "Parallel processes"
 TRUST = "Files of others"
+DETAILS = (
+    GAME_DETAILS,
+    OTHER_GAMES,
+    LANGUAGE_MODEL,
+    PARALLEL,
+    TRUST,
+)  # not shown first where options are many
+_FIRST = ("against", "scenario", "opponent", "ally", "path")  # of a game's options
 
 
 def whole_number(text: str) -> int:
@@ -70,7 +80,9 @@ PlayerOption = Annotated[str, typer.Option(help=f"The player: {_PLAYER}.", autoc
 def game_options(*names: str) -> Fields:
     """Return options of games, the fields of a specification, by name; no names: all but the id."""
     players = {"autocompletion": complete_player}
-    details: dict[str, Given] = {"opponent": players, "ally": players, "history": {"min": 1}}
+    details: dict[str, dict[str, Any]] = {"opponent": players, "ally": players, "history": {"min": 1}}
+    for name in {*option_names()}.difference(names or _FIRST):  # all of them are many
+        details[name] = {"rich_help_panel": GAME_DETAILS} | details.get(name, {})
     return Fields(GameSpec, names or option_names(), LISTS, GAME, details)
 
 

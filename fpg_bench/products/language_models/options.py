@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Self
 
 from fpg_bench.cli.fields import Fields, Given
+from fpg_bench.cli.options import LANGUAGE_MODEL
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.schema import parse
 
-PANEL = "Language model"
 _ASKED = ("server", "temperature", "sampling_seed", "calls", "tokens", "seconds", "deadline")
 
 
@@ -83,7 +83,9 @@ def _fields(*names: str) -> Fields:
     """Return the options of a verb, by name."""
     details: dict[str, Given] = {name: {"min": 1} for name in ("calls", "tokens", "concurrency")}
     details |= {name: {"min": 0} for name in ("sampling_seed", "seconds", "deadline")}
-    return Fields(PlayOptions, names, panel=PANEL, details=details | {"temperature": {"min": 0, "max": 2}})
+    return Fields(
+        PlayOptions, names, panel=LANGUAGE_MODEL, details=details | {"temperature": {"min": 0, "max": 2}}
+    )
 
 
 OF_TRAIN = _fields("transcript", "prompt", "server", "calls", "tokens", "seconds", "deadline")

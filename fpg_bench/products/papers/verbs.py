@@ -8,12 +8,11 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.options import TRAINING, WorkersOption
+from fpg_bench.cli.options import LANGUAGE_MODEL, TRAINING, WorkersOption
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 from fpg_bench.common.parallel import Workers
-from fpg_bench.products.language_models.options import PANEL
 
 YANG = "yang-2026"
 PAPERS = {  # each but the first in a module of its name
@@ -64,14 +63,14 @@ def reproduce(
         typer.Option(
             "--llm",
             help=f"Also run the language model that the environment variables name, of {YANG} alone.",
-            rich_help_panel=PANEL,
+            rich_help_panel=LANGUAGE_MODEL,
         ),
     ] = False,
     transcript: Annotated[
         Path | None,
         typer.Option(
             help=f"Replay this transcript of a language model, without a server, of {YANG} alone.",
-            rich_help_panel=PANEL,
+            rich_help_panel=LANGUAGE_MODEL,
         ),
     ] = None,
 ) -> None:
