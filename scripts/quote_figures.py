@@ -31,7 +31,16 @@ from fpg_bench.products.leaderboard.tracks import PUBLIC, SHIFTED, TRACKS, UNSEE
 FIRST_OPPONENTS = 5
 FIRST = 8  # entries of each side in docs/pictures/crossplay.svg
 PLANNER_SCORES = "docs/guides/planner-v1.csv"
-HEADLINE = ("player", "", "public score", "held-out score", "lowest known return")
+HEADLINE = (
+    "player",
+    "",
+    "public score",
+    "held-out score",
+    "lowest known return",
+    "overlap ratio",
+    "jamming success rate",
+)
+MISSION = ("overlap_ratio", "jamming_success_rate")  # of the public suite, as the field's papers give them
 ENTRIES = ("entry", "seeds", "held-out score", "rank", "public", "shifted", "lowest known return")
 FOUND = ("found by", "CPU s")  # the lowest return, of allies
 RANKED = ("track", "ranked entries", "may be best", "pairs told apart", "reversed")
@@ -88,6 +97,11 @@ def player(entry: BoardEntry) -> str:
     return f"`{entry.plays or entry.slug}`"
 
 
+def mission(measures: Mapping[str, float | None]) -> list[str]:
+    """Return the overlap ratio and the jamming success rate, in percent."""
+    return [f"{number(100 * (measures[name] or 0))} %" for name in MISSION]
+
+
 def headline() -> str:
     """Return the table of the front page: who leads by what, between an oracle and random play."""
     entries, oracle = verified("ally"), list(board()[1].values())
@@ -102,9 +116,10 @@ def headline() -> str:
     }
     reward = min(summary.by_rival[summary.worst].value for summary in oracle)
     lines = [["`oracle`", "sees the full state", *(score(of.score) for of in oracle), per_step(reward)]]
+    lines[0] += mission(oracle[0].measures)
     for what, (entry, figures) in rows.items():
         scores = [score(figures.scores[role]) for role in (PUBLIC, UNSEEN)]
-        lines.append([player(entry), what, *scores, kept(figures)])
+        lines.append([player(entry), what, *scores, kept(figures), *mission(figures.measures)])
     return markdown_table([HEADLINE, *lines])
 
 
