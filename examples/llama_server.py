@@ -30,12 +30,10 @@ params.model.path, params.model_alias = str(given.model), {given.model.stem.lowe
 params.hostnames, params.port = ["127.0.0.1"], given.port
 params.n_ctx, params.n_parallel = given.context, 1
 params.flash_attn_type = xllamacpp.llama_flash_attn_type.LLAMA_FLASH_ATTN_TYPE_DISABLED
-params.cpuparams.n_threads = params.cpuparams_batch.n_threads = min(4, os.cpu_count() or 1)
+params.cpuparams.n_threads = params.cpuparams_batch.n_threads = max(1, (os.cpu_count() or 1) // 2)
 params.warmup = params.fit_params = params.ui = False
 params.verbosity = -1
 server = xllamacpp.Server(params)
-print(
-    f"export FPG_LLM_BASE_URL={server.listening_address}/v1 FPG_LLM_MODEL={given.model.stem.lower()}",
-    flush=True,
-)
+url, name = f"{server.listening_address}/v1", given.model.stem.lower()
+print(f"export FPG_LLM_SERVER=llama.cpp FPG_LLM_BASE_URL={url} FPG_LLM_MODEL={name}", flush=True)
 signal.pause()

@@ -167,7 +167,8 @@ def endpoint_from_environment(server: str | None = None) -> Endpoint:
     if not _variable(KEY) and not (endpoint and endpoint.on_this_machine):
         missing.append(KEY if endpoint else f"{KEY} (none is needed on this machine)")
     if endpoint is None or missing:
-        raise UserError(f"no language model is configured: set {', '.join(missing)}")
+        begin = "; examples/llama_server.py serves a small model"
+        raise UserError(f"no language model is configured: set {', '.join(missing)}{begin}")
     return dataclasses.replace(endpoint, key=_variable(KEY))
 
 

@@ -15,6 +15,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from tests.programs import ROOT
+
 WIDTH, LAYERS, HEAD, FORWARD = 64, 2, 16, 128
 CONTEXT = 32768
 SHAPE = {
@@ -22,20 +24,7 @@ SHAPE = {
     **{"feed_forward_length": FORWARD, "head_count": 1, "head_count_kv": 1, "key_length": HEAD},
     **{"value_length": HEAD, "rope_dimension_count": HEAD, "layer_norm_rms_eps": 1e-5},
 }
-SERVE = f"""
-import os, sys, xllamacpp
-params = xllamacpp.CommonParams()
-params.model.path, params.model_alias = sys.argv[1], {{"tiny"}}
-params.n_ctx, params.n_parallel, params.hostnames, params.port = {CONTEXT}, 1, ["127.0.0.1"], 0
-params.flash_attn_type = xllamacpp.llama_flash_attn_type.LLAMA_FLASH_ATTN_TYPE_DISABLED
-params.cpuparams.n_threads = params.cpuparams_batch.n_threads = 1
-params.warmup = params.fit_params = params.ui = False
-params.verbosity = -1
-server = xllamacpp.Server(params)
-print(server.listening_address, flush=True)
-sys.stdin.read()  # it ends with whoever started it
-os._exit(0)
-"""
+SERVER = ROOT / "examples/llama_server.py"  # as the guide serves a model
 
 
 class LlamaServer:
@@ -47,10 +36,11 @@ class LlamaServer:
         self._folder = tempfile.TemporaryDirectory()
         file = Path(self._folder.name) / f"{self.model}.gguf"
         write_model(file)
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", SERVE, file], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        self.url = f"{self._process.stdout.readline().strip()}/v1"
+        command = [sys.executable, SERVER, file, "--port", "0", "--context", str(CONTEXT)]
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        variables = dict(each.split("=") for each in self._process.stdout.readline().split()[1:])
+        self.url = variables["FPG_LLM_BASE_URL"]
+        assert variables["FPG_LLM_MODEL"] == self.model
         return self
 
     def __exit__(self, *error: object) -> None:
