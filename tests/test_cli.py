@@ -361,13 +361,13 @@ def test_lists_fit_80_columns(words, capsys):
     assert [line for line in lines if len(line) > 80 and str(ROOT) not in line] == []
 
 
-@pytest.mark.parametrize("words, is_whole", [(["train", "--help"], False), (["train", "--help-all"], True)])
-def test_details_of_many_options_are_shown_when_asked_for(words, is_whole, monkeypatch, capsys):
+@pytest.mark.parametrize(("option", "is_whole"), [("--help", False), ("--help-all", True)])
+def test_details_of_many_options_are_shown_when_asked_for(option, is_whole, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
-    app(words, standalone_mode=False)
+    app(["train", option], standalone_mode=False)
     shown = capsys.readouterr().out
-    assert "--steps" in shown and "--opponent" in shown
-    assert [option in shown for option in ("--n-jobs", "--reward", "--tokens", "--allow")] == [is_whole] * 4
+    assert [each in shown for each in ("--steps", "--opponent")] == [True] * 2
+    assert [each in shown for each in ("--n-jobs", "--reward", "--tokens", "--allow")] == [is_whole] * 4
     assert is_whole or len(shown.splitlines()) < 80
 
 
