@@ -228,18 +228,13 @@
     const [h, s] = matchMedia("(hover: hover)").matches && byId("keys").checked ? [" (h)", " (s)"] : ["", ""];
     byId("hop").textContent = `Hop${h}${hop}`;
     byId("spread").textContent = `Spread${s}${spread}`;
-    if (!game.over) showAdvice();
+    if (!game.over) showLink();
   }
 
-  /** What the best script, expert-spread, would do in the next second, and why. */
-  function showAdvice() {
-    const [hop, spread] = fpgScripts.make("ally", "expert-spread", rules, game.key)(game.allySees).map((value) => value > 0);
-    const covered = game.allySees[14] > 0, snr = `${written(game.snr, 0)} dB`;
-    byId("hop").classList.toggle("advised", hop);
-    byId("spread").classList.toggle("advised", spread);
-    if (hop) byId("hint").textContent = `Advice: hop and spread. Jamming covers you, at ${snr}.`;
-    else if (spread) byId("hint").textContent = "Advice: keep spreading, so that you are not heard.";
-    else byId("hint").textContent = `Advice: stay${pressed("spread") ? ", and stop spreading" : ""}. ${covered ? `Jamming covers you, but the link holds at ${snr}` : `Your link has ${snr}`}.`;
+  /** What the ally knows of its link; which move is best depends on the rival, and no script's advice held against all. */
+  function showLink() {
+    const snr = `${written(game.snr, 0)} dB`;
+    byId("hint").textContent = game.allySees[14] > 0 ? `Jamming covers you: your link has ${snr}.` : `Your link has ${snr}.`;
   }
 
   /* ---- the end ---- */
@@ -321,7 +316,7 @@
     if (byKeys) byId(human === "ally" ? "hop" : "run").focus({ preventScroll: true });
   }
 
-  // Whether the keyboard was used last: a ring after a click would look like advice.
+  // Whether the keyboard was used last: a click needs no ring.
   let byKeys = false;
   for (const kind of ["keydown", "pointerdown"]) document.addEventListener(kind, () => (byKeys = kind === "keydown"), true);
 
