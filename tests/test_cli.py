@@ -354,7 +354,9 @@ def test_ctrl_c_while_evaluating_keeps_finished_lines(tmp_path):
     assert (first["rival"], len(first["returns"])) == ("tone/pursuit", 500)
 
 
-@pytest.mark.parametrize("words", ["zoo", "zoo --all", "envs", "players", "suites"])
+@pytest.mark.parametrize(
+    "words", ["zoo", "zoo --all", "envs", "players", "suites", "leaderboard season season-4"]
+)
 def test_lists_fit_80_columns(words, capsys):
     app(words.split(), standalone_mode=False)
     lines = capsys.readouterr().out.splitlines()

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fpg_bench.cli.fields import with_fields
-from fpg_bench.cli.options import WorkersOption, share
+from fpg_bench.cli.options import WorkersOption, print_wrapped, share
 from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
@@ -295,4 +295,4 @@ def season(
     from fpg_bench.products.leaderboard.season.audit import describe_season
 
     for line in describe_season(name, folder):
-        print_line(line)
+        print_wrapped(line) if len(line) > 80 else print_line(line)

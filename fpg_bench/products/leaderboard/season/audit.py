@@ -55,15 +55,16 @@ def describe_season(name: str | Path, board: str | Path) -> Iterator[str]:
     for side, title in _TITLES.items():
         yield ""
         yield f"{title}: {len(season.members[side])}, selected from {season.candidates[side]} candidates"
-        header = f"  {'name':5} {'reward':9} {'algorithm':11} {'steps':>9}  {'entries earn':>12}  "
-        yield f"{header}trained against"
+        header = f"  {'name':5} {'reward':8} {'algorithm':19} {'steps':>9}  {'entries earn':>12}"
+        yield f"{header}  trained against"
         for member in season.members[side]:
-            flight = " (flies itself)" if member.path == "learned" and side == "opponent" else ""
+            flight = ", flies" if member.path == "learned" and side == "opponent" else ""
             yield (
-                f"  {member.name:5} {member.reward:9} {member.algorithm:11} {member.steps:9,}  "
-                f"{member.entries_earn:12.2f}  {', '.join(member.targets)}{flight}"
+                f"  {member.name:5} {member.reward:8} {member.algorithm:19} {member.steps:9,}  "
+                f"{member.entries_earn:12.2f}  {len(member.targets)} players{flight}"
             )
     yield ""
+    yield "season.yml in its folder names the players."
     try:
         entries = read_entries(board, inspect_onnx=False, scenario=season.scenario)
     except UserError:
