@@ -1,4 +1,4 @@
-"""Stable-Baselines3 environments: a native ``VecEnv`` of N games, of one side or of both."""
+"""Stable-Baselines3 environments: a native ``VecEnv`` of N games, and the wrapper of a memory."""
 # ruff: noqa: E402
 
 from __future__ import annotations
@@ -9,11 +9,17 @@ require_extra("train", "stable_baselines3")
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from gymnasium import spaces
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import (
+    VecEnv,
+    VecEnvIndices,
+    VecEnvStepReturn,
+    VecEnvWrapper,
+)
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import (
@@ -28,6 +34,8 @@ from fpg_bench.envs.core import (
 )
 from fpg_bench.envs.screen import Screen
 from fpg_bench.game.spec import GameSpec, OtherGame, game_product
+from fpg_bench.game.state import OBSERVATION_SIZE
+from fpg_bench.players.memory import REMEMBERED, remember
 
 
 class FPGVecEnv(VecEnv):
@@ -157,6 +165,55 @@ class FPGVecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
         """Return True for ``Monitor``, whose infos this environment writes itself."""
         return [issubclass(wrapper_class, Monitor) for _ in self._get_indices(indices)]
+
+
+class VecMemory(VecEnvWrapper):
+    """Adds a side's memory to its observations; see :mod:`fpg_bench.players.memory`.
+
+    >>> VecMemory(make_sb3("FPG/OpponentVsScripted-v0", n_envs=4)).reset().shape
+    (4, 22)
+
+    Args:
+        venv: games of one side of the duel, or ``VecFrameStack`` on them.
+
+    Raises:
+        UserError: games of other observations.
+    """
+
+    def __init__(self, venv: VecEnv) -> None:
+        core, space = venv.get_attr("core")[0], cast(spaces.Box, venv.observation_space)
+        if core.observation_space.shape != (OBSERVATION_SIZE,):
+            raise UserError(
+                f"memory: needs the {OBSERVATION_SIZE} numbers of a side of the duel, got "
+                f"{core.observation_space}"
+            )
+        self.side: str = core.side
+        self._past = np.zeros((venv.num_envs, len(REMEMBERED[self.side])), np.float32)
+        more = np.ones(self._past.shape[1], np.float32)
+        bounds = np.append(space.low, -more), np.append(space.high, more)
+        super().__init__(venv, spaces.Box(*bounds, dtype=np.float32))
+
+    def reset(self) -> np.ndarray:
+        """Begin rounds, of which nothing is remembered."""
+        self._past[:] = 0
+        return self._remembered(cast(np.ndarray, self.venv.reset()))
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Play the step; a game whose round is over begins the next one with an empty memory."""
+        seen, rewards, dones, infos = self.venv.step_wait()
+        for game in np.flatnonzero(dones):
+            last = infos[game]["terminal_observation"]
+            infos[game]["terminal_observation"] = self._observed(last[None], self._past[game : game + 1])[0]
+        self._past[dones] = 0
+        return self._remembered(cast(np.ndarray, seen)), rewards, dones, infos
+
+    def _remembered(self, seen: np.ndarray) -> np.ndarray:
+        observed = self._observed(seen, self._past)
+        self._past = observed[:, -self._past.shape[1] :].copy()
+        return observed
+
+    def _observed(self, seen: np.ndarray, past: np.ndarray) -> np.ndarray:
+        return np.concatenate((seen, *remember(self.side, seen[:, -OBSERVATION_SIZE:], past)), axis=1)
 
 
 def make_sb3(

@@ -20,6 +20,7 @@ from fpg_bench.game.choices import Choices
 from fpg_bench.game.spec import GameSpec, observation_size
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
+from fpg_bench.players.memory import REMEMBERED, remember
 from fpg_bench.players.planner import asks_language_model
 from fpg_bench.players.player import Abilities, Player
 from fpg_bench.players.scripted import player_seeds
@@ -32,7 +33,7 @@ _HARMLESS |= {"RecordEpisodeStatistics", "NormalizeReward", "TransformReward", "
 _HARMLESS |= {"VecMonitor", "VecCheckNan", "SuperSuitVecEnv", "SB3VecEnvWrapper"}
 _PACKAGES = {"gymnasium", "pettingzoo", "stable_baselines3", "supersuit", "fpg_bench"}
 _INSTEAD = (
-    "train with VecNormalize and VecFrameStack alone, or write the whole policy as ONNX and call "
+    "train with VecNormalize, VecFrameStack and VecMemory alone, or write the whole policy as ONNX and call "
     "fpg_bench.write_agent"
 )
 Layer = type | str  # the class of a wrapper, or its name if it is in another process
@@ -45,12 +46,14 @@ class Preprocessing:
     Attributes:
         size: how many numbers the side sees, 15, or those of a seat of a team.
         frames: number of stacked observations, 1 for none.
+        memory: the side whose memory follows the frames, empty for none; see :mod:`fpg_bench.players.memory`.
         waterfall: None for the 15 numbers.
         before, after: ``VecNormalize`` wrappers, of each frame before stacking and of the whole stack.
     """
 
     size: int = OBSERVATION_SIZE
     frames: int = 1
+    memory: str = ""
     waterfall: Waterfall | None = None
     before: tuple[Any, ...] = ()
     after: tuple[Any, ...] = ()
@@ -58,12 +61,13 @@ class Preprocessing:
     @property
     def is_needed(self) -> bool:
         """False if the model sees the 15 numbers as they are."""
-        return self.frames > 1 or self.waterfall is not None or bool(self.before or self.after)
+        return bool(self.frames > 1 or self.memory or self.waterfall or self.before or self.after)
 
     def pushed(self, stack: np.ndarray | None, seen: np.ndarray, starts: np.ndarray | None) -> np.ndarray:
         """Return the stack with the frames of a step added; None begins with an empty one."""
         if stack is None:
-            shape = (self.frames * self.size,) if self.waterfall is None else self.waterfall.shape
+            width = self.frames * self.size + len(REMEMBERED.get(self.memory, ()))
+            shape = (width,) if self.waterfall is None else self.waterfall.shape
             stack = np.zeros((len(seen), *shape), np.float32)
         if self.waterfall is not None:
             return self.waterfall.pushed(stack, seen, starts)
@@ -72,7 +76,9 @@ class Preprocessing:
         kept = stack[:, self.size :]
         if starts is not None:
             kept = np.where(np.asarray(starts)[:, None], np.float32(0), kept)
-        return np.concatenate((kept, seen), axis=1)
+        frames, past = np.split(kept, [(self.frames - 1) * self.size], axis=1)
+        later = remember(self.memory, seen, past) if self.memory else []
+        return np.concatenate((frames, seen, *later), axis=1)
 
     def shown(self, stack: np.ndarray) -> np.ndarray:
         """Return the observations of the model for a stack, an array of its own."""
@@ -99,15 +105,21 @@ def preprocessing_of(
     name, env, core = type(model).__name__, games_of(model), core_of(model)
     _check_weights(name, model)
     size = observation_size(game if core is None else core.game_spec)
-    frames, before, after = 1, [], []
+    frames, memory, before, after = 1, "", [], []
     for wrapper in reversed(list(_vec_wrappers(env))):
         kinds = {kind.__name__ for kind in type(wrapper).__mro__}
         if "VecNormalize" in kinds and wrapper.norm_obs:
             after.append(wrapper)
         elif "VecFrameStack" in kinds:
-            if frames > 1 or waterfall is not None:
-                raise UserError(f"{name}: frames can be stacked once, and those of a waterfall not at all")
+            if frames > 1 or memory or waterfall is not None:
+                raise UserError(
+                    f"{name}: frames can be stacked once, under VecMemory, and those of a waterfall never"
+                )
             frames, before, after = wrapper.stacked_obs.n_stack, after, []
+        elif "VecMemory" in kinds:
+            if memory or before or after:
+                raise UserError(f"{name}: VecMemory stands once, on the games or on VecFrameStack")
+            memory = wrapper.side
     if refused := _names(env, _is_refused):
         raise UserError(f"{name}: its games have {', '.join(refused)}, which no player has; {_INSTEAD}")
     if not (after or before):
@@ -117,14 +129,16 @@ def preprocessing_of(
         rest = space.shape[0] % size if len(space.shape) == 1 else 1
         if core is None and frames == 1 and waterfall is None and not rest:
             frames = space.shape[0] // size  # all that is known of a model without its games
-        expected = (frames * size,) if waterfall is None else waterfall.shape
+        expected = (
+            (frames * size + len(REMEMBERED.get(memory, ())),) if waterfall is None else waterfall.shape
+        )
         if space.shape != expected:
             behind = f" behind {', '.join(unknown(model))}" if unknown(model) else ""
             raise UserError(
                 f"{name}: it sees observations of shape {space.shape}{behind}, not {expected}, frames of "
                 f"the {size} numbers of a side; {_INSTEAD}"
             )
-    return Preprocessing(size, frames, waterfall, tuple(before), tuple(after))
+    return Preprocessing(size, frames, memory, waterfall, tuple(before), tuple(after))
 
 
 def games_of(model: Any) -> Any:
@@ -223,10 +237,10 @@ def _vec_wrappers(env: Any) -> Iterator[Any]:
 
 
 def _layers(env: Any) -> Iterator[Layer]:
-    """Yield the wrappers between games and a policy but for ``VecNormalize`` and ``VecFrameStack``."""
+    """Yield the wrappers between games and a policy but for those that a player has, too."""
     base, games = env, []
     for wrapper in _vec_wrappers(env):
-        if type(wrapper).__name__ not in ("VecNormalize", "VecFrameStack"):
+        if type(wrapper).__name__ not in ("VecNormalize", "VecFrameStack", "VecMemory"):
             yield type(wrapper)
         base = wrapper.venv
         games += vars(wrapper).get("games", [])  # of the bridge over SuperSuit

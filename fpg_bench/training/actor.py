@@ -27,10 +27,8 @@ from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.spec import OtherGame
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
-from fpg_bench.players.player import Memory, Prediction
+from fpg_bench.players.memory import REMEMBERED, remember
 from fpg_bench.players.preprocessing import core_of, preprocessing_of
-from fpg_bench.players.scripted import player_noise
-from fpg_bench.players.seeded import SeededPolicy
 
 FORBIDDEN = np.float32(-1e30)  # value of a forbidden choice
 LEAST_SHARE = 1e-7  # of a draw, above the probability of a forbidden choice
@@ -57,7 +55,8 @@ class Actor(nn.Module):
     """The computation of ``predict``, from ``observation`` (n, size), a flat ``state`` (n, S) and ``noise``.
 
     The state is zero at the start of a round. With stacked frames it holds the last k - 1 observations, or
-    rows of a waterfall, oldest first; then come the hidden and the cell state of an LSTM, layer by layer.
+    rows of a waterfall, oldest first; then come what :func:`fpg_bench.players.memory.remember` returns, and
+    the hidden and the cell state of an LSTM, layer by layer.
     Of the ``noise``, one number is for choices with a drawn point; behind it a policy that samples draws each
     choice from its probabilities by one number, or the nine floats from their normal distributions.
 
@@ -71,7 +70,9 @@ class Actor(nn.Module):
         choices: None where actions are continuous.
         waterfall: None where the policy sees the 15 numbers.
         before, after: normalizations, of each frame before it is stacked and of the whole stack.
-        frame_size, frames_size: size of one frame, and of all frames in the state.
+        memory: the side whose memory follows the frames; empty for none.
+        frame_size, frames_size, past_size: size of one frame, of all frames in the state, and of these with
+            the memory.
         penalty: ``(choices,)`` float32, added to the values of the choices so that no forbidden one is best.
         size: how many numbers it observes.
         samples: true if it draws its actions.
@@ -112,8 +113,10 @@ class Actor(nn.Module):
         if self.waterfall is not None:
             self.frame_size = self.waterfall.shape[1]
             self.table = Table(*map(torch.from_numpy, self.waterfall.table))
-        self.frames_size = math.prod(cast(tuple[int, ...], model.observation_space.shape)) - self.frame_size
-        self.state_size = self.frames_size
+        self.memory = preprocessing.memory
+        self.past_size = math.prod(cast(tuple[int, ...], model.observation_space.shape)) - self.frame_size
+        self.frames_size = self.past_size - len(REMEMBERED.get(self.memory, ()))
+        self.state_size = self.past_size
         if self.lstm is not None:
             self.state_size += 2 * self.lstm.num_layers * self.lstm.hidden_size
         self.cpu().eval()
@@ -129,11 +132,13 @@ class Actor(nn.Module):
         frame = self.before(rows)
         if state is None:
             return self._action(self.features(self._shown(frame)), observation, noise)
-        obs = torch.cat((state[:, : self.frames_size], frame), 1)
+        past = state[:, self.frames_size : self.past_size]
+        later = remember(self.memory, observation, past) if self.memory else []
+        obs = torch.cat((state[:, : self.frames_size], frame, *later), 1)
         latent = self.features(self._shown(obs))
         next_state = [obs[:, self.frame_size :]]
         if self.lstm is not None:
-            latent, memory = self._forward_lstm(latent, state[:, self.frames_size :])
+            latent, memory = self._forward_lstm(latent, state[:, self.past_size :])
             next_state.append(memory)
         return self._action(latent, observation, noise), torch.cat(next_state, 1)
 
@@ -315,37 +320,3 @@ def is_untouched(module: nn.Module) -> bool:
 @functools.cache
 def _methods(kind: type[nn.Module]) -> frozenset[str]:
     return frozenset(name for name in dir(kind) if callable(getattr(kind, name)))
-
-
-class ActorPlayer(SeededPolicy):
-    """Player that runs a model's policy in torch; plays as its exported agent does.
-
-    Args:
-        model: a model of Stable-Baselines3; its weights are copied.
-
-    Raises:
-        UserError: an unsupported policy.
-    """
-
-    def __init__(self, model: BaseAlgorithm) -> None:
-        self._actor = Actor(model)
-        if (core := core_of(model)) is not None and isinstance(core.game_spec, OtherGame):
-            self.sees, self.skills = core.game_spec.sees, core.game_spec.skills
-
-    def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
-        count, actor = len(seen), self._actor
-        observation = torch.from_numpy(np.array(seen, np.float32))
-        memory, steps = (None, np.zeros(count, np.int64)) if state is None else state
-        if starts is not None:
-            steps = np.where(starts, 0, steps)
-        size, noise = actor.noise_size, None
-        if size:
-            noise = torch.from_numpy(player_noise(self.keys(count), steps, size))
-        with torch.inference_mode():
-            if not actor.state_size:
-                return actor(observation, None, noise).numpy(), (None, steps + 1)
-            memory = np.zeros((count, actor.state_size), np.float32) if memory is None else memory.copy()
-            if starts is not None:
-                memory[starts] = 0
-            action, after = actor(observation, torch.from_numpy(memory), noise)
-        return action.numpy(), (after.numpy(), steps + 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import DUEL
@@ -16,8 +16,9 @@ _ONE, JOINT, OFFLINE = (
     tuple(name for name, offer in offered("algorithm").items() if offer.trains == what)
     for what in ("one", "both", "data")
 )
-ALGORITHMS = (*_ONE, "ppo-stack8")  # of one side, that learn by playing; of stacked frames an example
-_STACKED = re.compile(r"(.+)-stack([1-9]\d*)")
+# Of one side, that learn by playing; of stacked frames and of memory an example.
+ALGORITHMS = (*_ONE, "ppo-stack8", "ppo-memory")
+_OBSERVING = re.compile(r"(.*?)(?:-stack([1-9]\d*))?(-memory)?", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,11 @@ class Algorithm:
 
     Attributes:
         name: name in tables and folders.
-        base: name of its class, without stacked frames or variant; an algorithm without a hyper-parameter
-            file or search space uses those of the base.
+        base: name of its class, without stacked frames, memory or variant; an algorithm without a
+            hyper-parameter file or search space uses those of the base.
         kind: the class, a subclass of SB3's ``BaseAlgorithm``.
         frame_stack: number of stacked observations; None leaves it to the hyper-parameters.
+        memory: True if it observes its memory; False leaves it to the hyper-parameters.
         custom: True for a user's own class.
         search: the algorithm whose search space it has.
         joint: True if it trains both sides at once.
@@ -40,6 +42,7 @@ class Algorithm:
     base: str
     kind: type[Any]
     frame_stack: int | None = None
+    memory: bool = False
     custom: bool = False
     search: str = ""
     joint: bool = False
@@ -58,7 +61,8 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
 
     Args:
         name: one of :data:`ALGORITHMS`, :data:`JOINT` and :data:`OFFLINE`, of most of them also with any
-            number of stacked frames (``sac-stack4``), ``package.module:Class``, or a class.
+            number of stacked frames (``sac-stack4``), with a memory (``ppo-stack8-memory``),
+            ``package.module:Class``, or a class.
 
     Raises:
         UserError: no such algorithm, or a class that is not a subclass of SB3's ``BaseAlgorithm``.
@@ -67,10 +71,9 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
         return _custom(f"{name.__module__}:{name.__qualname__}", name)
     if ":" in name:
         return _custom(name, imported(name, "algorithm"))
-    stacked = _STACKED.fullmatch(name)
-    root = stacked[1] if stacked else name
+    root, frames, memory = cast("re.Match[str]", _OBSERVING.fullmatch(name)).groups()
     offer = offered("algorithm").get(root)
-    if offer is None or (stacked and not offer.stacks):
+    if offer is None or (frames and not offer.stacks) or (memory and offer.trains != "one"):
         import stable_baselines3
 
         is_sb3 = hasattr(stable_baselines3, name.upper())
@@ -80,7 +83,8 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
         name,
         offer.base or root,
         load("algorithm", root),  # unlike a user's own, not searched for in the current folder
-        int(stacked[2]) if stacked else None,
+        int(frames) if frames else None,
+        bool(memory),
         search=offer.search or offer.base or root,
         joint=offer.trains == "both",
         offline=offer.trains == "data",

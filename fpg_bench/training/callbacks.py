@@ -17,8 +17,8 @@ from fpg_bench.common.output import is_terminal
 from fpg_bench.common.parallel import LINE_EVERY_S
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
-from fpg_bench.training.actor import ActorPlayer
 from fpg_bench.training.checkpoint import save_checkpoint
+from fpg_bench.training.export import exported_player
 from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.models import by_side
 
@@ -210,7 +210,7 @@ class EvalCheckpointCallback(BaseCallback):
         seconds = round(self._clock.seconds, 2)
         with self._clock.paused():
             results = {
-                side: self._evaluators[side].score(ActorPlayer(player))
+                side: self._evaluators[side].score(exported_player(player))
                 for side, player in by_side(self.model, tuple(self._evaluators)).items()
             }
         head = {"steps": self.num_timesteps, "seconds": seconds}

@@ -20,6 +20,7 @@ import tempfile
 import threading
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,7 @@ from fpg_bench.game.spec import GameSpec, OtherGame, kind_of, observation_size, 
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.players.agent import OnnxPlayer, stripped
 from fpg_bench.players.card import AgentCard
+from fpg_bench.players.memory import remember
 from fpg_bench.players.player import Player
 from fpg_bench.players.preprocessing import (
     GREATEST_DIFFERENCE,
@@ -240,6 +242,15 @@ def write_exported(
     return difference
 
 
+def exported_player(model: BaseAlgorithm) -> OnnxPlayer:
+    """Return a player that plays as the agent that a model is exported as."""
+    actor = Actor(model)
+    player = OnnxPlayer(_onnx_of(actor, model), size=actor.size)
+    if (core := core_of(model)) is not None and isinstance(core.game_spec, OtherGame):
+        player.sees, player.skills = core.game_spec.sees, core.game_spec.skills
+    return player
+
+
 def sampling_player(model: BaseAlgorithm) -> Player | None:
     """Return a player that draws a model's actions as its training does; None if it has no distribution."""
     try:
@@ -328,12 +339,17 @@ def plain_onnx(actor: Actor) -> bytes | None:
     inputs = [rows_of("observation", actor.size)]
     outputs = [rows_of("action", ACTION_SIZE)]
     obs, next_state = _layer(graph, actor.before, "observation"), []
-    if actor.frames_size:
-        obs = graph.add("Concat", graph.columns("state", 0, actor.frames_size), obs, axis=1)
-        next_state.append(graph.columns(obs, actor.frame_size, actor.frame_size + actor.frames_size))
+    if actor.past_size:
+        parts = [graph.columns("state", 0, actor.frames_size)] if actor.frames_size else []
+        parts.append(obs)
+        if actor.memory:
+            past = Value(graph, "state")[:, actor.frames_size : actor.past_size]
+            parts += [each.name for each in remember(actor.memory, Value(graph, "observation"), past)]
+        obs = graph.add("Concat", *parts, axis=1)
+        next_state.append(graph.columns(obs, actor.frame_size, actor.frame_size + actor.past_size))
     latent = _layer(graph, actor.features, _layer(graph, actor.after, obs))
     if actor.lstm is not None:
-        latent, memory = _lstm(graph, actor.lstm, latent, actor.frames_size)
+        latent, memory = _lstm(graph, actor.lstm, latent, actor.past_size)
         next_state += memory
     latent = _layer(graph, actor.networks, latent)
     if actor.choices is not None:
@@ -394,6 +410,89 @@ class Graph:
         )
         data: bytes = model.SerializeToString(deterministic=True)
         return data
+
+
+@dataclass(frozen=True)
+class Value:
+    """Values ``(n, k)`` in a graph, of which arithmetic and comparisons add operators to it."""
+
+    graph: Graph
+    name: str
+
+    def _with(self, kind: str, other: Value | float, is_swapped: bool = False) -> Value:
+        right = other if isinstance(other, Value) else self.number(other)
+        pair = (right.name, self.name) if is_swapped else (self.name, right.name)
+        return Value(self.graph, self.graph.add(kind, *pair))
+
+    def number(self, value: float) -> Value:
+        """Return a constant of the same graph."""
+        return Value(self.graph, self.graph.constant(np.array([[value]], np.float32)))
+
+    def column(self, start: int, count: int = 1) -> Value:
+        """Return columns."""
+        return Value(self.graph, self.graph.columns(self.name, start, start + count))
+
+    def of(self, kind: str) -> Value:
+        """Return an operator of one input, such as ``Abs``."""
+        return Value(self.graph, self.graph.add(kind, self.name))
+
+    def where(self, one: Value | float, other: Value | float) -> Value:
+        """Return ``one`` where this condition holds, else ``other``."""
+        names = (each.name if isinstance(each, Value) else self.number(each).name for each in (one, other))
+        return Value(self.graph, self.graph.add("Where", self.name, *names))
+
+    def at_least(self, low: float) -> Value:
+        """Return the greater of each value and a limit."""
+        return self._with("Max", low)
+
+    def dot(self, other: Value) -> Value:
+        """Return the inner product ``(n, 1)`` of vectors of three, added in order."""
+        product = self * other
+        return product.column(0) + product.column(1) + product.column(2)
+
+    def __getitem__(self, key: tuple[slice, slice]) -> Value:
+        return self.column(key[1].start, key[1].stop - key[1].start)
+
+    def clip(self, low: float, high: float) -> Value:
+        """Return the values within two limits."""
+        return Value(self.graph, self.graph.clip(self.name, low, high))
+
+    def __abs__(self) -> Value:
+        return self.of("Abs")
+
+    def __rsub__(self, other: float) -> Value:
+        return self._with("Sub", other, is_swapped=True)
+
+    def __add__(self, other: Value | float) -> Value:
+        return self._with("Add", other)
+
+    def __sub__(self, other: Value | float) -> Value:
+        return self._with("Sub", other)
+
+    def __mul__(self, other: Value | float) -> Value:
+        return self._with("Mul", other)
+
+    def __truediv__(self, other: Value | float) -> Value:
+        return self._with("Div", other)
+
+    def __lt__(self, other: Value | float) -> Value:
+        return self._with("Less", other)
+
+    def __gt__(self, other: Value | float) -> Value:
+        return self._with("Less", other, is_swapped=True)
+
+    def equals(self, other: Value) -> Value:
+        """Return where both are the same."""
+        return self._with("Equal", other)
+
+    def __and__(self, other: Value) -> Value:
+        return self._with("And", other)
+
+    def __or__(self, other: Value) -> Value:
+        return self._with("Or", other)
+
+    def __invert__(self) -> Value:
+        return self.of("Not")
 
 
 def rows_of(name: str, size: int) -> Any:

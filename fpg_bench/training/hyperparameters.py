@@ -61,6 +61,7 @@ class Hyperparameters(Strict):
         n_timesteps: training budget in steps, over all games; 0 if none is given.
         normalize: arguments of SB3's ``VecNormalize``; None trains without it.
         frame_stack: number of stacked observations; None for no stacking.
+        memory: whether it observes its memory, see :mod:`fpg_bench.players.memory`.
         imitate: imitation before training; None trains without it.
     """
 
@@ -70,6 +71,7 @@ class Hyperparameters(Strict):
     n_timesteps: Annotated[int, Field(ge=1, le=MOST_STEPS), _at_most(MOST_STEPS)] = 0
     normalize: Entry | None = None
     frame_stack: Annotated[int | None, Field(ge=1, le=MOST_FRAMES), _at_most(MOST_FRAMES)] = None
+    memory: bool = False
     imitate: ImitationConfig | None = None
 
     @property
@@ -84,6 +86,7 @@ class Hyperparameters(Strict):
             "n_timesteps": self.n_timesteps or None,
             "normalize": self.normalize,
             "frame_stack": self.frame_stack,
+            "memory": self.memory or None,
             "imitate": self.imitate and self.imitate.model_dump(),
         }
         return {name: value for name, value in values.items() if value is not None} | self.algorithm
@@ -191,7 +194,8 @@ def _parse(algorithm: Algorithm, content: Entry, where: str) -> Hyperparameters:
         raise UserError(
             f"{where}: frame_stack: {algorithm.name} stacks {algorithm.frame_stack}, got {frame_stack}"
         )
-    return parameters.model_copy(update={"frame_stack": frame_stack})
+    memory = parameters.memory or algorithm.memory
+    return parameters.model_copy(update={"frame_stack": frame_stack, "memory": memory})
 
 
 def _argument_problems(algorithm: Algorithm, parameters: Hyperparameters) -> list[str]:

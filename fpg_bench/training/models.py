@@ -22,6 +22,7 @@ from torch import nn
 from fpg_bench.common.checks import mapping
 from fpg_bench.common.errors import UserError, first_line, nearest, one_line, shown
 from fpg_bench.common.imports import imported, reason
+from fpg_bench.envs.sb3_vec_env import VecMemory
 from fpg_bench.game.batch import ActionError
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.training.algorithms import Algorithm, find_algorithm
@@ -58,8 +59,9 @@ def make_model(
         algorithm = find_algorithm(algorithm)
     where = f"hyper-parameters of {algorithm.name}"
     arguments = _constructor_arguments(algorithm, parameters.algorithm, where)
-    if algorithm.joint and (parameters.normalize is not None or parameters.frame_stack is not None):
-        raise UserError(f"{where}: {algorithm.name} supports neither normalize nor frame_stack")
+    unused = [name for name in ("normalize", "frame_stack", "memory") if getattr(parameters, name)]
+    if unused and (algorithm.joint or (algorithm.offline and parameters.memory)):
+        raise UserError(f"{where}: {algorithm.name} does not support {unused[-1]}")
     games = _wrapped(games, parameters, where)
     try:
         set_random_seed(seed)
@@ -107,6 +109,8 @@ def _wrapped(games: VecEnv, parameters: Hyperparameters, where: str) -> VecEnv:
         if len(games.observation_space.shape or ()) > 1:
             raise UserError(f"{where}: frame_stack: a waterfall is already a stack; set its history instead")
         games = VecFrameStack(games, parameters.frame_stack)
+    if parameters.memory:
+        games = VecMemory(games)
     if parameters.normalize is None:
         return games
     return VecNormalize(games, **{"gamma": parameters.algorithm.get("gamma", 0.99), **parameters.normalize})

@@ -29,13 +29,13 @@ from stable_baselines3.common.vec_env import (
 import fpg_bench
 from fpg_bench import evaluate, export_agent, make_sb3, supersuit_vec_env
 from fpg_bench.common.errors import UserError
+from fpg_bench.envs.sb3_vec_env import VecMemory
 from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.preprocessing import difference_in_own_games
 from fpg_bench.players.registry import as_player
-from fpg_bench.training.actor import ActorPlayer
 from tests.training.tiny import ALLY
 
 
@@ -72,6 +72,8 @@ CHAINS = {
     "stacked-normalized": lambda: VecNormalize(VecFrameStack(sb3(), 3)),
     "normalized-stacked": lambda: VecFrameStack(normalized(), 3),  # rl-zoo3's order
     "normalized-stacked-normalized": lambda: VecNormalize(VecFrameStack(normalized(), 3)),
+    "memory": lambda: VecMemory(sb3()),
+    "stacked-memory-normalized": lambda: VecNormalize(VecMemory(VecFrameStack(sb3(), 3))),
     "rewards-only": lambda: VecNormalize(sb3(), norm_obs=False),
     "monitored": lambda: VecMonitor(normalized()),
 }
@@ -84,7 +86,7 @@ def test_a_live_model_and_its_agent_play_as_the_model_does_in_its_own_games(chai
     model = a_model(learned(CHAINS[chain]()), kind)
     assert export_agent(model, tmp_path, training_seed=0) < 1e-4
     agent, live = load_agent(tmp_path), as_player(model, "ally", STANDARD)
-    for player in (agent, live, ActorPlayer(model)):
+    for player in (agent, live):
         assert difference_in_own_games(model, player) < 1e-4
     naked = a_model(sb3(), kind)
     if chain in ("normalized", "monitored"):
@@ -175,6 +177,8 @@ REFUSED = {
     r"TimeAwareObservation": lambda: gym_games(TimeAwareObservation),
     r"FlattenObservation": lambda: gym_games(stacked),
     "frames can be stacked once": lambda: VecFrameStack(VecFrameStack(sb3(), 2), 2),
+    "frames can be stacked once, under VecMemory": lambda: VecFrameStack(VecMemory(sb3()), 2),
+    "VecMemory stands once, on the games": lambda: VecMemory(normalized()),
 }
 
 

@@ -18,10 +18,11 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players import agent
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.training import export
-from fpg_bench.training.actor import Actor, ActorPlayer
+from fpg_bench.training.actor import Actor
 from fpg_bench.training.export import (
     export_agent,
     export_onnx,
+    exported_player,
     largest_difference,
     plain_onnx,
     write_exported,
@@ -154,7 +155,7 @@ def test_discrete_agents_play_the_choices_that_the_model_predicts(algorithm, mod
 @pytest.mark.full
 @pytest.mark.parametrize("way", ["ours", pytest.param("torch's", marks=pytest.mark.slow)])
 def test_agents_hop_to_the_points_that_their_games_draw(way, tmp_path, monkeypatch):
-    """In games that end at different steps: exported, sandboxed, through torch and as the model itself."""
+    """In games that end at different steps: exported, sandboxed, from memory and as the model itself."""
     if way != "ours":
         monkeypatch.setattr(export, "plain_onnx", lambda actor: None)
     games = make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=1, stagger=True, actions="uniform-hop")
@@ -162,7 +163,7 @@ def test_agents_hop_to_the_points_that_their_games_draw(way, tmp_path, monkeypat
     assert export_agent(model, tmp_path, training_seed=0) < 1e-6
     agent = load_agent(tmp_path)
     assert (agent.noise_size, agent.card.game.actions) == (1, "uniform-hop")
-    others = [load_agent(tmp_path, trusted=False), ActorPlayer(model), model]
+    others = [load_agent(tmp_path, trusted=False), exported_player(model), model]
     rows = evaluate(
         {"agent": agent} | {str(k): other for k, other in enumerate(others)}, "ally-v2", matches=2
     )

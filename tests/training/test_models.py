@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from sb3_contrib import TQC, RecurrentPPO
+from sb3_contrib import TQC, MaskablePPO, RecurrentPPO
 from stable_baselines3 import PPO, TD3
 from torch import nn
 
@@ -36,15 +36,16 @@ def model_of(algorithm, values):
 
 
 def test_an_algorithm_is_found_by_its_name_or_class():
-    for name, kind, frames in (
-        ("ppo-fast", FastPPO, None),
-        ("td3-stack4", TD3, 4),
-        ("recurrent-ppo", RecurrentPPO, None),
-        ("sb3_contrib:TQC", TQC, None),
-        (PPO, PPO, None),
+    for name, kind, frames, memory in (
+        ("ppo-fast-memory", FastPPO, None, True),
+        ("td3-stack4", TD3, 4, False),
+        ("maskable-ppo-stack2-memory", MaskablePPO, 2, True),
+        ("recurrent-ppo", RecurrentPPO, None, False),
+        ("sb3_contrib:TQC", TQC, None, False),
+        (PPO, PPO, None, False),
     ):
         algorithm = find_algorithm(name)
-        assert (algorithm.kind, algorithm.frame_stack) == (kind, frames)
+        assert (algorithm.kind, algorithm.frame_stack, algorithm.memory) == (kind, frames, memory)
 
 
 def test_every_algorithm_is_found_and_in_the_guide():
@@ -53,7 +54,7 @@ def test_every_algorithm_is_found_and_in_the_guide():
         algorithm = find_algorithm(name)
         assert (algorithm.joint, algorithm.offline) == (name in JOINT, name in OFFLINE)
         assert f"`{name}`" in guide
-    for name in ("ppo-fast-stack2", "recurrent-ppo-stack2", "maddpg-stack2"):
+    for name in ("ppo-fast-stack2", "recurrent-ppo-stack2", "maddpg-stack2", "maddpg-memory", "iql-memory"):
         with pytest.raises(UserError, match="unknown algorithm"):
             find_algorithm(name)
 
@@ -63,6 +64,7 @@ def test_unknown_algorithms_are_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name, message in (
         ("recurrent_ppo", "did you mean 'recurrent-ppo'"),
+        ("", "unknown algorithm ''"),
         ("ppo-stack0", "did you mean 'ppo-stack8'"),
         ("nowhere:Mine", "No module named 'nowhere'"),
         ("tests.training.own:Yours", "no attribute 'Yours'"),
@@ -128,6 +130,21 @@ def test_stacked_frames_come_from_the_name_or_the_file():
     assert load_hyperparameters("ppo", ALLY, given).frame_stack == 4
     with pytest.raises(UserError, match="frame_stack: ppo-stack8 stacks 8, got 4"):
         load_hyperparameters("ppo-stack8", ALLY, given)
+
+
+def test_memory_comes_from_the_name_or_the_file():
+    assert load_hyperparameters("ppo-stack8-memory", ALLY).memory
+    assert load_hyperparameters("ppo-stack8-memory", ALLY).frame_stack == 8
+    given = {"n_envs": 4, "policy": "MlpPolicy", "memory": True}
+    assert load_hyperparameters("sac", ALLY, given).entry() == given
+    for name, shape in (("ppo", (21,)), ("ppo-stack2", (36,))):
+        model = model_of(name, given | {"n_steps": 8, "batch_size": 32})
+        assert model.observation_space.shape == shape
+    assert not load_hyperparameters("ppo", ALLY).memory
+    joint = {"policy": "JointPolicy", "memory": True}
+    parameters = load_hyperparameters("maddpg", "FPG/duel_v0", joint)
+    with pytest.raises(UserError, match="maddpg does not support memory"):
+        make_model("maddpg", make_sb3("FPG/duel_v0", 2), parameters, 0)
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "td3", "ppo-stack4"])

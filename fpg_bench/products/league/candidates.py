@@ -7,7 +7,6 @@ exported agent they are constants, so what was searched and what is exported are
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,77 +21,7 @@ from fpg_bench.players.player import Memory, Player
 from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.seeded import SeededPolicy
 from fpg_bench.products.league.categorical import Play
-from fpg_bench.training.export import Graph, rows_of
-
-
-@dataclass(frozen=True)
-class Value:
-    """Values ``(n, k)`` in a graph, of which arithmetic and comparisons add operators to it."""
-
-    graph: Graph
-    name: str
-
-    def _with(self, kind: str, other: Value | float, is_swapped: bool = False) -> Value:
-        right = other if isinstance(other, Value) else self.number(other)
-        pair = (right.name, self.name) if is_swapped else (self.name, right.name)
-        return Value(self.graph, self.graph.add(kind, *pair))
-
-    def number(self, value: float) -> Value:
-        """Return a constant of the same graph."""
-        return Value(self.graph, self.graph.constant(np.array([[value]], np.float32)))
-
-    def column(self, start: int, count: int = 1) -> Value:
-        """Return columns."""
-        return Value(self.graph, self.graph.columns(self.name, start, start + count))
-
-    def of(self, kind: str) -> Value:
-        """Return an operator of one input, such as ``Abs``."""
-        return Value(self.graph, self.graph.add(kind, self.name))
-
-    def where(self, one: Value | float, other: Value | float) -> Value:
-        """Return ``one`` where this condition holds, else ``other``."""
-        names = (each.name if isinstance(each, Value) else self.number(each).name for each in (one, other))
-        return Value(self.graph, self.graph.add("Where", self.name, *names))
-
-    def at_least(self, low: float) -> Value:
-        """Return the greater of each value and a limit."""
-        return self._with("Max", low)
-
-    def dot(self, other: Value) -> Value:
-        """Return the inner product ``(n, 1)`` of vectors of three, added in order."""
-        product = self * other
-        return product.column(0) + product.column(1) + product.column(2)
-
-    def __add__(self, other: Value | float) -> Value:
-        return self._with("Add", other)
-
-    def __sub__(self, other: Value | float) -> Value:
-        return self._with("Sub", other)
-
-    def __mul__(self, other: Value | float) -> Value:
-        return self._with("Mul", other)
-
-    def __truediv__(self, other: Value | float) -> Value:
-        return self._with("Div", other)
-
-    def __lt__(self, other: Value | float) -> Value:
-        return self._with("Less", other)
-
-    def __gt__(self, other: Value | float) -> Value:
-        return self._with("Less", other, is_swapped=True)
-
-    def equals(self, other: Value) -> Value:
-        """Return where both are the same."""
-        return self._with("Equal", other)
-
-    def __and__(self, other: Value) -> Value:
-        return self._with("And", other)
-
-    def __or__(self, other: Value) -> Value:
-        return self._with("Or", other)
-
-    def __invert__(self) -> Value:
-        return self.of("Not")
+from fpg_bench.training.export import Graph, Value, rows_of
 
 
 class PolicyGraph:
@@ -121,12 +50,6 @@ class PolicyGraph:
         if self._numbers is None:
             return Value(self._graph, self._graph.columns("numbers", first, first + count))
         return Value(self._graph, self._graph.constant(self._numbers[None, first : first + count]))
-
-    def away_m(self, scenario: Scenario) -> Value:
-        """Return the relative position ``(n, 3)`` in m."""
-        root = self.seen.column(RELATIVE_POSITION, 3)
-        box = Value(self._graph, self._graph.constant(np.array([scenario.box_m], np.float32)))
-        return root * root.of("Abs") * box
 
     def constant(self, *values: float) -> Value:
         """Return a row of constants ``(1, k)``."""
@@ -157,6 +80,13 @@ class PolicyGraph:
         if self._numbers is None:
             inputs.append(rows_of("numbers", len(self._names)))
         return graph.to_bytes(inputs, [rows_of("action", ACTION_SIZE), rows_of("next_state", self._size)])
+
+
+def away_m(seen: Value, scenario: Scenario) -> Value:
+    """Return the relative position ``(n, 3)`` of an observation in m."""
+    root = seen.column(RELATIVE_POSITION, 3)
+    box = Value(seen.graph, seen.graph.constant(np.array([scenario.box_m], np.float32)))
+    return root * abs(root) * box
 
 
 class Candidates(SeededPolicy):

@@ -37,13 +37,13 @@ from fpg_bench.game.sensing import (
     SPREADING_TIME,
 )
 from fpg_bench.game.state import TYPES
-from fpg_bench.products.league.candidates import PolicyGraph
+from fpg_bench.products.league.candidates import PolicyGraph, away_m
 
 OFF = "off"
-_NEVER, _EVIDENCE = (
-    1e9,
-    12.0,
-)  # a threshold that nothing reaches; the hits of a type that make a hop add up to it
+_NEVER, _EVIDENCE = 1e9, 12.0  # what nothing reaches; what the hits of a type add up to that make a hop
+_SCALES = {"spread_s": "spreading_scale_s", "hold_s": "age_scale_s", "moved_hold_s": "age_scale_s"}
+# Numbers that nothing reaches where they are off; what else has a unit is always passed there.
+_OFF_BEYOND = ("below_db", "spread_beyond_m", "spread_s", "spread_until_s", "hop_every_s", *_SCALES)
 _TYPES = tuple(range(TYPES))
 _CENTRES = (2, 1, 3, 5, 15)
 
@@ -107,25 +107,19 @@ def rule_values(side: str, indices: np.ndarray, scenario: Scenario) -> np.ndarra
 
 
 def _threshold(name: str, option: Option, scenario: Scenario) -> float:
-    """Return what an option of a number is in the graph."""
-    off = option == OFF
-    value = 0.0 if isinstance(option, str) else float(option)
-    s = scenario
-    if name.endswith("_hits"):
-        return 0.0 if off else _EVIDENCE / value
-    if name in ("below_db", "spread_above_db"):
-        never = _NEVER if name == "below_db" else -_NEVER
-        return never if off else (s.snr_threshold_db + value) / s.snr_scale_db
-    if name == "spread_s":
-        return _NEVER if off else (value - 0.5) / s.spreading_scale_s
-    if name in ("spread_beyond_m", "sprint_m", "near_m"):
-        return (_NEVER**2 if name == "spread_beyond_m" else -1.0) if off else value * value
-    if name in ("hold_s", "moved_hold_s"):
-        return _NEVER if off else (value - 0.5) / s.age_scale_s
-    if name in ("hop_every_s", "spread_until_s"):
-        return _NEVER if off else value - 0.5
-    if name in ("pause_s", "forget_s", "spread_after_s"):
-        return value - 0.5
+    """Return what an option of a number is in the graph, by the unit that ends its name."""
+    unit = name.rpartition("_")[2]
+    if option == OFF:
+        return _NEVER if name in _OFF_BEYOND else -_NEVER if unit in ("db", "m", "s") else 0.0
+    value = float(option)
+    if unit == "hits":
+        return _EVIDENCE / value
+    if unit == "db":
+        return (scenario.snr_threshold_db + value) / scenario.snr_scale_db
+    if unit == "m":
+        return value * value
+    if unit == "s":  # whole seconds, half a second below
+        return (value - 0.5) / (getattr(scenario, _SCALES[name]) if name in _SCALES else 1)
     return value
 
 
@@ -156,7 +150,7 @@ def _write_ally(graph: PolicyGraph, scenario: Scenario) -> bytes:
     hop = (is_due | (given("hop_every_s") < since_hop_s)) & (given("pause_s") < since_hop_s)
     evidence, since_hop_s = hop.where(0, evidence), hop.where(0, since_hop_s)
 
-    away = graph.away_m(scenario)
+    away = away_m(seen, scenario)
     squares = away.dot(away)
     spread = (given("spread_beyond_m") < squares) & (seen.column(SPREADING_TIME) < given("spread_s"))
     spread = spread & (given("spread_after_s") < quiet_s) & (quiet_s < given("spread_until_s"))
@@ -198,7 +192,7 @@ def _write_opponent(graph: PolicyGraph, scenario: Scenario) -> bytes:
 
     # Centres of blind jamming, in turn or drawn.
     phase_s = phase_s + 1
-    is_next = (given("centre_s") - 0.5 < phase_s) | ~has_begun
+    is_next = (given("centre_s") < phase_s) | ~has_begun
     phase_s = is_next.where(0, phase_s)
     drawn = turn * 0.0
     for count in sorted(_CENTRES)[1:]:
@@ -209,7 +203,7 @@ def _write_opponent(graph: PolicyGraph, scenario: Scenario) -> bytes:
     turn = is_next.where((given("random") > 0.5).where(drawn, has_begun.where(following, turn)), turn)
     blind = (turn * 2.0 + 1.0) / given("centres") - 1.0
 
-    away = graph.away_m(scenario)
+    away = away_m(seen, scenario)
     squares = away.dot(away)
     kind = is_known.where(given("known_type"), given("blind_type"))
     kind = (squares < given("near_m")).where(given("near_type"), kind)

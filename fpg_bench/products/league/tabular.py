@@ -38,7 +38,6 @@ from fpg_bench.game.sensing import (
     KNOWN_FREQUENCY,
     LAST_CHECK,
     NEXT_CHECK,
-    RELATIVE_POSITION,
     SENSED_COVERS,
     SENSED_TYPE,
     SNR,
@@ -49,12 +48,12 @@ from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE, TYPES
 from fpg_bench.players.agent import agents_named, write_agent
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.products.league.best_responses import RESPONSE_REWARDS, ResponseTarget, find_target
-from fpg_bench.products.league.candidates import Candidates, earnings
+from fpg_bench.products.league.candidates import Candidates, away_m, earnings
 from fpg_bench.products.league.categorical import CategoricalSearch, Generation
 from fpg_bench.products.league.config import check_budget
 from fpg_bench.products.league.evaluation import evaluate_against
 from fpg_bench.products.league.folder import check_same
-from fpg_bench.training.export import Graph, counted, rows_of
+from fpg_bench.training.export import Graph, Value, counted, rows_of
 from fpg_bench.training.run_folder import command_line, revision
 from fpg_bench.version import versions
 
@@ -210,38 +209,25 @@ def table_onnx(
     graph, choices = Graph(), table_choices(side, scenario)
     size = _MEMORY_SIZES[side]
 
-    def seen(column: int) -> str:
-        return graph.columns("observation", column, column + 1)
-
-    def remembered(column: int) -> str:
-        return graph.columns("state", column, column + 1)
-
-    def number(value: float) -> str:
-        return graph.constant(np.float32(value))
-
-    def choose(is_true: str, one: str, other: str) -> str:
-        return graph.add("Where", is_true, one, other)
-
-    later = graph.add("Add", remembered(_CLOCK), number(1))
-    longer = graph.add("Add", remembered(_RUN), number(1))
+    seen, state = Value(graph, "observation"), Value(graph, "state")
+    later, longer = state.column(_CLOCK) + 1, state.column(_RUN) + 1
     if side == "ally":
-        hit = graph.add("Less", number(0), seen(SENSED_COVERS))
-        memory = [choose(hit, number(0), later), choose(hit, longer, number(0))]
+        hit = seen.column(SENSED_COVERS) > 0
+        memory = [hit.where(0, later), hit.where(longer, 0)]
     else:
-        checked = graph.add("Less", remembered(_NEXT), seen(NEXT_CHECK))
-        is_older = graph.add("Less", number(0), seen(KNOWN_AGE))
-        same = graph.add("Equal", remembered(_KNOWN), seen(KNOWN_FREQUENCY))
-        run = choose(is_older, remembered(_RUN), choose(same, longer, number(0)))
-        memory = [choose(checked, number(0), later), run, seen(NEXT_CHECK), seen(KNOWN_FREQUENCY)]
-    away, squares = squared_distance(graph, scenario)
+        checked = state.column(_NEXT) < seen.column(NEXT_CHECK)
+        same = state.column(_KNOWN).equals(seen.column(KNOWN_FREQUENCY))
+        run = (seen.column(KNOWN_AGE) > 0).where(state.column(_RUN), same.where(longer, 0))
+        memory = [checked.where(0, later), run, seen.column(NEXT_CHECK), seen.column(KNOWN_FREQUENCY)]
+    away = away_m(seen, scenario)
+    squares = away.dot(away)
 
     def values(column: int) -> str:
         if column == _DISTANCE:
-            return squares
+            return squares.name
         if column == _TYPE:
-            of = graph.columns("observation", _FIRST_TYPE[side], _FIRST_TYPE[side] + TYPES)
-            return graph.add("MatMul", of, graph.constant(np.arange(1, TYPES + 1, dtype=np.float32)[:, None]))
-        return seen(column) if column < OBSERVATION_SIZE else memory[column - _MEMORY]
+            return kind_of(seen.column(_FIRST_TYPE[side], TYPES)).name
+        return (seen.column(column) if column < OBSERVATION_SIZE else memory[column - _MEMORY]).name
 
     bins = [(values(column), edges) for column, edges in _thresholds(side, features, scenario)]
     cell = cell_of(graph, bins)
@@ -249,7 +235,7 @@ def table_onnx(
         place = graph.add("Unsqueeze", cell, graph.constant([1]))
         of_cell = graph.add("GatherElements", "numbers", place, axis=1)
         every = graph.constant(np.arange(len(choices.names), dtype=np.float32))
-        is_chosen = choose(graph.add("Equal", of_cell, every), number(1), number(0))
+        is_chosen = Value(graph, graph.add("Equal", of_cell, every)).where(1, 0).name
         chosen = graph.add("ArgMax", is_chosen, axis=1, keepdims=0)
     else:
         chosen = graph.add("Gather", graph.constant(list(cells)), cell, axis=0)
@@ -258,25 +244,22 @@ def table_onnx(
         drawn_point(graph, "noise", chosen, choices.drawn, choices.quantiles, choices.drawn_rows),
     ]
     if side == "opponent":
-        reach = graph.add("Max", graph.add("Sqrt", squares), number(PURSUIT_M))
+        velocity = away / squares.of("Sqrt").at_least(PURSUIT_M)
         flight = np.eye(3, ACTION_SIZE, VELOCITY, np.float32)
-        parts.append(graph.add("MatMul", graph.add("Div", away, reach), graph.constant(flight)))
+        parts.append(graph.add("MatMul", velocity.name, graph.constant(flight)))
     graph.add("Sum", *parts, to="action")
-    graph.add("Concat", *memory, axis=1, to="next_state")
+    graph.add("Concat", *(each.name for each in memory), axis=1, to="next_state")
     inputs = [rows_of("observation", OBSERVATION_SIZE), rows_of("noise", 1), rows_of("state", size)]
     if cells is None:
         inputs.append(rows_of("numbers", count_cells(features)))
     return graph.to_bytes(inputs, [rows_of("action", ACTION_SIZE), rows_of("next_state", size)])
 
 
-def squared_distance(graph: Graph, scenario: Scenario) -> tuple[str, str]:
-    """Add the relative position in m, and the squared distance."""
-    root = graph.columns("observation", RELATIVE_POSITION, RELATIVE_POSITION + 3)
-    away = graph.add("Mul", root, graph.add("Abs", root))
-    away = graph.add("Mul", away, graph.constant(np.array(scenario.box_m, np.float32)))
-    square = graph.add("Mul", away, away)
-    x, y, z = (graph.columns(square, axis, axis + 1) for axis in range(3))
-    return away, graph.add("Add", graph.add("Add", x, y), z)
+def kind_of(types: Value) -> Value:
+    """Return 1 and more for the type of an observation's columns ``(n, 4)``, 0 for none."""
+    graph = types.graph
+    numbers = graph.constant(np.arange(1, TYPES + 1, dtype=np.float32)[:, None])
+    return Value(graph, graph.add("MatMul", types.name, numbers))
 
 
 def cell_of(graph: Graph, bins: Sequence[tuple[str, np.ndarray]]) -> str:

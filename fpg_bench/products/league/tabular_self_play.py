@@ -44,9 +44,10 @@ from fpg_bench.game.sensing import (
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE, TYPES
 from fpg_bench.players.agent import write_agent
+from fpg_bench.products.league.candidates import away_m
 from fpg_bench.products.league.config import TabularSelfPlayConfig
-from fpg_bench.products.league.tabular import cell_of, drawn_point, squared_distance, table_choices
-from fpg_bench.training.export import Graph, counted, rows_of
+from fpg_bench.products.league.tabular import cell_of, drawn_point, kind_of, table_choices
+from fpg_bench.training.export import Graph, Value, counted, rows_of
 
 RESULT = "tabular_self_play.json"
 TONE, NARROWBAND, BROADBAND, COMB = map(JAMMING_TYPES.index, ("tone", "narrowband", "broadband", "comb"))
@@ -401,37 +402,23 @@ def stochastic_table_onnx(probabilities: np.ndarray, scenario: Scenario) -> byte
     """
     graph, choices, size = Graph(), table_choices("ally", scenario), _BEGUN + 1
 
-    def number(value: float) -> str:
-        return graph.constant(np.float32(value))
-
-    def seen(column: int) -> str:
-        return graph.columns("observation", column, column + 1)
-
-    def choose(is_true: str, one: str, other: str) -> str:
-        return graph.add("Where", is_true, one, other)
-
-    is_new = graph.add("Less", graph.columns("state", _BEGUN, size), number(0.5))
-    remembered = {column: graph.columns("state", column, column + 1) for column in range(_BEGUN)}
-    for column, start in ((_CLOCK, _LONG_AGO), (_HOPPED, _LONG_AGO), (_FORMER, _NOWHERE)):
-        remembered[column] = choose(is_new, number(float(start)), remembered[column])
-    remembered[_OWN] = choose(is_new, seen(OWN_FREQUENCY), remembered[_OWN])
-    is_same = graph.add("Equal", seen(OWN_FREQUENCY), remembered[_OWN])
-    hopped = choose(is_same, graph.add("Add", remembered[_HOPPED], number(1)), number(1))
-    former = choose(is_same, remembered[_FORMER], remembered[_OWN])
-    is_hit = graph.add("Less", number(0), seen(SENSED_COVERS))
-    hits = choose(is_hit, graph.add("Add", remembered[_HITS], number(1)), number(0))
-    is_first = graph.add("Equal", hits, number(1))
-    clock = choose(is_first, number(0), graph.add("Add", remembered[_CLOCK], number(1)))
-    types = graph.columns("observation", SENSED_TYPE, SENSED_TYPE + TYPES)
-    kind = graph.add("MatMul", types, graph.constant(np.arange(1, TYPES + 1, dtype=np.float32)[:, None]))
-    narrow = np.zeros((TYPES, 1), np.float32)
-    narrow[[TONE, NARROWBAND]] = 1
-    is_narrow = graph.add("Less", number(0), graph.add("MatMul", types, graph.constant(narrow)))
-    beside = graph.add("Abs", graph.add("Sub", seen(SENSED_CENTRE), former))
-    is_former = graph.add("And", is_narrow, graph.add("Less", beside, number(float(_NEAR))))
-    is_former = graph.add("And", is_former, graph.add("Not", is_hit))
-    kind = choose(is_former, number(TYPES + 1), kind)
-    features = (squared_distance(graph, scenario)[1], hits, kind, hopped, clock, seen(SPREADING_TIME))
+    seen, state = Value(graph, "observation"), Value(graph, "state")
+    is_new, own_now = state.column(_BEGUN) < 0.5, seen.column(OWN_FREQUENCY)
+    remembered = {column: state.column(column) for column in range(_BEGUN)}
+    for column, start in ((_CLOCK, _LONG_AGO), (_HOPPED, _LONG_AGO), (_FORMER, _NOWHERE), (_OWN, own_now)):
+        value = start if isinstance(start, Value) else float(start)
+        remembered[column] = is_new.where(value, remembered[column])
+    is_same, is_hit = own_now.equals(remembered[_OWN]), seen.column(SENSED_COVERS) > 0
+    hopped = is_same.where(remembered[_HOPPED] + 1, 1)
+    former = is_same.where(remembered[_FORMER], remembered[_OWN])
+    hits = is_hit.where(remembered[_HITS] + 1, 0)
+    clock = hits.equals(hits.number(1)).where(0, remembered[_CLOCK] + 1)
+    types = seen.column(SENSED_TYPE, TYPES)
+    is_narrow = (types.column(TONE) > 0) | (types.column(NARROWBAND) > 0)
+    is_former = is_narrow & (abs(seen.column(SENSED_CENTRE) - former) < float(_NEAR)) & ~is_hit
+    kind, away = is_former.where(TYPES + 1, kind_of(types)), away_m(seen, scenario)
+    values = (away.dot(away), hits, kind, hopped, clock, seen.column(SPREADING_TIME))
+    features = [value.name for value in values]
     edges = [of[np.isfinite(of)] for of in ally_edges(scenario)]
     bounds = graph.constant(_quantiles(probabilities))
     bounds = graph.add("Gather", bounds, cell_of(graph, list(zip(features, edges, strict=True))), axis=0)
@@ -442,8 +429,8 @@ def stochastic_table_onnx(probabilities: np.ndarray, scenario: Scenario) -> byte
         drawn_point(graph, graph.columns("noise", 0, 1), chosen, *point),
     ]
     graph.add("Sum", *parts, to="action")
-    begun = graph.add("Max", graph.columns("state", _BEGUN, size), number(1))
-    graph.add("Concat", hits, clock, hopped, former, seen(OWN_FREQUENCY), begun, axis=1, to="next_state")
+    memory = (hits, clock, hopped, former, own_now, state.column(_BEGUN).at_least(1))
+    graph.add("Concat", *(each.name for each in memory), axis=1, to="next_state")
     inputs = [rows_of("observation", OBSERVATION_SIZE), rows_of("noise", 2), rows_of("state", size)]
     return graph.to_bytes(inputs, [rows_of("action", ACTION_SIZE), rows_of("next_state", size)])
 

@@ -18,12 +18,10 @@ from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.seeds import training_seed
 from fpg_bench.evaluation.statistics import TRAINING_SEEDS, Interval, mean_interval
-from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import Player
 from fpg_bench.products.tuning.space import format_values, merge_values, suggest
 from fpg_bench.products.tuning.study import N_EVALS, Task
-from fpg_bench.training.actor import ActorPlayer
-from fpg_bench.training.export import export_onnx
+from fpg_bench.training.export import exported_player
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import by_side, make_model, tells_divergence
 from fpg_bench.training.rl_zoo3_format import Entry
@@ -121,11 +119,11 @@ class Objective:
         try:
             callback = _TrialCallback(
                 self._task.steps,
-                lambda part: evaluate(part, self._scores(ActorPlayer(scored))),
+                lambda part: evaluate(part, self._scores(exported_player(scored))),
                 self._check_stop,
             )
             model.learn(self._task.steps, callback=callback)
-            return self._scores(OnnxPlayer(export_onnx(scored)))
+            return self._scores(exported_player(scored))
         except ValueError as error:
             if tells_divergence(error, self._sides):
                 raise Diverged("training diverged to NaN or infinity") from error

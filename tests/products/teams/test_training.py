@@ -19,6 +19,7 @@ from fpg_bench.evaluation.watching import watch
 from fpg_bench.game.scenario import as_scenario, preset
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent, read_card, write_agent
+from fpg_bench.players.scripted import player_noise
 from fpg_bench.products.teams.core import make_team
 from fpg_bench.products.teams.match import play_teams
 from fpg_bench.products.teams.pettingzoo_env import TeamParallelEnv
@@ -26,7 +27,7 @@ from fpg_bench.products.teams.rules import TEAM_SCRIPTS, TeamRules
 from fpg_bench.products.teams.sb3_vec_env import make_sb3_team
 from fpg_bench.products.teams.scripts import as_team_player
 from fpg_bench.products.teams.spec import TeamSpec
-from fpg_bench.training.actor import ActorPlayer, draw_choices
+from fpg_bench.training.actor import Actor, draw_choices
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
 from fpg_bench.training.run import Run
@@ -226,11 +227,14 @@ def test_an_exported_agent_draws_what_the_model_draws(actions, tmp_path):
     parameters = load_hyperparameters("ppo-stack2", game, settings("ppo"))
     model = make_model("ppo-stack2", fpg_bench.make_sb3(game, 4, 0), parameters, 0)
     assert fpg_bench.export_agent(model, tmp_path, training_seed=0) < 1e-4
-    players = ActorPlayer(model), load_agent(tmp_path)
+    actor, agent = Actor(model), load_agent(tmp_path)
     seen = np.random.default_rng(0).uniform(-1, 1, (200, 67)).astype(np.float32)
     keys = np.arange(200)
-    (torch_actions, _), (actions, _) = (_seated(each, keys).predict(seen) for each in players)
-    alike = np.isclose(torch_actions, actions, atol=1e-5).all(axis=1)
+    actions, _ = _seated(agent, keys).predict(seen)
+    noise = player_noise(agent.keys(200), np.zeros(200, np.int64), actor.noise_size)
+    with torch.no_grad():
+        drawn, _ = actor(*map(torch.from_numpy, (seen, np.zeros((200, actor.state_size), np.float32), noise)))
+    alike = np.isclose(drawn, actions, atol=1e-5).all(axis=1)
     assert alike.mean() > 0.98  # rounding decides where a draw lies between two choices
     assert len(np.unique(np.round(actions, 3), axis=0)) > 5
 
