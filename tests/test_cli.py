@@ -136,7 +136,7 @@ def test_a_shell_can_complete_what_can_be_named():
     ]
     assert completion.complete_id("FPG/d") == ["FPG/duel_v0"]
     assert completion.complete_suite("planner-v") == ["planner-v1"]
-    assert completion.complete_algorithm("pp") == ["ppo", "ppo-fast", "ppo-stack8", "ppo-memory"]
+    assert completion.complete_algorithm("pp") == ["ppo", "ppo-fast", "ppo-memory", "ppo-stack8"]
     named = {
         option.name
         for verb in VERBS.values()

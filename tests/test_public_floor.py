@@ -41,7 +41,7 @@ BESIDE = {
         "game.link game.rewards players.population"
     ),
     "theory": ("game.elementary game.full_state game.hopping game.jamming game.rewards"),
-    "tuning": ("cli.completion training.actor training.interrupts training.rl_zoo3_format"),
+    "tuning": ("cli.completion training.interrupts training.rl_zoo3_format"),
 }
 
 
