@@ -9,7 +9,7 @@ require_extra("train", "stable_baselines3")
 
 import time
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -35,7 +35,7 @@ from fpg_bench.envs.core import (
 from fpg_bench.envs.screen import Screen
 from fpg_bench.game.spec import GameSpec, OtherGame, game_product
 from fpg_bench.game.state import OBSERVATION_SIZE
-from fpg_bench.players.memory import REMEMBERED, remember
+from fpg_bench.players.memory import MEMORY_SIZES, remember
 
 
 class FPGVecEnv(VecEnv):
@@ -181,33 +181,27 @@ class VecMemory(VecEnvWrapper):
     """
 
     def __init__(self, venv: VecEnv) -> None:
-        core, space = venv.get_attr("core")[0], cast(spaces.Box, venv.observation_space)
-        if core.observation_space.shape != (OBSERVATION_SIZE,):
-            raise UserError(
-                f"memory: needs the {OBSERVATION_SIZE} numbers of a side of the duel, got "
-                f"{core.observation_space}"
-            )
+        core, shape = venv.get_attr("core")[0], venv.observation_space.shape
+        if (of := core.observation_space).shape != (OBSERVATION_SIZE,) or shape is None:
+            raise UserError(f"memory: needs the {OBSERVATION_SIZE} numbers of a side of the duel, got {of}")
         self.side: str = core.side
-        self._past = np.zeros((venv.num_envs, len(REMEMBERED[self.side])), np.float32)
-        more = np.ones(self._past.shape[1], np.float32)
-        bounds = np.append(space.low, -more), np.append(space.high, more)
-        super().__init__(venv, spaces.Box(*bounds, dtype=np.float32))
+        self._past = np.zeros((venv.num_envs, MEMORY_SIZES[self.side]), np.float32)
+        super().__init__(venv, spaces.Box(-1.0, 1.0, (shape[0] + self._past.shape[1],), np.float32))
 
     def reset(self) -> np.ndarray:
         """Begin rounds, of which nothing is remembered."""
-        self._past[:] = 0
-        return self._remembered(cast(np.ndarray, self.venv.reset()))
+        return self._remembered(self.venv.reset(), True)
 
     def step_wait(self) -> VecEnvStepReturn:
         """Play the step; a game whose round is over begins the next one with an empty memory."""
         seen, rewards, dones, infos = self.venv.step_wait()
         for game in np.flatnonzero(dones):
-            last = infos[game]["terminal_observation"]
-            infos[game]["terminal_observation"] = self._observed(last[None], self._past[game : game + 1])[0]
-        self._past[dones] = 0
-        return self._remembered(cast(np.ndarray, seen)), rewards, dones, infos
+            last = infos[game]["terminal_observation"][None]
+            infos[game]["terminal_observation"] = self._observed(last, self._past[[game]])[0]
+        return self._remembered(seen, dones), rewards, dones, infos
 
-    def _remembered(self, seen: np.ndarray) -> np.ndarray:
+    def _remembered(self, seen: Any, starts: np.ndarray | bool) -> np.ndarray:
+        self._past[starts] = 0
         observed = self._observed(seen, self._past)
         self._past = observed[:, -self._past.shape[1] :].copy()
         return observed

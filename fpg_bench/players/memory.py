@@ -14,31 +14,16 @@ from typing import Any
 
 from fpg_bench.game.sensing import KNOWN_AGE, KNOWN_FREQUENCY, OWN_FREQUENCY, SENSED_COVERS
 
-REMEMBERED: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "ally": (
-            "own frequency",
-            "seconds since a hop, in 1/32",
-            "seconds since a hit, in 1/32",
-            "hits in a row, in 1/8",
-            "share of hops, over about 16 s",
-            "share of hits, over about 16 s",
-        ),
-        "opponent": (
-            "known frequency",
-            "frequency of the find before",
-            "1 if the last find was elsewhere than the one before",
-            "finds in a row at the same point, in 1/4",
-            "finds in a row elsewhere, in 1/4",
-            "share of finds elsewhere, over about 4 finds",
-            "finds, in 1/16",
-        ),
-    }
-)
+MEMORY_SIZES: Mapping[str, int] = MappingProxyType({"ally": 6, "opponent": 7})
 
 
 def remember(side: str, seen: Any, before: Any) -> list[Any]:
-    """Return the columns ``(n, 1)`` of the memory after an observation, in [-1, 1], as in ``REMEMBERED``.
+    """Return the columns ``(n, 1)`` of the memory after an observation, in [-1, 1].
+
+    An ally's are its frequency; the seconds since a hop and since a hit, in 1/32; hits in a row, in 1/8; and
+    the shares of hops and of hits, over about 16 s. An opponent's are the frequency that it knows, and that
+    of the find before; 1 if the last find was elsewhere than the one before; finds in a row at the same
+    point and elsewhere, in 1/4; the share of finds elsewhere, over about four; and the finds, in 1/16.
 
     Args:
         side: ``ally`` or ``opponent``.

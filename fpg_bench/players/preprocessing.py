@@ -20,7 +20,7 @@ from fpg_bench.game.choices import Choices
 from fpg_bench.game.spec import GameSpec, observation_size
 from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.game.waterfall import Waterfall
-from fpg_bench.players.memory import REMEMBERED, remember
+from fpg_bench.players.memory import MEMORY_SIZES, remember
 from fpg_bench.players.planner import asks_language_model
 from fpg_bench.players.player import Abilities, Player
 from fpg_bench.players.scripted import player_seeds
@@ -66,7 +66,7 @@ class Preprocessing:
     def pushed(self, stack: np.ndarray | None, seen: np.ndarray, starts: np.ndarray | None) -> np.ndarray:
         """Return the stack with the frames of a step added; None begins with an empty one."""
         if stack is None:
-            width = self.frames * self.size + len(REMEMBERED.get(self.memory, ()))
+            width = self.frames * self.size + MEMORY_SIZES.get(self.memory, 0)
             shape = (width,) if self.waterfall is None else self.waterfall.shape
             stack = np.zeros((len(seen), *shape), np.float32)
         if self.waterfall is not None:
@@ -129,9 +129,7 @@ def preprocessing_of(
         rest = space.shape[0] % size if len(space.shape) == 1 else 1
         if core is None and frames == 1 and waterfall is None and not rest:
             frames = space.shape[0] // size  # all that is known of a model without its games
-        expected = (
-            (frames * size + len(REMEMBERED.get(memory, ())),) if waterfall is None else waterfall.shape
-        )
+        expected = (frames * size + MEMORY_SIZES.get(memory, 0),) if waterfall is None else waterfall.shape
         if space.shape != expected:
             behind = f" behind {', '.join(unknown(model))}" if unknown(model) else ""
             raise UserError(

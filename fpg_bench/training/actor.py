@@ -27,7 +27,7 @@ from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.spec import OtherGame
 from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
-from fpg_bench.players.memory import REMEMBERED, remember
+from fpg_bench.players.memory import MEMORY_SIZES, remember
 from fpg_bench.players.preprocessing import core_of, preprocessing_of
 
 FORBIDDEN = np.float32(-1e30)  # value of a forbidden choice
@@ -115,7 +115,7 @@ class Actor(nn.Module):
             self.table = Table(*map(torch.from_numpy, self.waterfall.table))
         self.memory = preprocessing.memory
         self.past_size = math.prod(cast(tuple[int, ...], model.observation_space.shape)) - self.frame_size
-        self.frames_size = self.past_size - len(REMEMBERED.get(self.memory, ()))
+        self.frames_size = self.past_size - MEMORY_SIZES.get(self.memory, 0)
         self.state_size = self.past_size
         if self.lstm is not None:
             self.state_size += 2 * self.lstm.num_layers * self.lstm.hidden_size

@@ -242,9 +242,9 @@ def write_exported(
     return difference
 
 
-def exported_player(model: BaseAlgorithm) -> OnnxPlayer:
-    """Return a player that plays as the agent that a model is exported as."""
-    actor = Actor(model)
+def exported_player(model: BaseAlgorithm, samples: bool | None = None) -> OnnxPlayer:
+    """Return a player that plays as the exported agent of a model; ``samples`` as of :class:`Actor`."""
+    actor = Actor(model, samples=samples)
     player = OnnxPlayer(_onnx_of(actor, model), size=actor.size)
     if (core := core_of(model)) is not None and isinstance(core.game_spec, OtherGame):
         player.sees, player.skills = core.game_spec.sees, core.game_spec.skills
@@ -254,10 +254,9 @@ def exported_player(model: BaseAlgorithm) -> OnnxPlayer:
 def sampling_player(model: BaseAlgorithm) -> Player | None:
     """Return a player that draws a model's actions as its training does; None if it has no distribution."""
     try:
-        actor = Actor(model, samples=True)
+        return exported_player(model, samples=True)
     except UserError:
         return None
-    return OnnxPlayer(_onnx_of(actor, model), size=actor.size)
 
 
 def check_exportable(model: BaseAlgorithm) -> None:

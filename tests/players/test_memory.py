@@ -10,7 +10,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.envs.sb3_vec_env import VecMemory
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.sensing import KNOWN_AGE, KNOWN_FREQUENCY, OWN_FREQUENCY, SENSED_COVERS
-from fpg_bench.players.memory import REMEMBERED, remember
+from fpg_bench.players.memory import MEMORY_SIZES, remember
 from fpg_bench.players.preprocessing import Preprocessing
 from fpg_bench.training.export import Graph, Value, rows_of
 
@@ -19,7 +19,7 @@ GAMES = {"ally": "FPG/AllyVsScripted-v0", "opponent": "FPG/OpponentVsScripted-v0
 
 def walked(side, columns):
     """Return the memory after each step, of observations that are zero but for the given columns."""
-    steps, memory = len(next(iter(columns.values()))), np.zeros((1, len(REMEMBERED[side])), np.float32)
+    steps, memory = len(next(iter(columns.values()))), np.zeros((1, MEMORY_SIZES[side]), np.float32)
     found = []
     for step in range(steps):
         seen = np.zeros((1, 15), np.float32)
@@ -66,7 +66,7 @@ def test_games_players_tensors_and_graphs_have_the_same_bits(side):
     """Over 220 steps of four games, whose rounds end at different steps."""
     plain, stacked = (make_sb3(GAMES[side], n_envs=4, seed=3, stagger=True) for _ in range(2))
     games, preprocessing = VecMemory(VecFrameStack(stacked, 2)), Preprocessing(frames=2, memory=side)
-    session, size = written(side), len(REMEMBERED[side])
+    session, size = written(side), MEMORY_SIZES[side]
     seen, observed, starts, stack = plain.reset(), games.reset(), np.ones(4, bool), None
     alone, tensor, state = [None] * 4, torch.zeros(4, size), np.zeros((4, size), np.float32)
     chance, ends = np.random.default_rng(0), 0
@@ -103,7 +103,7 @@ def written(side):
     """Return an onnxruntime session of the memory's graph."""
     import onnxruntime
 
-    graph, size = Graph(), len(REMEMBERED[side])
+    graph, size = Graph(), MEMORY_SIZES[side]
     columns = remember(side, Value(graph, "observation"), Value(graph, "state"))
     graph.add("Concat", *(each.name for each in columns), axis=1, to="next_state")
     inputs = [rows_of("observation", 15), rows_of("state", size)]
