@@ -26,11 +26,11 @@ def remember(side: str, seen: Any, before: Any) -> list[Any]:
     point and elsewhere, in 1/4; the share of finds elsewhere, over about four; and the finds, in 1/16.
 
     Args:
-        side: ``ally`` or ``opponent``.
+        side: ``ally`` or ``opponent``; empty for nothing.
         seen: the observations ``(n, 15)``.
         before: the memory ``(n, k)`` before them; zero when a round begins.
     """
-    return (_of_ally if side == "ally" else _of_opponent)(seen, before)
+    return (_of_ally if side == "ally" else _of_opponent)(seen, before) if side else []
 
 
 def _of_ally(seen: Any, before: Any) -> list[Any]:

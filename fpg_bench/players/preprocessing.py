@@ -77,8 +77,7 @@ class Preprocessing:
         if starts is not None:
             kept = np.where(np.asarray(starts)[:, None], np.float32(0), kept)
         frames, past = np.split(kept, [(self.frames - 1) * self.size], axis=1)
-        later = remember(self.memory, seen, past) if self.memory else []
-        return np.concatenate((frames, seen, *later), axis=1)
+        return np.concatenate((frames, seen, *remember(self.memory, seen, past)), axis=1)
 
     def shown(self, stack: np.ndarray) -> np.ndarray:
         """Return the observations of the model for a stack, an array of its own."""

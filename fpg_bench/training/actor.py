@@ -133,8 +133,7 @@ class Actor(nn.Module):
         if state is None:
             return self._action(self.features(self._shown(frame)), observation, noise)
         past = state[:, self.frames_size : self.past_size]
-        later = remember(self.memory, observation, past) if self.memory else []
-        obs = torch.cat((state[:, : self.frames_size], frame, *later), 1)
+        obs = torch.cat((state[:, : self.frames_size], frame, *remember(self.memory, observation, past)), 1)
         latent = self.features(self._shown(obs))
         next_state = [obs[:, self.frame_size :]]
         if self.lstm is not None:
