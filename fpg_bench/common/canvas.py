@@ -39,9 +39,19 @@ _PLAYERS = (
     *("ppo", "sac", "td3", "dqn", "recurrent-ppo", "maskable-ppo", "ppo-stack8", ""),
     *("maddpg", "qr-dqn", "ppo-fast", "dqn-stack8"),
 )
-# On a dark page colours are turned round and hues stay: black becomes white, blue stays blue.
-_TURNED = b"svg{filter:invert(1) hue-rotate(180deg) brightness(1.35)}"
-_DARK = b"<style>svg{color-scheme:light dark} @media (prefers-color-scheme:dark){%b}</style>" % _TURNED
+# On a dark page ink turns light and blue lighter; other colours are read on both, and the cells of an image
+# stay as they are, with their text. Python's colours stand in an SVG as they are written here.
+_ON_CELLS = "#010101"
+_DARK_INKS = {"#000000": "#e6e6e6", "#0072b2": "#4aa8e8", "#ffffff": "#15191e"}
+_TURNED = "".join(
+    f":is(path,use{',text' * (ink != '#ffffff')})[style*='{kind}: {ink}']{{{kind}:{dark}!important}}"
+    for ink, dark in _DARK_INKS.items()
+    for kind in ("fill", "stroke")
+)
+_DARK = (
+    "<style>svg{color-scheme:light dark} @media (prefers-color-scheme:dark){"
+    f"text:not([style*='fill:']){{fill:{_DARK_INKS['#000000']}}}{_TURNED}}}</style>"
+).encode()
 
 
 def styled(draw: _Draw) -> _Draw:
@@ -109,8 +119,12 @@ def image_of(figure: Figure, form: str, name: str) -> bytes:
         form: ``png``, ``svg`` or ``pdf``.
         name: distinguishes its parts in SVG from those of other figures of a page.
     """
-    from matplotlib import rc_context
+    from matplotlib import colors, rc_context
 
+    for axes in figure.axes:
+        for text in axes.texts if axes.images else ():
+            if colors.to_hex(text.get_color()) == "#000000":
+                text.set_color(_ON_CELLS)
     image = io.BytesIO()
     background = "auto" if form == "png" else "none"
     with rc_context({"svg.hashsalt": name}, fname=_STYLE):

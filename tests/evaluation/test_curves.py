@@ -1,10 +1,12 @@
 """Learning curves of runs: what is drawn of which folders."""
 
 import json
+import re
 
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 
 from fpg_bench.cli.evaluation import curves as verb
@@ -139,5 +141,27 @@ def test_a_figure_fits_a_page_of_a_journal_and_pages_that_are_dark(runs):
     assert legend == {"ppo", "sac", "95 % interval of the mean"}
     assert "svg{color-scheme:light dark} @media (prefers-color-scheme:dark)" in image
     assert ">score</text>" in image  # text that can be searched
-    assert "fill: #ffffff" not in image
-    assert "fill: #ff0000" not in image
+    drawn = image.partition("</style>")[2]
+    assert "fill: #ffffff" not in drawn
+    assert "fill: #ff0000" not in drawn
+
+
+def test_colours_are_read_by_day_and_by_night_and_cells_keep_their_text():
+    figure = canvas.blank_figure(2, 2)
+    axes = figure.add_subplot()
+    axes.imshow([[0, 1]], cmap="Greys")
+    axes.text(0, 0, "on a light cell", color="black")
+    axes.set_title("beside the cells")
+    style, _, drawn = canvas.image_of(figure, "svg", "cells").decode().partition("</style>")
+    turned = dict(re.findall(r"\[style\*='(?:fill|stroke): (#\w+)'\]\{\w+:(#\w+)", style))
+
+    def light(colour):
+        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(colour)]
+        return np.dot(linear, (0.2126, 0.7152, 0.0722))
+
+    for colour in canvas.COLOURS:
+        assert (light(turned.get(colour, colour)) + 0.05) / (light("#15191e") + 0.05) > 4, colour
+    texts = dict(map(reversed, re.findall(r'<text style="([^"]*)"[^>]*>([^<]+)</text>', drawn)))
+    assert "fill:" not in texts["beside the cells"]  # turned with the ink
+    assert not any(f"fill: {ink}" in texts["on a light cell"] for ink in turned)
+    assert "fill: #0" in texts["on a light cell"]
