@@ -39,6 +39,7 @@ def test_an_algorithm_is_found_by_its_name_or_class():
     for name, kind, frames, memory in (
         ("ppo-fast-memory", FastPPO, None, True),
         ("td3-stack4", TD3, 4, False),
+        ("ppo-fast-stack8", FastPPO, 8, False),
         ("maskable-ppo-stack2-memory", MaskablePPO, 2, True),
         ("recurrent-ppo", RecurrentPPO, None, False),
         ("sb3_contrib:TQC", TQC, None, False),
@@ -54,7 +55,7 @@ def test_every_algorithm_is_found_and_in_the_guide():
         algorithm = find_algorithm(name)
         assert (algorithm.joint, algorithm.offline) == (name in JOINT, name in OFFLINE)
         assert f"`{name}`" in guide
-    for name in ("ppo-fast-stack2", "recurrent-ppo-stack2", "maddpg-stack2", "maddpg-memory", "iql-memory"):
+    for name in ("recurrent-ppo-stack2", "maddpg-stack2", "maddpg-memory", "iql-memory"):
         with pytest.raises(UserError, match="unknown algorithm"):
             find_algorithm(name)
 
