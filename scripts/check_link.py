@@ -26,6 +26,7 @@ from waveforms import SAMPLES_MHZ, Link, Transmission, array_gain, energy_rate, 
 from fpg_bench.common.output import csv_text
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
@@ -202,8 +203,8 @@ def needed_snr(scenario: Scenario, rate: float) -> float:
     return float(np.interp(rate, rates, levels))
 
 
-def stale_rates(scenario: Scenario, matches: int = 48) -> str:
-    """Return a table of the mean utility as played, and with rates chosen by the SINR of a second ago.
+def stale_rates(scenario: Scenario, matches: int = 200) -> str:
+    """Return a table of the mean utility as played, and by the SINR of a second ago, with intervals.
 
     A rate that this second's SINR does not bear is lost; the margin is the best of 0, 3 and 6 dB.
     """
@@ -222,8 +223,9 @@ def stale_rates(scenario: Scenario, matches: int = 48) -> str:
         known = snr[:-1] + gain * (spreads[1:].astype(int) - spreads[:-1])
         now, spreads, airtime = rate(snr[1:], spreads[1:]), spreads[1:], airtime[1:]
         wanted = [rate(known - margin, spreads) for margin in (0.0, 3.0, 6.0)]
-        kept = max((airtime * utility(np.where(now >= of - 1e-9, of, 0.0))).mean() for of in wanted)
-        lines.append([*names, f"{(airtime * utility(now)).mean():.2f}", f"{kept:.2f}"])
+        kept = max((airtime * utility(np.where(now >= of - 1e-9, of, 0.0)) for of in wanted), key=np.mean)
+        means = [each.mean(axis=0) for each in (airtime * utility(now), kept)]  # (matches,)
+        lines.append([*names, *(f"{each.mean():.2f} ± {student_half(each):.2f}" for each in means)])
     return markdown_table(lines)
 
 

@@ -87,7 +87,7 @@ def reproduce(
 
 
 # Length of the training as a share of the paper's, and the default number of seeds
-BUDGETS: Mapping[str, tuple[float, int]] = MappingProxyType({"quick": (0.02, 2), "full": (1.0, 5)})
+BUDGETS: Mapping[str, tuple[float, int]] = MappingProxyType({"quick": (0.02, 2), "full": (1.0, 10)})
 _LIBRARIES = ("stable-baselines3", "torch", "gymnasium", "numpy")
 
 

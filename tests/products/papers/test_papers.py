@@ -370,6 +370,8 @@ def test_verdicts_follow_from_intervals():
     assert verdict_of(np.array([-0.1, -0.11, -0.12])) == FAILS
     assert verdict_of(np.array([0.1])) == ONE_SEED
     assert verdict_of(np.array([])) == NOT_RUN
+    assert [verdict_of(np.full(count, 0.1)) for count in (2, 5, 6, 10)] == [OPEN, OPEN, HOLDS, HOLDS]
+    assert [verdict_of(np.full(count, -0.1)) for count in (5, 6)] == [OPEN, FAILS]
     parts = {"a": np.array([1.0, 1.1]), "b": np.array([-1.0, -1.1])}
     both = PaperClaim("both", "", lambda results: parts)
     assert verdict(both, PaperResults({})) == FAILS
