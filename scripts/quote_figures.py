@@ -44,6 +44,7 @@ MISSION = ("overlap_ratio", "jamming_success_rate")  # of the public suite, as t
 ENTRIES = ("entry", "seeds", "held-out score", "rank", "public", "shifted", "lowest known return")
 FOUND = ("found by", "CPU s")  # the lowest return, of allies
 RANKED = ("track", "ranked entries", "may be best", "pairs told apart", "reversed")
+ON_LINK = ("ally-link-waterfall-dqn", "ally-link-dqn", "ally-link-dueling-ddqn", "expert-link")
 PerEntry = tuple[BoardEntry, Figures]
 per_step = partial(number, digits=2)
 
@@ -140,6 +141,20 @@ def track_table(key: str) -> str:
     return markdown_table([ENTRIES + FOUND * bool(broken), *lines])
 
 
+def learners_in_link() -> str:
+    """Return the table of published learners in the scenario link, a script and the first by held-out score."""
+    of_slug = {each[0].slug: each for each in verified("ally-link")}
+    lines = [["player", "steps", "public score", "held-out score", "hops"]]
+    for slug in (*ON_LINK, next(iter(of_slug))):
+        entry, figures = of_slug[slug]
+        steps = f"{entry.training.steps:,}" if entry.training else "-"
+        hops = f"{100 * (figures.measures['hop_rate'] or 0):.0f} %"
+        lines.append(
+            [player(entry), steps, *(score(figures.scores[role]) for role in (PUBLIC, UNSEEN)), hops]
+        )
+    return markdown_table(lines)
+
+
 def lowest_of(slug: str) -> str:
     """Return the lowest known return per step of an ally."""
     return next(kept(figures) for entry, figures in verified("ally") if entry.slug == slug)
@@ -218,6 +233,7 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
             "lowest of a double oracle": lowest_of("ally-champion-2"),
             "lowest of self-play": lowest_of("ally-champion-3"),
         },
+        "docs/results/papers.md": {"learners in link": learners_in_link()},
     }
 
 
