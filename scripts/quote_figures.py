@@ -142,7 +142,7 @@ def track_table(key: str) -> str:
 
 
 def learners_in_link() -> str:
-    """Return the table of published learners in the scenario link, a script and the first by held-out score."""
+    """Return the table of published learners in link, beside a script and the first by held-out score."""
     of_slug = {each[0].slug: each for each in verified("ally-link")}
     lines = [["player", "steps", "public score", "held-out score", "hops"]]
     for slug in (*ON_LINK, next(iter(of_slug))):
