@@ -2,13 +2,13 @@
 
     python scripts/benchmark_speed.py [--quick]
 
-All times are CPU seconds, which other work on the machine changes little. The game's speed is divided by that
-of a reference measured in turn with it, and the median ratio is compared with a bound. One torch thread.
+``--quick`` takes half a minute: fewer repeats, no verdicts on speed, and nothing long. All times are CPU
+seconds, which other work on the machine changes little. The game's speed is divided by that of a reference
+measured in turn with it, and the median ratio is compared with a bound. One torch thread.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import math
 import os
@@ -21,21 +21,20 @@ import tracemalloc
 import warnings
 from collections.abc import Callable
 from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 import torch
+from command import run
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper
 
 import fpg_bench
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD
-from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.products.teams.sb3_vec_env import make_sb3_team
+from fpg_bench.game.state import ACTION_SIZE
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.fast_ppo import FastPPO
 from fpg_bench.training.hyperparameters import load_hyperparameters
@@ -94,9 +93,9 @@ def batch_rate(games: GameBatch, steps: int) -> float:
     return games.count * rate(lambda number: games.step(*actions[number % 8]), steps)
 
 
-def vec_env_rate(env: VecEnv, steps: int, actions: np.ndarray | None = None) -> float:
-    """Return the game steps per CPU second of an SB3 environment, at random actions if none are given."""
-    actions = random_actions(env.num_envs) if actions is None else actions
+def vec_env_rate(env: VecEnv, steps: int) -> float:
+    """Return the game steps per CPU second of an SB3 environment at random actions."""
+    actions = random_actions(env.num_envs)
     env.reset()
     return env.num_envs * rate(lambda number: env.step(actions[number % 8]), steps)
 
@@ -203,18 +202,6 @@ def learning(quick: bool) -> list[Figure]:
     ]
 
 
-def team(quick: bool) -> list[Figure]:
-    """Compare an ally's step in a team with one of the duel, in the same scenario."""
-    seats = make_sb3_team(PPO_GAMES, side="ally", rivals="tone")
-    duels = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0, scenario="link", opponent="tone")
-    repeats, steps = (3, 20) if quick else (9, 200)
-    rates = interleaved(
-        repeats, duels=partial(vec_env_rate, duels, steps), seats=partial(vec_env_rate, seats, steps)
-    )
-    ratio = float(np.median(rates["duels"] / rates["seats"]))
-    return [Figure("CPU time of a team's ally step / a duel's, link", ratio, 6, at_least=False)]
-
-
 def updating(quick: bool) -> list[Figure]:
     """Compare the rollouts and updates of FastPPO with those of Stable-Baselines3's PPO."""
     parameters = load_hyperparameters("ppo-fast", ENV_ID)
@@ -287,27 +274,6 @@ def results() -> list[Figure]:
     ]
 
 
-def choosing(quick: bool) -> list[Figure]:
-    """Compare choices from a list with the floats that they stand for, in the same games."""
-    repeats, steps = (3, 20) if quick else (9, 200)
-    figures = []
-    for mode, count in product(("discrete", "multi-discrete"), (PPO_GAMES, 1024)):
-        games = fpg_bench.make_sb3(ENV_ID, n_envs=count, seed=0, actions=mode)
-        choices, seen = games.core.choices, np.zeros((count, OBSERVATION_SIZE), np.float32)
-        games.action_space.seed(0)
-        chosen = np.array([[games.action_space.sample() for _ in range(count)] for _ in range(8)])
-        floats = np.array([choices.decode(each, seen) for each in chosen])
-        plain = fpg_bench.make_sb3(ENV_ID, n_envs=count, seed=0)
-        rates = interleaved(
-            repeats,
-            choices=partial(vec_env_rate, games, steps, chosen),
-            floats=partial(vec_env_rate, plain, steps, floats),
-        )
-        ratio = float(np.median(rates["choices"] / rates["floats"]))
-        figures.append(Figure(f"{count} games, {mode} / continuous", ratio, 0.9))
-    return figures
-
-
 def memory() -> list[Figure]:
     """Measure the memory of a game, and what a step of all games allocates."""
     tracemalloc.start()
@@ -328,18 +294,11 @@ def memory() -> list[Figure]:
     ]
 
 
-def main() -> None:
+def main(quick: bool = False) -> None:
     """Measure and print the figures."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument(
-        "--quick",
-        action="store_true",
-        help="half a minute: fewer repeats, so that speeds are shown without a verdict, and nothing long",
-    )
-    quick = parser.parse_args().quick
     warnings.filterwarnings("ignore", module="stable_baselines3")
     torch.set_num_threads(1)
-    kinds: list[Callable[[bool], list[Figure]]] = [learning, team, choosing, updating, waiting]
+    kinds: list[Callable[[bool], list[Figure]]] = [learning, updating, waiting]
     rest: list[Callable[[], list[Figure]]] = [partial(kind, quick) for kind in kinds]
     parts = [partial(stepping, quick), memory, *rest]
     for part in parts if quick else [*parts, results]:
@@ -349,4 +308,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

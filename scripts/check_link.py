@@ -1,15 +1,14 @@
 """Check every formula of the radio model ``link`` against waveforms, and against NVIDIA Sionna.
 
-    python scripts/check_link.py [--sionna] [--scenario link] [--page docs/reference/link.md]
+    python scripts/check_link.py [--sionna] [--page docs/reference/link.md]
 
 Prints tables of the closed form beside the simulation, with the difference in dB. ``--sionna`` needs the
-extra ``check-link`` and minutes; ``--scenario`` checks another scenario of the model;
+extra ``check-link`` and minutes;
 ``--page`` puts the tables into a page, between its marks, and all cases beside it as CSV.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import math
 import sys
@@ -20,8 +19,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from command import run
 from lineage import fill
-from waveforms import SAMPLES_MHZ, Link, Transmission, array_gain, energy_rate, qam_rate
+from waveforms import Link, Transmission, array_gain, energy_rate, qam_rate
 
 from fpg_bench.common.output import csv_text
 from fpg_bench.envs.two_player import TwoPlayerBatch
@@ -32,11 +32,11 @@ from fpg_bench.game import link
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.rules import radio_record, rules_record
-from fpg_bench.game.scenario import Scenario, as_scenario
+from fpg_bench.game.scenario import Scenario, preset
 from fpg_bench.players.player import SIDES
 from fpg_bench.players.registry import as_player
 
-OF_LENGTH_DB = -55.0  # stop band of the waveforms' filter
+STEPS = 400  # of played rounds
 MEAN_DB, WORST_DB = 0.3, 1.0  # bounds of a table
 # Modulation (bits) and code rate x 1024 of 3GPP TS 36.213, Table 7.2.3-1
 CODES = ((2, 308), (2, 602), (4, 378), (4, 616), (6, 466), (6, 666), (6, 873))
@@ -254,28 +254,10 @@ def cases(comparisons: dict[str, list[Row]]) -> str:
     return csv_text([head, *lines])
 
 
-def main() -> int:
+def main(sionna: bool = False, page: Path | None = None) -> int:
     """Print the tables; returns 1 if one leaves its bounds."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--sionna", action="store_true", help="compare with NVIDIA Sionna, too")
-    parser.add_argument("--scenario", default="link", help="a preset or a YAML file")
-    parser.add_argument("--page", type=Path, help="page that the tables are put into")
-    parser.add_argument("--steps", type=int, default=400, help="steps of played rounds")
-    options = parser.parse_args()
-    scenario, symbols = as_scenario(options.scenario), 6000
-    band = scenario.band_high_mhz - scenario.band_low_mhz
-    waves = Link(
-        chips_mhz=scenario.spread_bandwidth_mhz,
-        spread_symbols_mhz=scenario.spread_rate_mhz,
-        notch_mhz=scenario.notch_width_mhz,
-        band_mhz=band,
-        floor_db=scenario.filter_stopband_db if scenario.filter_stopband_db > OF_LENGTH_DB else -math.inf,
-        teeth_mhz=scenario.comb_spacing_points * scenario.point_spacing_mhz,
-    )
-    if SAMPLES_MHZ % waves.chips_mhz or waves.chips_mhz % waves.spread_symbols_mhz:
-        parser.error(
-            f"--scenario: chips of {waves.chips_mhz:g} MHz divide neither {SAMPLES_MHZ:g} MHz nor symbols"
-        )
+    scenario, symbols = preset("link"), 6000
+    waves = Link.of(scenario)
     bounded = {
         "Overlap of spectra": list(overlaps(waves, scenario, symbols)),
         "Processing gain and notch": list(gains(waves, scenario, symbols)),
@@ -283,9 +265,9 @@ def main() -> int:
         "Radiometer": list(radiometer(scenario, 40)),
         "The base station's beam": list(beams(scenario)),
     }
-    bounded["The compiled game, step by step"] = list(played_steps(waves, scenario, options.steps, 12_000))
+    bounded["The compiled game, step by step"] = list(played_steps(waves, scenario, STEPS, 12_000))
     ideal = {"Rate, against ideal codes": list(modulations(scenario))}
-    if options.sionna:
+    if sionna:
         from sionna_link import filters, thresholds
 
         codes = [
@@ -308,9 +290,9 @@ def main() -> int:
     comparisons = bounded | ideal
     text = summary(comparisons)
     print(f"{cases(comparisons)}\n{text}")
-    if options.page:
-        options.page.with_suffix(".csv").write_text(cases(comparisons), encoding="utf-8")
-        fill(options.page, {"check_link": text, "stale_rates": stale_rates(scenario)})
+    if page:
+        page.with_suffix(".csv").write_text(cases(comparisons), encoding="utf-8")
+        fill(page, {"check_link": text, "stale_rates": stale_rates(scenario)})
     failed = []
     for title, rows in bounded.items():
         errors = np.array([row.error for row in rows])
@@ -325,4 +307,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -9,14 +9,13 @@ The table is put into the page between its marks, all cases beside it as CSV.
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from check_link import MEAN_DB, OF_LENGTH_DB, WORST_DB, Row, cases, summary
+from check_link import MEAN_DB, WORST_DB, Row, cases, summary
+from command import run
 from lineage import fill
 from waveforms import SAMPLES_MHZ, Link
 
@@ -28,7 +27,7 @@ from fpg_bench.products.teams.batch import TeamBatch
 from fpg_bench.products.teams.rules import TeamRules
 
 CLOSE = 5  # m between mates, so that they are heard
-STEPS = 12  # of each round
+GAMES, STEPS = 200, 12  # of each round
 ECHOES = (0.02, 0.06, 0.2)  # shares of a mate's power that come late
 LATE_US = 0.2  # ten chips
 
@@ -97,22 +96,10 @@ class Mast(Link):
         return 10 * math.log10(best)
 
 
-def mast(scenario: Scenario) -> Mast:
-    """Return the waveforms of a scenario."""
-    return Mast(
-        chips_mhz=scenario.spread_bandwidth_mhz,
-        spread_symbols_mhz=scenario.spread_rate_mhz,
-        notch_mhz=scenario.notch_width_mhz,
-        band_mhz=scenario.band_high_mhz - scenario.band_low_mhz,
-        teeth_mhz=scenario.comb_spacing_points * scenario.point_spacing_mhz,
-        floor_db=scenario.filter_stopband_db if scenario.filter_stopband_db > OF_LENGTH_DB else -math.inf,
-    )
-
-
 def sums(scenario: Scenario, games: int) -> Iterator[Row]:
     """Yield steps of played rounds of four allies, half of whose choices spread, and three jammers."""
     team = TeamRules(4, 3, spacing_m=CLOSE, code_orthogonality=1)
-    batch, waves, rng = TeamBatch(scenario, team, games), mast(scenario), np.random.default_rng(1)
+    batch, waves, rng = TeamBatch(scenario, team, games), Mast.of(scenario), np.random.default_rng(1)
     batch.reset(seeds=range(3, 3 + games))
     for _ in range(STEPS):
         allies, opponents = (rng.uniform(-1, 1, (games, seats, 9)) for seats in team.most)
@@ -162,7 +149,7 @@ def codes(scenario: Scenario, symbols: int = 3000) -> Iterator[Row]:
     The closed form is that part itself, ``1 - code_orthogonality``: what is not late is orthogonal. Both are
     beside a path without anything direct.
     """
-    waves = mast(scenario)
+    waves = Mast.of(scenario)
     step = round(SAMPLES_MHZ / waves.chips_mhz)
     n = symbols * waves.gain * step
     f = np.fft.fftfreq(n, 1 / SAMPLES_MHZ)
@@ -180,24 +167,20 @@ def codes(scenario: Scenario, symbols: int = 3000) -> Iterator[Row]:
         yield Row(f"{echo:.0%} late", 10 * math.log10(echo), 10 * math.log10(share))
 
 
-def main() -> int:
+def main(page: Path | None = None) -> int:
     """Print the tables; returns 1 if one leaves its bounds."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--page", type=Path, help="page that the table is put into")
-    parser.add_argument("--games", type=int, default=200, help="steps of played rounds")
-    options = parser.parse_args()
     scenario = preset("link")
     comparisons = {
-        "Four allies and three jammers": list(sums(scenario, options.games)),
+        "Four allies and three jammers": list(sums(scenario, GAMES)),
         "Codes of one mast, through an echo": list(codes(scenario)),
     }
     print(f"{cases(comparisons)}\n{summary(comparisons)}")
-    if options.page:
-        write_whole(options.page.with_name(f"{options.page.stem}-teams.csv"), cases(comparisons))
-        fill(options.page, {"check_team_link": summary(comparisons)})
+    if page:
+        write_whole(page.with_name(f"{page.stem}-teams.csv"), cases(comparisons))
+        fill(page, {"check_team_link": summary(comparisons)})
     errors = [np.array([row.error for row in rows]) for rows in comparisons.values()]
     return int(any(abs(each.mean()) > MEAN_DB or np.abs(each).max() > WORST_DB for each in errors))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

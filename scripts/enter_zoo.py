@@ -6,13 +6,11 @@ seeds are shipped.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 
 import yaml
+from command import run
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import NAMED
 from fpg_bench.evaluation.zoo import load_zoo
@@ -108,22 +106,15 @@ def trained(folder: Path, track: Track, role: str, saw: str, description: str) -
     )
 
 
-def main() -> int:
-    """Write the new and changed files."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--folder", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
-    folder = parser.parse_args().folder
+def main(folder: Path = Path("leaderboard")) -> None:
+    """Write the new and changed files into the leaderboard's folder."""
     for entry_name, text in (scripts() | agents() | champions()).items():
         name = f"submissions/{entry_name}/submission.yaml"
         path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             print(f"{'changed' if path.exists() else 'new'}: {name}")
             write_whole(path, text)
-    return 0
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except UserError as error:
-        sys.exit(f"enter_zoo: {error}")
+    run(main)

@@ -6,10 +6,10 @@ python scripts/make_pictures.py docs/pictures --site leaderboard/site
 
 from __future__ import annotations
 
-import argparse
 import shutil
 from pathlib import Path
 
+from command import run
 from PIL import Image
 
 from fpg_bench import make_duel
@@ -64,12 +64,13 @@ def take_screenshots(site: Path, folder: Path) -> None:
         browser.close()
 
 
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description="Make the pictures of the documentation.")
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--site", type=Path, help="take screenshots of this site instead of the animation")
-    options = parser.parse_args()
-    if options.site is None:
-        make_film(options.folder / "game.gif")
+def main(folder: Path, site: Path | None = None) -> None:
+    """Make the film, or screenshots of a site."""
+    if site is None:
+        make_film(folder / "game.gif")
     else:
-        take_screenshots(options.site, options.folder)
+        take_screenshots(site, folder)
+
+
+if __name__ == "__main__":
+    run(main)

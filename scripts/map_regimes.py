@@ -11,9 +11,7 @@ finish; a row that is there is not played again. The page gets a table and the f
 
 from __future__ import annotations
 
-import argparse
 import csv
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,6 +19,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from command import run
 from lineage import fill
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -29,7 +28,6 @@ from matplotlib.patheffects import withStroke
 from measure_payoffs import Frozen, Values
 
 from fpg_bench.common.canvas import OPPONENT, PAGE, blank_figure, styled, write_figure
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number
 from fpg_bench.envs.two_player import TwoPlayerBatch
@@ -345,34 +343,23 @@ def _mark_radios(axes: Axes) -> None:
         text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
-def main() -> None:
-    """Measure the points that are missing, and write the page."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("file", type=Path, help="CSV file of the rows")
-    parser.add_argument("--page", type=Path, help="page that gets the table, and figures beside it")
-    parser.add_argument("--most", type=int, default=10_000, help="points to measure at most")
-    parser.add_argument(
-        "--backwards", action="store_true", help="begin with the last point, beside another run"
-    )
-    options = parser.parse_args()
+def main(file: Path, page: Path | None = None) -> None:
+    """Measure the points that are missing in a file, and write the page."""
     points = [Point(hop, checks, POWERS_DBM[0]) for checks, hop in product(REACTIONS, HOPS)]
     points += [Point(hop, REACTIONS[0], power) for power, hop in product(POWERS_DBM[1:], HOPS)]
-    if not options.file.exists():
-        write_whole(options.file, csv_text([COLUMNS]))
-    for seed, point in sorted(enumerate(points), reverse=options.backwards)[: options.most]:
-        if point.key not in {tuple(row[name] for name in COLUMNS[:3]) for row in read_rows(options.file)}:
+    if not file.exists():
+        write_whole(file, csv_text([COLUMNS]))
+    for seed, point in enumerate(points):
+        if point.key not in {tuple(row[name] for name in COLUMNS[:3]) for row in read_rows(file)}:
             row = measure(point, seed)
-            with options.file.open("a", encoding="utf-8") as file:
-                file.write(csv_text([[row[name] for name in COLUMNS]]))
+            with file.open("a", encoding="utf-8") as rows:
+                rows.write(csv_text([[row[name] for name in COLUMNS]]))
             print(*row.values(), sep=", ", flush=True)
-    if options.page:
-        rows = read_rows(options.file)
-        write_figure(draw(rows), options.page.with_suffix(".svg"))
-        fill(options.page, {"map": table(rows)})
+    if page:
+        measured = read_rows(file)
+        write_figure(draw(measured), page.with_suffix(".svg"))
+        fill(page, {"map": table(measured)})
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except UserError as error:
-        sys.exit(f"map_regimes: {error}")
+    run(main)

@@ -1,25 +1,24 @@
 """Measure who earns what from whom in a scenario, and what each choice of an agent is worth.
 
-python scripts/measure_payoffs.py [--scenario link] [--matches 100] [--page docs/results/link.md]
+python scripts/measure_payoffs.py [--matches 100] [--page docs/results/link.md]
 
 Pay-offs: scripts, the zoo's agents and the champions of the scenario meet in pursuit. The equilibrium is that
 of the zero-sum game whose pay-off is the ally's reward per step. Levers: the zoo's best agents among the
 unseen play their public suite with one of their choices replaced by a constant. Transfer: agents of
 ``standard`` play these suites as they are. All on evaluation seeds. The equilibrium and the agents' levers
-are put into the page between their marks; pay-offs, scripts' levers and transfer are CSV files beside it.
+are put into the page between their marks; pay-offs and transfer are CSV files beside it.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
-import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from command import run
 from lineage import fill
 
 from fpg_bench.common.errors import UserError
@@ -52,6 +51,7 @@ from fpg_bench.players.player import SIDES, Memory, Player, PlayerSpec
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import Batched
 
+SCENARIO = "link"
 STANDARD = ("(ally|opponent)-discrete", "ally-population", "(ally|opponent)-scripted", "opponent-pursuit")
 BEST_SCRIPTS = {"ally": ["by-type"], "opponent": ["watchful"]}
 LEAST_SHARE = 0.01  # of a player that the table of the equilibrium names
@@ -234,41 +234,39 @@ def best_agents(side: str, groups: str) -> list[str]:
     return [agent.name for agent in zoo.members(max(scores, key=scores.__getitem__)) if agent.shipped]
 
 
-def main() -> int:
-    """Print the tables, and put them into a page."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--scenario", default="link", help="a preset that has public suites of its own")
-    parser.add_argument("--matches", type=int, default=100, help="rounds of each pair")
-    for side in SIDES:
-        text = f"LABEL=FOLDER of one more {side} of the pay-offs, a best response for instance"
-        parser.add_argument(f"--{side}", action="append", default=[], metavar="LABEL=FOLDER", help=text)
-    text = "file of the pay-offs' records, which are not played again"
-    parser.add_argument("--store", type=Path, metavar="FILE", help=text)
-    parser.add_argument("--page", type=Path, help="page that the tables are put into")
-    options = parser.parse_args()
-    scenario = preset(options.scenario)
-    suites = {
-        side: replace(load_suite(f"{side}-{options.scenario}-v1"), matches=options.matches) for side in SIDES
-    }
-    groups = {side: groups_of(side, options.scenario) for side in SIDES}
+def main(
+    matches: int = 100,
+    ally: list[str] = [],  # noqa: B006
+    opponent: list[str] = [],  # noqa: B006
+    store: Path | None = None,
+    page: Path | None = None,
+) -> None:
+    """Print the tables, and put them into a page.
+
+    ``LABEL=FOLDER`` is one more ally or opponent of the pay-offs, a best response for instance; a store keeps
+    the records of the pay-offs, which are not played again.
+    """
+    scenario = preset(SCENARIO)
+    suites = {side: replace(load_suite(f"{side}-{SCENARIO}-v1"), matches=matches) for side in SIDES}
+    groups = {side: groups_of(side, SCENARIO) for side in SIDES}
     own = {side: agents_of(side, groups[side]) for side in SIDES}
     first = {side: [name for name in own[side] if name.endswith("seed_0")] for side in SIDES}
     best = {side: best_agents(side, groups[side]) for side in SIDES}
     names = " and ".join(f"`{agents[0].rpartition('/')[0]}`" for agents in best.values())
-    champions = {side: champions_of(side, options.scenario) for side in SIDES}
+    champions = {side: champions_of(side, SCENARIO) for side in SIDES}
     shipped = [{name: name for name in (*SCRIPTS[side], *first[side], *champions[side])} for side in SIDES]
-    added = [dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES]
+    added = [dict(word.split("=", 1) for word in words) for words in (ally, opponent)]
     standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
     games = {"Shipped players": shipped}
     if any(added):
         games["With those that learned to beat them"] = [a | b for a, b in zip(shipped, added, strict=True)]
-    notes, store = [], Store(options.store)
+    notes, kept = [], Store(store)
     for title, players in games.items():
-        payoffs = measure(scenario, *players, options.matches, store)
+        payoffs = measure(scenario, *players, matches, kept)
         notes.append(f"{title}: {equilibrium_note(payoffs)} {answers_note(payoffs)}")
     earned = [
-        [ally, *(f"{value:.2f}" for value in row)]
-        for ally, row in zip(payoffs.players, payoffs.values, strict=True)
+        [name, *(f"{value:.2f}" for value in row)]
+        for name, row in zip(payoffs.players, payoffs.values, strict=True)
     ]
     tables = {
         "equilibrium": "\n\n".join(notes),
@@ -276,20 +274,15 @@ def main() -> int:
     }
     files = {
         "payoffs": csv_text([["ally \\ opponent", *payoffs.rivals], *earned]),
-        "script-levers": csv_text(lever_table(scenario, suites, BEST_SCRIPTS)),
         "transfer": csv_text(transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES})),
     }
     for title, text in (tables | files).items():
         print(f"\n{title}\n\n{text}", flush=True)
-    if options.page:
+    if page:
         for title, text in files.items():
-            write_whole(options.page.with_name(f"{options.page.stem}-{title}.csv"), text)
-        fill(options.page, tables)
-    return 0
+            write_whole(page.with_name(f"{page.stem}-{title}.csv"), text)
+        fill(page, tables)
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except UserError as error:
-        sys.exit(f"measure_payoffs: {error}")
+    run(main)

@@ -10,13 +10,13 @@ for teams, and of ``optimised`` for planners. On the evaluation seeds of the sui
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import re
-import sys
 from statistics import fmean
+from typing import Annotated
 
-from fpg_bench.common.errors import UserError
+import typer
+from command import run
+
 from fpg_bench.common.ids import ALLIES, OPPONENTS, SCRIPTED
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
@@ -26,14 +26,8 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 
 DIGITS = 2
-# Suites that are older than the scripts with memory; in paper, allies have no bound but the best known.
-OLDER = re.compile(r"(opponent-|opponent-learned-|(ally|opponent)-paper-)v1")
-BORROWING = (
-    "-shifted-",
-    "-responses-",
-    "-strangers-",
-    "-season-",
-)  # zero and top of their track's public suite
+OLDER = "-paper-"  # than the scripts with memory; its allies have no bound but the best known
+BORROWING = ("-shifted-", "-responses-", "-strangers-", "-season-")  # their track's public suite's zero, top
 
 
 def rewards(name: str, suite: Suite) -> list[float]:
@@ -68,27 +62,22 @@ def scale(suite: Suite) -> Scale:
 
 def top(suite: Suite) -> float:
     """Return the reward per step that scores 100."""
-    if suite.side == "ally" and not OLDER.fullmatch(suite.name):
+    if suite.side == "ally" and OLDER not in suite.name:
         return unjammed(suite.scenario, suite.game)
     if suite.game is not None:
         by_rival = zip(*(rewards(name, suite) for name in suite.game.scripts[suite.side]), strict=True)
         return fmean(map(max, by_rival))
     older = {"ally": ALLIES, "opponent": OPPONENTS}
-    scripts = (older if OLDER.fullmatch(suite.name) else SCRIPTED).get(suite.side, ())
+    scripts = (older if OLDER in suite.name else SCRIPTED).get(suite.side, ())
     bounds = ("optimised",) if suite.side == PLANNER else ("oracle", *scripts)
     by_rival = zip(*(rewards(name, suite) for name in bounds), strict=True)
     return fmean(map(max, by_rival))
 
 
-def main() -> int:
-    """Print a line per suite; returns 1 if a file has another scale."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("suites", nargs="*", help="names or files; default: all shipped ones")
-    parser.add_argument("--allow", action="append", default=[], help="code that a file may name")
-    options = parser.parse_args()
-    names = options.suites or suite_names()
+def main(suites: Annotated[list[str] | None, typer.Argument()] = None) -> int:
+    """Print a line per suite, of all shipped ones by default; returns 1 if a file has another scale."""
     differ = False
-    for suite in (load_suite(name, allow=options.allow) for name in names):
+    for suite in map(load_suite, suites or suite_names()):
         found = scale(suite)
         is_same = suite.scale in (Scale(), found)
         differ |= not is_same
@@ -99,7 +88,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except UserError as error:
-        sys.exit(f"measure_scales: {error}")
+    run(main)

@@ -5,22 +5,20 @@ python scripts/measure_team_payoffs.py [--matches 100] [--page docs/results/team
 Pay-offs: scripts of teams meet in convoy, three allies against two jammers and, as contrasts, with the whole
 power in each beam and against one jammer. Bounds know more than allies may, so the equilibrium is without
 them. Clones: an agent of the duel in all three seats, in convoy and on curves of their own. All on evaluation
-seeds. The tables are put into the page between their marks; a CSV beside it has all pairs.
+seeds. The first table is put into the page between its marks; a CSV beside it has all pairs.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from command import run
 from lineage import fill
 from measure_payoffs import answers_note, equilibrium_note
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
 from fpg_bench.common.schema import Items
@@ -42,7 +40,7 @@ GAMES = {
 }
 ON_PAGE = "3 v 2"
 CLONES = [f"ally-link{kind}/ppo-stack8/seed_0" for kind in ("-population", "")]
-BESIDE = ["random-hops", "greedy-own-points"]  # scripts in the table of clones
+BESIDE = ["random-hops", "greedy-own-points"]  # scripts that play like clones
 COUNTS = ("clashes", "spreading", "heard")
 Key = tuple[str, str, str, int]
 
@@ -150,38 +148,25 @@ def without_bounds(payoffs: Payoffs) -> Payoffs:
     return Payoffs(players, payoffs.rivals, samples)
 
 
-def clone_table(results: Results, opponents: Mapping[str, str]) -> str:
-    """Return what players earn in all three seats, over all jammers, in convoy and on separate curves."""
-    lines = [["in all seats", "fly", "reward", "worst", "clashes per step", "spreading"]]
-    for ally in (*CLONES, *BESIDE):
-        for game, formation in (("3 v 2", "convoy"), ("separate", "separate curves")):
-            rows = [results.of(game, ally, name) for name in opponents.values()]
-            rewards = [np.mean(row.rewards) for row in rows]
-            counts = [np.mean([getattr(row, name) for row in rows]) for name in ("clashes", "spreading")]
-            values = (np.mean(rewards), min(rewards), *counts)
-            lines.append([ally, formation, *(f"{value:.2f}" for value in values)])
-    return markdown_table(lines)
+def main(
+    matches: int = 100,
+    ally: list[str] = [],  # noqa: B006
+    opponent: list[str] = [],  # noqa: B006
+    rows: Path = Path("runs/team-payoffs.jsonl"),
+    page: Path | None = None,
+) -> None:
+    """Print the tables, and put the first into a page.
 
-
-def main() -> int:
-    """Print the tables, and put the first into a page."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--matches", type=int, default=100, help="rounds of each pair")
-    for side in SIDES:
-        text = f"LABEL=FOLDER of one more {side}, a trained agent for instance"
-        parser.add_argument(f"--{side}", action="append", default=[], metavar="LABEL=FOLDER", help=text)
-    text = "file of the pairs' rows, which are not played again"
-    parser.add_argument(
-        "--rows", type=Path, default=Path("runs/team-payoffs.jsonl"), metavar="FILE", help=text
-    )
-    parser.add_argument("--page", type=Path, help="page that the tables are put into")
-    options = parser.parse_args()
-    results, parts = Results(options.rows, options.matches), {}
+    ``LABEL=FOLDER`` is one more ally or opponent, a trained agent for instance; pairs in the file of rows are
+    not played again.
+    """
+    results, parts = Results(rows, matches), {}
     players = {side: {name: name for name in TEAM_SCRIPTS[side]} for side in SIDES}
     players["ally"] |= {name: name for name in BOUNDS}
-    added = {side: dict(word.split("=", 1) for word in getattr(options, side)) for side in SIDES}
-    labels = {name: name for name in (*CLONES, *BESIDE)}
-    labels |= {spec: label for side in SIDES for label, spec in (players[side] | added[side]).items()}
+    words = {"ally": ally, "opponent": opponent}
+    added = {side: dict(word.split("=", 1) for word in words[side]) for side in SIDES}
+    alike = {name: name for name in (*CLONES, *BESIDE)}
+    labels = alike | {spec: label for side in SIDES for label, spec in (players[side] | added[side]).items()}
     for game in (ON_PAGE, "whole power", "3 v 1"):
         scripts = without_bounds(results.payoffs(game, *players.values()))
         every = results.payoffs(game, *(players[side] | added[side] for side in SIDES))
@@ -192,16 +177,13 @@ def main() -> int:
                 f"With those that learned: {equilibrium_note(every_note)} {answers_note(every_note)}"
             )
         parts[game] = "\n\n".join([payoff_table(every), *notes])
-    parts["clones"] = clone_table(results, players["opponent"])
+    for game in (ON_PAGE, "separate"):
+        results.payoffs(game, alike, players["opponent"])
     print(*(f"\n{title}\n\n{text}" for title, text in parts.items()), sep="\n")
-    if options.page:
-        write_whole(options.page.with_name(f"{options.page.stem}-payoffs.csv"), results.csv(labels))
-        fill(options.page, {ON_PAGE: parts[ON_PAGE]})  # the file beside it has all games
-    return 0
+    if page:
+        write_whole(page.with_name(f"{page.stem}-payoffs.csv"), results.csv(labels))
+        fill(page, {ON_PAGE: parts[ON_PAGE]})  # the file beside it has all games
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except UserError as error:
-        sys.exit(f"measure_team_payoffs: {error}")
+    run(main)

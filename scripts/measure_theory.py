@@ -6,15 +6,13 @@ between its marks.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from command import run
 from lineage import fill
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import NAMED
 from fpg_bench.common.output import number
 from fpg_bench.envs.two_player import TwoPlayerBatch
@@ -127,24 +125,17 @@ def kept_table(scenario: Scenario, matches: int) -> str:
     return markdown_table(lines)
 
 
-def main() -> None:
+def main(page: Path, matches: int = 100) -> None:
     """Measure, and fill the page."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("page", type=Path)
-    parser.add_argument("--matches", type=int, default=100)
-    options = parser.parse_args()
     found = {title: scores(suite, players) for title, (suite, players) in SCORED.items()}
     parts = {
-        "kept": kept_table(preset("link"), options.matches),
+        "kept": kept_table(preset("link"), matches),
         **{title: score_table(summaries) for title, summaries in found.items()},
     }
     for title, text in parts.items():
         print(f"\n{title}\n\n{text}", flush=True)
-    fill(options.page, parts)
+    fill(page, parts)
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except UserError as error:
-        sys.exit(f"measure_theory: {error}")
+    run(main)

@@ -40,14 +40,6 @@ VARIANTS_OF = {  # stored names of the trained variants, by what differs from fi
     "noise=0.04": "interference=once,hops=always,hop-cost=0,memory=for-ever,noise=0.04",
     "as-printed, noise=0.04": "as-printed,noise=0.04",
 }
-CLAIMS = {  # in the words of a figure
-    "D1": "planned paths beat fixed",
-    "D2": "overlap falls, success rises",
-    "D3 level": "each type below the ally",
-    "D3 order": "tone weakest, broad strongest",
-    "D4 knowledge": "knowledge base helps",
-    "D4 planner": "planner beats learned path",
-}
 VERDICTS: dict[str, Style] = {
     "holds": {"color": COLOURS[0], "marker": "o"},
     "not shown": {"color": COLOURS[-1], "marker": "_"},
@@ -164,8 +156,7 @@ def write_figures(folder: Path = PAGES) -> list[Path]:
     alone.path = ROOT / "results/language-model/fig3/rows.jsonl.gz"
     runs = results_of("paper", "full", range(10)).runs | read_results(alone, {"llm": range(1)}).runs
     figures["../fig7-language-model"] = FIGURES["fig7"](Runs(runs), "paper")
-    for name, draw in (("screen", draw_screen), ("trained-variants", draw_variants)):
-        figures[f"figures/{name}"] = draw(folder)
+    figures["figures/trained-variants"] = draw_variants(folder)
     paths = [folder / f"{name}.svg" for name in figures]
     for path, figure in zip(paths, figures.values(), strict=True):
         write_figure(figure, path)
@@ -176,27 +167,6 @@ def read_csv(path: Path) -> list[dict[str, str]]:
     """Return the lines of a CSV file."""
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
-
-
-@styled
-def draw_screen(folder: Path) -> Figure:
-    """Draw the share of the interpretations with a setting under which each claim holds."""
-    lines = read_csv(folder / "screen-points.csv")
-    shares = np.array([[int(line[f"{claim} holds %"]) for claim in CLAIMS] for line in lines])
-    figure = blank_figure(PAGE, 3.7)
-    axes = figure.subplots()
-    axes.imshow(shares, cmap="Blues", vmin=0, vmax=100, aspect="auto")
-    for (row, column), share in np.ndenumerate(shares):
-        axes.text(column, row, share, ha="center", va="center", color="white" if share > 65 else "black")
-    axes.set_xticks(
-        range(len(CLAIMS)), [text.replace(" ", "\n", 2).replace("\n", " ", 1) for text in CLAIMS.values()]
-    )
-    axes.set_yticks(range(len(lines)), [f"{line['point']}: {line['setting']}" for line in lines])
-    for row, (line, before) in enumerate(zip(lines[1:], lines, strict=False)):
-        if line["point"] != before["point"]:
-            axes.axhline(row + 0.5, color="white", lw=2)
-    figure.supxlabel("share of the interpretations under which a claim holds, %")
-    return figure
 
 
 @styled

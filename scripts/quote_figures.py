@@ -7,14 +7,13 @@ the midst of a sentence. All are read from committed data; the oracle, which is 
 from __future__ import annotations
 
 import csv
-import sys
 from collections.abc import Mapping
 from functools import cache, partial
 
 import numpy as np
+from command import run
 from lineage import ROOT, fill
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.output import number
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
@@ -244,7 +243,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except UserError as error:
-        sys.exit(f"quote_figures: {error}")
+    run(main)

@@ -8,7 +8,6 @@ cells that install packages are skipped.
 
 from __future__ import annotations
 
-import argparse
 import ast
 import base64
 import contextlib
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+from command import run
 
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
@@ -91,18 +91,15 @@ def run_notebook(path: Path) -> None:
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
-def main() -> None:
-    """Run the notebooks of the command line."""
-    parser = argparse.ArgumentParser(description="Run notebooks and keep their outputs.")
-    parser.add_argument("notebooks", nargs="+", type=Path)
-    options = parser.parse_args()
+def main(notebooks: list[Path]) -> None:
+    """Run the notebooks."""
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     stub_ipython()
     plt.show = lambda: None
-    for path in options.notebooks:
+    for path in notebooks:
         run_notebook(path.resolve())
         print(f"written: {path}, {path.stat().st_size / 1000:.0f} kB")
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from command import run
 from lineage import ROOT, fill
 from numpy.random import Generator
 
@@ -49,4 +50,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

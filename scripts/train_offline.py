@@ -8,16 +8,14 @@ A row per agent goes to ``baselines/scores/offline/scores.jsonl`` as soon as it 
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from command import run
 from lineage import fill
 
-from fpg_bench.common.errors import UserError
-from fpg_bench.common.output import number, print_messages
+from fpg_bench.common.output import number
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
@@ -94,7 +92,7 @@ def agent_row(data: Dataset, algorithm: str, seed: int, steps: int | None, out: 
     }
 
 
-def table(rows: list[dict[str, Any]]) -> str:
+def score_table(rows: list[dict[str, Any]]) -> str:
     """Return the table of scores, a row per data set."""
     zoo, algorithms = load_zoo(), list(OFFLINE)
     lines = [["data set", "suite", BEHAVIOUR, *algorithms, "zoo's best, online"]]
@@ -119,40 +117,30 @@ def _cell(scores: list[float]) -> str:
     return f"{number(interval.value)} {bounds(interval)}"
 
 
-def main() -> int:
-    """Train, evaluate and write what is missing."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--seeds", default="0-4", help="training seeds, 0-4 for instance")
-    parser.add_argument("--steps", type=int, help="gradient steps; default: the hyper-parameters'")
-    parser.add_argument("--datasets", type=Path, default=Path("datasets"), help="folder of the data sets")
-    parser.add_argument("--runs", type=Path, default=Path("runs/offline"), help="the runs' folders")
-    parser.add_argument("--table", action="store_true", help="write the table alone")
-    options = parser.parse_args()
-    print_messages()
+def main(
+    seeds: str = "0-4",
+    steps: int | None = None,
+    datasets: Path = Path("datasets"),
+    runs: Path = Path("runs/offline"),
+    table: bool = False,
+) -> None:
+    """Train, evaluate and write what is missing; steps are gradient steps."""
     rows = RowFile(ROWS)
-    if not options.table:
+    if not table:
         with rows.locked():
-            for name, algorithm, seed in missing(rows, parse_seeds(options.seeds)):
+            for name, algorithm, seed in missing(rows, parse_seeds(seeds)):
                 if seed is None:
                     row = behaviour_row(name)
                 else:
-                    folder = make_dataset(load_spec(name, TRANSITIONS), options.datasets)
-                    out = options.runs / name / algorithm / f"seed_{seed}"
-                    row = agent_row(open_dataset(folder), algorithm, seed, options.steps, out)
+                    folder = make_dataset(load_spec(name, TRANSITIONS), datasets)
+                    out = runs / name / algorithm / f"seed_{seed}"
+                    row = agent_row(open_dataset(folder), algorithm, seed, steps, out)
                 head = {"dataset": name, "algorithm": algorithm, "training_seed": seed}
                 rows.append([head | row])
                 print(f"{name} {algorithm} {seed}: {row['score']}", flush=True)
-    fill(PAGE, {"scores": table(rows.read())})
+    fill(PAGE, {"scores": score_table(rows.read())})
     print(f"written: {PAGE}")
-    return 0
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except UserError as error:
-        sys.exit(f"train_offline: {error}")
-    except KeyboardInterrupt:
-        sys.exit("train_offline: stopped; finished rows are kept, run it again to go on")
+    run(main)

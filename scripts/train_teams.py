@@ -10,20 +10,17 @@ constant. All are scored on evaluation seeds; the tables are put into the page b
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from command import run
 from lineage import fill
 from measure_payoffs import Frozen, Values, levers
 from measure_team_payoffs import Results
 
-from fpg_bench.common.errors import UserError
-from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.statistics import MATCHES, TRAINING_SEEDS, Interval, mean_interval
 from fpg_bench.evaluation.table import markdown_table
@@ -176,42 +173,36 @@ def levers_table(teams: Teams) -> str:
     return markdown_table(lines)
 
 
-def main() -> int:
+def main(
+    seeds: int = 5,
+    matches: int = 100,
+    runs: Path = Path("runs/teams"),
+    n_jobs: int = 1,
+    page: Path | None = None,
+) -> None:
     """Train, print the tables, and put them into a page."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=5, help="number of training seeds")
-    parser.add_argument("--matches", type=int, default=100, help="rounds of each pair")
-    parser.add_argument("--runs", type=Path, default=Path("runs/teams"), help="folder of the runs")
-    parser.add_argument("--n-jobs", type=int, default=1, help="trainings at once, one core each")
-    parser.add_argument("--page", type=Path, help="page that the tables are put into")
-    options = parser.parse_args()
-    print_messages()
-    teams = Teams(options.runs, options.seeds, options.matches)
+    teams = Teams(runs, seeds, matches)
     scripts = list(TEAM_SCRIPTS["opponent"])
     first: dict[str, dict[str, Any]] = {
         f"allies-{mates}": {"side": "ally", "mates": mates, "rivals": scripts} for mates in MATES
     }
     first["jammers"] = {"side": "opponent", "rivals": ALLY_SCRIPTS}
-    teams.train(first, options.n_jobs)
+    teams.train(first, n_jobs)
     jammers = teams.agents("jammers")
     again = {
         f"allies-{mates}-again": {"side": "ally", "mates": mates, "rivals": [*scripts, *jammers]}
         for mates in NEEDED
     }
-    teams.train(again, options.n_jobs)
+    teams.train(again, n_jobs)
     parts = {
         "learned allies": allies_table(teams, jammers),
         "learned jammers": jammers_table(teams, jammers),
         "levers": levers_table(teams),
     }
     print(*(f"\n{title}\n\n{text}" for title, text in parts.items()), sep="\n")
-    if options.page:
-        fill(options.page, parts)
-    return 0
+    if page:
+        fill(page, parts)
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except UserError as error:
-        sys.exit(f"train_teams: {error}")
+    run(main)

@@ -1,29 +1,25 @@
 """Train every agent of the zoo that is missing, ship and evaluate it, and write the zoo's page.
 
 python scripts/train_zoo.py [--only ally-scripted/ppo] [--n-jobs 2]    trains; run it again to resume
-python scripts/train_zoo.py --list      shows which agents are shipped
 python scripts/train_zoo.py --check     evaluates every shipped agent again and compares the records
-python scripts/train_zoo.py --compact   drops records that are there twice, on the board, or of no suite
-python scripts/train_zoo.py --tables    adds missing records; writes baselines/README.md and its pictures
+python scripts/train_zoo.py --tables    adds missing records and drops those that are there twice, on the
+                                        board, or of no suite; writes baselines/README.md and its pictures
 """
 
 from __future__ import annotations
 
-import argparse
 import logging
-import signal
-import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from command import run
 from zoo_page import keep_curve, write_page
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import DUEL, ORACLES, SCRIPTED, sides_of
 from fpg_bench.common.locks import locked
-from fpg_bench.common.output import print_messages
 from fpg_bench.common.parallel import Job, Workers, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import EvaluatedPlayer, player_entry
@@ -147,28 +143,16 @@ def _tell(suite: Suite, entry: EvaluatedPlayer, rival: Rival, rounds: int, *of: 
         _logger.info(f"scoring {entry.name}{seed} against {suite.name}")
 
 
-def compact(zoo: Zoo) -> int:
-    """Keep each record of an agent once, the newest of its matchup, and none that the board has.
-
-    Records of suites that its group has no more are dropped.
-
-    Returns:
-        The number of rows that are gone.
-    """
-    gone = 0
-    for group in zoo.groups:
-        suites, file = [*map(load_suite, group.suites)], RowFile(zoo.records_file(group))
-        hashes = {suite.hash[:16] for suite in suites}
-        board = {record.key for suite in suites for record in zoo.read_board(group, suite)}
-        rows = file.read()
-        newest = {read_record(row, f"records {file.path}").key: row for row in rows}
-        kept = [row for key, row in newest.items() if key[0] in hashes and key not in board]
-        if kept:
-            file.replace(kept)
-        else:
-            file.path.unlink(missing_ok=True)
-        gone += len(rows) - len(kept)
-    return gone
+def compact(zoo: Zoo, group: ZooGroup) -> None:
+    """Keep each record of a group's agents once, the newest, of its own suites and without the board's."""
+    suites, file = [*map(load_suite, group.suites)], RowFile(zoo.records_file(group))
+    hashes = {suite.hash[:16] for suite in suites}
+    board = {record.key for suite in suites for record in zoo.read_board(group, suite)}
+    newest = {read_record(row, f"records {file.path}").key: row for row in file.read()}
+    if kept := [row for key, row in newest.items() if key[0] in hashes and key not in board]:
+        file.replace(kept)
+    else:
+        file.path.unlink(missing_ok=True)
 
 
 def differences(zoo: Zoo, agent: ZooAgent) -> list[str]:
@@ -188,53 +172,37 @@ def differences(zoo: Zoo, agent: ZooAgent) -> list[str]:
     return problems
 
 
-def check(zoo: Zoo, only: str | None) -> bool:
-    """Evaluate the shipped agents again; returns True if all records are as before."""
-    is_same = True
-    for agent in zoo.members(only):
-        if agent.shipped:
-            problems = differences(zoo, agent)
-            print(f"{agent.name}: {'; '.join(problems) or 'as before'}", flush=True)
-            is_same = is_same and not problems
-    return is_same
+def is_as_before(zoo: Zoo, agent: ZooAgent) -> bool:
+    """Evaluate a shipped agent again, and tell whether all its records are as before."""
+    problems = differences(zoo, agent)
+    print(f"{agent.name}: {'; '.join(problems) or 'as before'}", flush=True)
+    return not problems
 
 
-def main() -> int:
-    """Run the command; returns 0 if all went well."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", help="a group, group/algorithm, or group/algorithm/seed_k")
-    parser.add_argument("--n-jobs", type=int, default=2, help="trainings at once, one thread each")
-    parser.add_argument("--runs", type=Path, default=Path("runs/zoo"), help="the runs' folders")
-    parser.add_argument("--zoo", type=Path, help="a folder with a zoo.yml; default: baselines/")
-    for name in ("list", "check", "compact", "tables"):
-        parser.add_argument(f"--{name}", action="store_true")
-    options = parser.parse_args()
-    print_messages()
-    zoo, failed = load_zoo(options.zoo), []
-    if options.list:
-        for agent in zoo.members(options.only):
-            print(f"{agent.name:36} {agent.steps:12,}  {'shipped' if agent.shipped else 'missing'}")
-        return 0
-    if options.check:
-        return int(not check(zoo, options.only))
-    if options.compact:
-        print(f"dropped: {compact(zoo):,} records")
-        return 0
-    if not options.tables:
-        failed = train_zoo(zoo, options.runs, options.only, options.n_jobs)
-    for group in zoo.groups:
-        add_missing_records(zoo, group)
-    print(f"written: {write_page(zoo)}")
-    return int(bool(failed))
+def main(
+    only: str | None = None,
+    n_jobs: int = 2,
+    runs: Path = Path("runs/zoo"),
+    zoo: Path | None = None,
+    check: bool = False,
+    tables: bool = False,
+) -> int:
+    """Train, check or write what is asked for; returns 0 if all went well.
+
+    One group, group/algorithm or group/algorithm/seed_k may be named; a zoo is a folder with a zoo.yml.
+    """
+    of, failed = load_zoo(zoo), False
+    if check:
+        same = [is_as_before(of, agent) for agent in of.members(only) if agent.shipped]
+        return int(not all(same))
+    if not tables:
+        failed = bool(train_zoo(of, runs, only, n_jobs))
+    for group in of.groups:
+        compact(of, group)
+        add_missing_records(of, group)
+    print(f"written: {write_page(of)}")
+    return int(failed)
 
 
 if __name__ == "__main__":
-    # Background shells ignore Ctrl-C; a plain kill should also save checkpoints.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
-    try:
-        sys.exit(main())
-    except UserError as error:
-        sys.exit(f"train_zoo: {error}")
-    except KeyboardInterrupt:
-        sys.exit("train_zoo: stopped; finished work is kept, run it again to resume")
+    run(main)

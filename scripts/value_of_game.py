@@ -9,17 +9,15 @@ python scripts/value_of_game.py docs/results/value.md --search nash=runs/nash   
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from lineage import fill
+from command import run
+from lineage import ROOT, fill
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fpg_bench.common.canvas import COLOURS, PAGE, Style, blank_figure, styled, write_figure
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.players.agent import baselines_folder
@@ -29,6 +27,7 @@ from fpg_bench.products.leaderboard.exploited import Attack
 from fpg_bench.products.leaderboard.tracks import SCENARIOS, TRACKS
 from fpg_bench.products.league.double_oracle import ROWS, keep_search
 
+AGENTS = baselines_folder() / "agents"
 OTHERS = "searches.jsonl"
 DASHES = {"weights": "-", "nash": "--", "self-play": ":"}  # by the meta-solver; self-play had none
 MARKS: Mapping[str, Style] = {
@@ -127,30 +126,18 @@ def _lines(axes: Axes, rows: Sequence[Row]) -> None:
     axes.plot([row["iteration"] for row in later], second, "kx", ms=5, label="low by a second response")
 
 
-def main() -> None:
+def main(page: Path, search: list[str] = [], agents: Path = AGENTS) -> None:  # noqa: B006
     """Keep searches, put the tables into the page, and draw the figure."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("page", type=Path, help="the page that the tables are put into")
-    text = "NAME=FOLDER of a finished search whose rows are kept beside the page"
-    parser.add_argument("--search", action="append", default=[], metavar="NAME=FOLDER", help=text)
-    parser.add_argument("--board", type=Path, default=Path("leaderboard"), help="the leaderboard's folder")
-    parser.add_argument("--agents", type=Path, help="folder of the shipped agents; default: baselines/agents")
-    options = parser.parse_args()
-    for word in options.search:
+    for word in search:
         name, _, folder = word.partition("=")
-        keep_search(Path(folder), options.page.with_name(OTHERS), name)
-    rows = read_searches(options.agents or baselines_folder() / "agents", options.page)
-    kept = kept_by_entries(make_board(load_entries(options.board)))
-    parts = [markdown_table(bracket(rows, kept))]
-    if rows:
-        picture = options.page.with_suffix(".svg")
-        write_figure(draw(rows), picture)
-        parts.append(f"![Low and high over the iterations of each search]({picture.name})")
-    fill(options.page, {"value": "\n\n".join(parts)})
+        keep_search(Path(folder), page.with_name(OTHERS), name)
+    rows = read_searches(agents, page)
+    picture = page.with_suffix(".svg")
+    write_figure(draw(rows), picture)
+    table = markdown_table(bracket(rows, kept_by_entries(make_board(load_entries(ROOT / "leaderboard")))))
+    shown = f"![Low and high over the iterations of each search]({picture.name})"
+    fill(page, {"value": f"{table}\n\n{shown}"})
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except UserError as error:
-        sys.exit(f"value_of_game: {error}")
+    run(main)

@@ -7,13 +7,17 @@ are relative to the signal, frequencies in MHz.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.signal.windows import taylor
 
+from fpg_bench.game.scenario import Scenario
+
 SAMPLES_MHZ = 150.0
+OF_LENGTH_DB = -55.0  # stop band that the filters' length leaves
 FILTER_SYMBOLS = 24  # length of the pulse and of the receive filter
 
 
@@ -52,6 +56,19 @@ class Link:
     half_widths_mhz: tuple[float, ...] = (0.05, 10.0, 25.0, 2.5)
     teeth_mhz: float = 4 * 78.5 / 14
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(1))
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Self:
+        """Return the waveforms of a scenario."""
+        s = scenario
+        return cls(
+            chips_mhz=s.spread_bandwidth_mhz,
+            spread_symbols_mhz=s.spread_rate_mhz,
+            notch_mhz=s.notch_width_mhz,
+            band_mhz=s.band_high_mhz - s.band_low_mhz,
+            floor_db=s.filter_stopband_db if s.filter_stopband_db > OF_LENGTH_DB else -math.inf,
+            teeth_mhz=s.comb_spacing_points * s.point_spacing_mhz,
+        )
 
     @property
     def gain(self) -> int:

@@ -1,16 +1,14 @@
-"""The zoo's index, and each group's table, learning curves and probabilities of improvement."""
+"""The zoo's index, and each group's table and learning curves."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from fpg_bench.common.canvas import ALLY, COLUMN, GREY, Styles, blank_figure, image_of, styled, styles_of
+from fpg_bench.common.canvas import image_of
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number
 from fpg_bench.common.rows import Row, RowFile
@@ -19,7 +17,6 @@ from fpg_bench.evaluation.statistics import (
     TRAINING_SEEDS,
     Interval,
     mean_interval,
-    probability_of_improvement,
 )
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
@@ -27,33 +24,14 @@ from fpg_bench.evaluation.table import bounds, markdown_table
 from fpg_bench.evaluation.zoo import SCORES, Zoo, ZooAgent, ZooGroup
 
 PAGE, TABLE, CURVES = "README.md", "table.csv", "curves.jsonl"
-PICTURES = ("curves", "improvement")
-COMMAND = "python scripts/train_zoo.py --tables"
+PICTURE = "curves.svg"
+TEMPLATE = Path(__file__).with_name("zoo.md")
 _MEASURES = (
     ("overlap ratio %", "overlap_ratio"),
     ("jamming success rate %", "jamming_success_rate"),
     ("hops %", "hop_rate"),
 )
 _INDEX = ("group", "trained on", "suite", "best agent", "score", "best script", "score", "all agents")
-_HEAD = """\
-# Trained agents
-
-Agents that are shipped, each a player by its name: `fpg_bench.load_agent("ally-scripted/ppo/seed_0")`.
-`fpg-bench zoo` lists all of them with their public scores. The table has the best algorithm of each group on
-the last of its suites, which is the held-out one where there is one, with its 95 % interval over training
-seeds, and the best script of `all-scripted` with one over matches
-([protocol](../docs/benchmark/protocol.md)); scripts that came later are on the board. *All agents* has the
-scores of every algorithm and of these scripts, with steps, minutes and measures. Beside it are learning
-curves on tuning seeds and the probability of improvement (Agarwal et al. 2021). An oracle sees the full
-state: it shows what knowledge is worth, and has no rank.
-
-"""
-_FOOT = f"""
-`zoo.yml` says what is trained and against whom, `hyperparams/` how, `search/` how hyper-parameters were
-found, and `scores/` has a record per training seed and rival. `python scripts/train_zoo.py` trains all of it
-and can be resumed, `--check` evaluates every agent again and compares, and `{COMMAND}`
-writes this page.
-"""
 
 
 # Learning curves
@@ -79,12 +57,12 @@ def curve_file(zoo: Zoo, group: ZooGroup) -> RowFile:
 
 
 def write_page(zoo: Zoo) -> Path:
-    """Write the zoo's ``README.md``, and a table and pictures of each group; returns the path of the page."""
+    """Write the zoo's ``README.md``, with a table and picture of each group; returns the page's path."""
     for group in zoo.groups:
         public, *others = _summaries(zoo, group)
         if any(summary.trained for summary in public):
             write_whole(zoo.scores(group) / TABLE, csv_text(table(zoo, group, public, others)))
-            draw_pictures(zoo, group, public)
+            draw_picture(zoo, group)
     write_whole(zoo.folder / PAGE, page(zoo))
     write_scores(zoo)
     return zoo.folder / PAGE
@@ -125,7 +103,8 @@ def _scores(zoo: Zoo, group: ZooGroup) -> Iterator[Row]:
 
 def page(zoo: Zoo) -> str:
     """Return the text of the page, from the records and agents of the zoo's folder."""
-    return _HEAD + markdown_table([_INDEX, *(_row(zoo, group) for group in zoo.groups)]) + "\n" + _FOOT
+    index = markdown_table([_INDEX, *(_row(zoo, group) for group in zoo.groups)])
+    return TEMPLATE.read_text(encoding="utf-8").replace("INDEX\n", f"{index}\n")
 
 
 def _summaries(zoo: Zoo, group: ZooGroup) -> list[list[Summary]]:
@@ -141,10 +120,8 @@ def _row(zoo: Zoo, group: ZooGroup) -> list[str]:
         first = next((summary for summary in last if summary.trained is is_trained), None)
         best += [first.entry, _written(first)] if first else ["-", "-"]
     folder = zoo.scores(group).relative_to(zoo.folder).as_posix()
-    files = [TABLE, *(f"{name}.svg" for name in PICTURES)]
+    files = [TABLE, *[PICTURE] * bool(curve_file(zoo, group).read())]  # some have no curves on today's scale
     links = [f"[{Path(name).stem}](../{zoo.folder.name}/{folder}/{name})" for name in files]
-    if not curve_file(zoo, group).read():
-        del links[1]  # agents whose training was scored on another scale have no curves
     shown = ", ".join(links) if best[0] != "-" else "not trained yet"
     return [f"`{group.name}`", f"`{group.id}`", f"`{group.suites[-1]}`", *best, shown]
 
@@ -156,19 +133,9 @@ def table(zoo: Zoo, group: ZooGroup, public: list[Summary], others: list[list[Su
         *(f"score on {name}" for name in group.suites),
         *("worst return per step", "against"),
         *(heading for heading, _ in _MEASURES),
-        *("time (min)", "to the best script (min)"),
+        "time (min)",
     ]
-    script = max((of.score.value for of in _scripts(zoo, group)), default=np.inf)
-    cells = [
-        [*_cells(zoo, group, summary, others), _minutes_to(zoo, group, summary, script)] for summary in public
-    ]
-    return [names, *cells]
-
-
-def _scripts(zoo: Zoo, group: ZooGroup) -> list[Summary]:
-    """Return the summaries of the scripts on the suite that scores a group's trainings, best first."""
-    suite = load_suite(group.training_suite)
-    return [of for of in summarise(zoo.read_script_records(suite), suite) if not of.is_oracle]
+    return [names, *(_cells(zoo, group, summary, others) for summary in public)]
 
 
 def _cells(zoo: Zoo, group: ZooGroup, summary: Summary, others: list[list[Summary]]) -> list[str]:
@@ -209,54 +176,12 @@ def _training(zoo: Zoo, group: ZooGroup, algorithm: str) -> tuple[str, str]:
     return steps, number(min(seconds) / 60 if seconds else None)
 
 
-def _minutes_to(zoo: Zoo, group: ZooGroup, summary: Summary, score: float) -> str:
-    """Return the median minutes after which a training first reached a score, if most of them did."""
-    reached: dict[int, float] = {}
-    for row in curve_file(zoo, group).read():
-        if row["algorithm"] == summary.entry:
-            seed = row["training_seed"]
-            before = reached.get(seed, np.inf)
-            reached[seed] = min(before, row["seconds"] / 60 if row["score"] >= score else np.inf)
-    median = np.median(list(reached.values())) if reached else np.inf
-    return number(median if np.isfinite(median) else None)
-
-
-# Pictures
-
-
-def draw_pictures(zoo: Zoo, group: ZooGroup, summaries: Sequence[Summary]) -> None:
-    """Draw a group's pictures of its public suite, beside its records."""
-    paths = [zoo.scores(group) / f"{name}.svg" for name in PICTURES]
-    best = next((summary for summary in summaries if not summary.trained), None)  # of the scripts
-    scores = {s.entry: s.rewards.mean(axis=2) for s in summaries if s.trained or s is best}
-    levels = {of.entry: of.score.value for of in _scripts(zoo, group)[:1]}
-    styles = styles_of(group.steps)
+def draw_picture(zoo: Zoo, group: ZooGroup) -> None:
+    """Draw a group's learning curves beside its records, with the level of the best script."""
     if rows := curve_file(zoo, group).read():
-        _save(draw_curves(rows, levels=levels, band="range"), paths[0])
-    _draw_improvement(scores, styles, paths[1])
-
-
-@styled
-def _draw_improvement(scores: Mapping[str, np.ndarray], styles: Styles, path: Path) -> None:
-    """Draw the probability of improvement of each pair, the better one first."""
-    pairs = [pair for pair in combinations(scores, 2) if set(pair) & set(styles)]
-    figure = blank_figure(COLUMN, 0.7 + 0.18 * len(pairs))
-    axes = figure.subplots()
-    labels = []
-    for height, (one, other) in enumerate(reversed(pairs)):
-        estimate = probability_of_improvement(*(scores[name].mean(axis=1) for name in (one, other)))
-        if estimate.value < 0.5:
-            one, other = other, one
-            estimate = probability_of_improvement(*(scores[name].mean(axis=1) for name in (one, other)))
-        labels.append(f"{one} > {other}")
-        bar = [[estimate.value - estimate.low], [estimate.high - estimate.value]]
-        axes.errorbar(estimate.value, height, xerr=bar, fmt="o", color=ALLY)
-    axes.axvline(0.5, color=GREY, lw=0.8, ls=":")
-    axes.set_yticks(range(len(labels)), labels)
-    axes.set(xlim=(-0.02, 1.02), ylim=(-0.6, max(len(labels), 1) - 0.4))
-    figure.supxlabel("probability of improvement, 95 % interval; dotted: equal")
-    _save(figure, path)
-
-
-def _save(figure: Any, path: Path) -> None:
-    write_whole(path, image_of(figure, "svg", f"{path.parent.name}-{path.stem}"))
+        suite = load_suite(group.training_suite)
+        scripts = [of for of in summarise(zoo.read_script_records(suite), suite) if not of.is_oracle]
+        levels = {of.entry: of.score.value for of in scripts[:1]}
+        path = zoo.scores(group) / PICTURE
+        figure = draw_curves(rows, levels=levels, band="range")
+        write_whole(path, image_of(figure, "svg", f"{path.parent.name}-{path.stem}"))

@@ -852,34 +852,3 @@ def test_a_policy_file_can_be_dropped(visit):
         zone.dispatchEvent(new DragEvent("drop", { dataTransfer: data, cancelable: true })); }"""
     )
     expect(page.locator("#status")).to_have_text("This is not an ONNX file, or it is truncated.")
-
-
-def test_a_card_of_the_front_page_leads_to_the_round_that_it_shows(visit):
-    page = visit("index.html")
-    cards = page.locator(".cards article")
-    assert cards.count() == 3
-    link = cards.first.locator("a").first
-    expect(link.locator("svg")).to_be_visible()
-    link.click()
-    page.wait_for_url("**/play.html#side=nobody*")
-    expect(page.locator("#clock")).not_to_have_text("0 / 300")
-    chosen = [page.locator(f"#{name}").input_value() for name in ("first", "rival", "seed")]
-    assert chosen == ["script:idle", "script:tone", "2"]
-
-
-# Whether a waterfall changes within a second and a half.
-FLOWS = MOVED.replace("#film canvas", "#theatre canvas")
-
-
-@pytest.mark.parametrize("motion", ["no-preference", "reduce"])
-def test_waterfalls_of_a_training_flow_until_they_are_stopped_or_where_motion_is_wanted(visit, motion):
-    page = visit("index.html", reduced_motion=motion)
-    figures = page.locator("#theatre figure")
-    page.locator("#theatre-pause").scroll_into_view_if_needed()
-    expect(figures).to_have_count(4)
-    names = [figure.locator("b").inner_text() for figure in figures.all()]
-    assert names == ["Random play", *(f"After {n} steps" for n in ("10,000", "100,000", "2,000,000"))]
-    figures.last.scroll_into_view_if_needed()
-    assert page.evaluate(FLOWS) == (motion == "no-preference")
-    page.locator("#theatre-pause").click()
-    assert page.evaluate(FLOWS) == (motion == "reduce")

@@ -200,7 +200,7 @@ def test_committed_page_of_the_screen_matches_its_rows():
         for kind in ("shown", "reversed", "not shown"):
             assert counted[line["claim"], line["claimed to be positive"], kind] == int(line[kind]), line
     assert sum(counted.values()) == 768 * len(parts)
-    assert (COMMITTED / "figures/screen.svg").is_file()
+    assert (COMMITTED / "screen.svg").is_file()
 
 
 def _verdicts(text: str, place: int) -> dict[str, str]:

@@ -6,7 +6,7 @@ import measure_team_payoffs
 import numpy as np
 import pytest
 from lineage import fill
-from measure_team_payoffs import Results, clone_table, payoff_table, without_bounds
+from measure_team_payoffs import Results, payoff_table, without_bounds
 from train_teams import Teams
 
 from fpg_bench.common.errors import UserError
@@ -34,16 +34,6 @@ def test_bounds_are_shown_and_stay_out_of_the_equilibrium():
     payoffs = Payoffs(("greedy", "cdma", "genie"), ("tone", "combs"), samples)
     assert "| genie (full state) | 9.00 | 2.00 | 2.00 | 5.50 |" in payoff_table(payoffs)
     assert without_bounds(payoffs).players == ("greedy", "cdma")
-
-
-def test_clones_are_shown_in_both_formations(tmp_path, monkeypatch):
-    monkeypatch.setattr(measure_team_payoffs, "CLONES", [])
-    monkeypatch.setattr(measure_team_payoffs, "BESIDE", ["cdma"])
-    lines = clone_table(Results(tmp_path / "rows.jsonl", 1), JAMMERS).splitlines()
-    assert [line.split(" | ")[:2] for line in lines[2:]] == [
-        ["| cdma", "convoy"],
-        ["| cdma", "separate curves"],
-    ]
 
 
 def test_a_team_plays_with_one_of_its_choices_frozen(tmp_path):

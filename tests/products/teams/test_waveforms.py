@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from check_team_link import codes, mast, sums
+from check_team_link import Mast, codes, sums
 
 from fpg_bench.game.scenario import preset
 
@@ -13,7 +13,7 @@ LINK = preset("link")
 
 def test_a_signal_far_below_the_noise_is_measured():
     """Its gain in the receiver, too, which noise would hide: the mean over a few is out by little."""
-    waves = mast(LINK)
+    waves = Mast.of(LINK)
     measured = [waves.sinr_of((0.0, False), 10**2.5 / waves.symbols_mhz, [], []) for _ in range(5)]
     assert np.allclose(measured, -25, atol=0.4)
 

@@ -14,7 +14,6 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.products.leaderboard.board import Board
 from fpg_bench.products.leaderboard.site import views
 from fpg_bench.products.leaderboard.site.entry_page import badge_file, badge_view, entry_view
-from fpg_bench.products.leaderboard.site.findings import finding_cards
 from fpg_bench.products.leaderboard.site.mark import MARK, check_folder
 from fpg_bench.products.leaderboard.site.page_data import Policies, data_files
 from fpg_bench.products.leaderboard.site.replays import Replay, Replays, label_of
@@ -84,7 +83,6 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
     tracks = [views.track_view(board, track) for track in board.tracks]
     front: dict[str, object] = {
         "film": _film(board, replays),
-        "cards": finding_cards(),
         "tracks": tracks,
         "n_entries": sum(len(track.entries) for track in board.tracks),
         "verified": [figures for track in board.tracks for _, figures in track.verified()],
