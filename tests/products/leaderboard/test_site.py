@@ -15,13 +15,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
-from scipy.stats import rankdata, spearmanr
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import make_match, play_round
-from fpg_bench.evaluation.statistics import Interval, correlation_interval
+from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game import actions, sensing
 from fpg_bench.game.metrics import measures
@@ -49,7 +48,7 @@ ROOT = Path(__file__).parents[3]
 ROUND = Replay("replays/ally/player-1/ab.js", HOSTILE[0], HOSTILE[1], 'fpgRound({"label":"x"});\n')
 LOADING = {"src", "srcset", "poster", "action", "formaction", "data", "background", "ping"}
 FINDINGS = (ROOT / "docs/results/findings.md").read_text()
-SHARED_PAGES = {"index", "ranking", "play", "try", "crossplay", "crossplay-link", "statistics", "compare"}
+SHARED_PAGES = {"index", "ranking", "play", "try", "crossplay", "crossplay-link", "compare"}
 SHARED_PAGES |= {"submit"}
 
 
@@ -243,7 +242,6 @@ def test_the_page_of_an_entry_has_its_citation_badge_and_rivals(site, pages):
     assert [number for number in range(1, 5) if learned in pages[entry_file(number)].text] == [2]
     assert "returns 1234.5 in all" in pages[entry_file(3)].text
     assert "fpg-bench play --ally idle --opponent trained-0" in pages[entry_file(3)].text
-    assert 'title="TD3, trained against expert">TD3 trained-0</th>' in (site / "statistics.html").read_text()
 
 
 def test_an_entry_without_a_score_that_ranks_has_no_rank(plain_site):
@@ -442,32 +440,6 @@ def test_who_is_unbroken_and_who_broke_what_stand_below_the_table_of_a_track(pag
         ("player-2", "breaker-1", "-14.65"),
         ("player-2", "breaker-2", "-14.65"),
     ]
-
-
-def test_what_a_score_means_is_a_correlation_alone_and_at_equal_hops():
-    rng = np.random.default_rng(0)
-    values = {name: rng.normal(size=9) for name in ("score", "hop_rate", "outage")}
-    values["score"] = values["score"] + values["hop_rate"]
-    figures = [
-        SimpleNamespace(
-            rank=(1, 9), score=Interval(s), measures={"hop_rate": h, "outage": o, "overlap_ratio": None}
-        )
-        for s, h, o in zip(*values.values(), strict=True)
-    ]
-    track = SimpleNamespace(side="ally", verified=lambda: [(None, each) for each in figures])
-    (outage, alone, equal), (hops, with_hops, none) = views.correlations(track)
-    assert (outage.label, hops.label) == ("Outage", "Hops")
-    assert alone.value == pytest.approx(spearmanr(values["score"], values["outage"]).statistic)
-    assert with_hops.value == pytest.approx(spearmanr(values["score"], values["hop_rate"]).statistic)
-    assert np.isnan(none.value)
-    assert equal == correlation_interval(equal.value, 9, given=1)
-    score, rate, broken = map(rankdata, values.values())
-    rests = [of - np.polyval(np.polyfit(rate, of, 1), rate) for of in (score, broken)]
-    assert equal.value == pytest.approx(np.corrcoef(rests)[0, 1])
-    figures[0].rank = None
-    assert views.correlations(track)[0][1].value != pytest.approx(alone)
-    track.side = "opponent"
-    assert views.correlations(track) == []
 
 
 def test_commands_that_train_an_entry_name_an_agent_of_the_zoo_or_a_champion():

@@ -20,7 +20,7 @@ from tests.products.leaderboard.example_board import example_board, small_zoo, w
 pytestmark = pytest.mark.browser
 
 ENTRIES = 27
-NAMES = ("index", "ranking", "play", "try", "crossplay", "statistics", "compare", "submit")
+NAMES = ("index", "ranking", "play", "try", "crossplay", "compare", "submit")
 PAGES = (WATCHED, *(f"{name}.html" for name in NAMES))
 
 
@@ -505,7 +505,7 @@ def test_axe_finds_nothing_serious(visit, small_site, name):
     assert not violations(page, ("moderate", "minor"), runOnly={"type": "rule", "values": STRUCTURE})
     page.emulate_media(color_scheme="dark")  # the same but for its colours
     assert not violations(page, runOnly={"type": "rule", "values": ["color-contrast"]})
-    if name in ("crossplay.html", "statistics.html"):  # a large one scrolls
+    if name == "crossplay.html":  # a large one scrolls
         focus = {"type": "rule", "values": ["scrollable-region-focusable"]}
         assert not violations(visit(name), runOnly=focus)
 

@@ -13,7 +13,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.products.leaderboard.board import Board
 from fpg_bench.products.leaderboard.site import views
-from fpg_bench.products.leaderboard.site.entry_page import badge_file, badge_view, entry_view
+from fpg_bench.products.leaderboard.site.entry_page import badge_file, badge_text, entry_view
 from fpg_bench.products.leaderboard.site.mark import MARK, check_folder
 from fpg_bench.products.leaderboard.site.page_data import Policies, data_files
 from fpg_bench.products.leaderboard.site.replays import Replay, Replays, label_of
@@ -93,13 +93,12 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
         ("try.html", "try.html", {}),
         ("ranking.html", "ranking.html", {"tracks": tracks}),
         ("compare.html", "compare.html", {}),
-        ("statistics.html", "statistics.html", {"tracks": tracks}),
         ("submit.html", "submit.html", {}),
     ]
     scenarios = {scenario: views.crossplay_page(scenario) for scenario in SCENARIOS}
     for scenario, stem in scenarios.items():
-        view = views.crossplay_view(board, scenario)
-        choice: dict[str, object] = {"crossplay": view, "scenario": scenario, "scenarios": scenarios}
+        played = board.crossplay.get(scenario)
+        choice: dict[str, object] = {"crossplay": played, "scenario": scenario, "scenarios": scenarios}
         pages.append((f"{stem}.html", "crossplay.html", choice))
     for track in board.tracks:
         for entry in track.entries:
@@ -108,7 +107,9 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
                 "replays": replays.get((track.key, entry.slug), []),
             }
             pages.append((views.entry_page(track, entry), "entry.html", content))
-            pages.append((badge_file(track, entry), "badge.svg", {"badge": badge_view(track, entry)}))
+            pages.append(
+                (badge_file(track, entry), "badge.svg", {"track": track, "right": badge_text(track, entry)})
+            )
     environment = _environment(board, docs)
     return {
         name: environment.get_template(template).render(page=name, root="../" * name.count("/"), **content)

@@ -28,7 +28,6 @@ from fpg_bench.products.leaderboard.site.views import (
 from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
 
 _T = TypeVar("_T")
-_CHAR_PX = 6.6  # approximate width of a badge's letters
 _SPECIAL = re.compile(r"([&%$#_{}])")
 _HISTOGRAMS = {"ally": "Where the ally transmits", "jam": "Where the opponent jams"}
 
@@ -237,28 +236,15 @@ def _escaped(text: str) -> str:
     return _SPECIAL.sub(r"\\\1", " ".join(text.replace("\\", " ").split()))
 
 
-@dataclass(frozen=True)
-class BadgeView:
-    """A small picture for a README with an entry's rank and score; ``split`` and ``width`` in pixels."""
-
-    left: str
-    right: str
-    split: int
-    width: int
-    colour: str
-
-
 def badge_file(track: BoardTrack, entry: BoardEntry) -> str:
     """Return the file of an entry's badge in the site."""
     return f"badges/{track.key}/{entry.slug}.svg"
 
 
-def badge_view(track: BoardTrack, entry: BoardEntry) -> BadgeView:
-    """Return the view of an entry's badge."""
+def badge_text(track: BoardTrack, entry: BoardEntry) -> str:
+    """Return an entry's rank and score, for its badge."""
     figures = entry.figures
-    left = f"fpg-bench {track.key}"
-    right = f"score {NONE if figures is None else format_number(figures.score.value)}"
-    if figures is not None and figures.rank is not None:
-        right = f"rank {format_rank(figures.rank)} of {track.n_ranked}, {right}"
-    split, rest = (round(len(text) * _CHAR_PX) + 14 for text in (left, right))
-    return BadgeView(left, right, split, split + rest, "#00609a" if track.side == "ally" else "#ad4700")
+    score = f"score {NONE if figures is None else format_number(figures.score.value)}"
+    if figures is None or figures.rank is None:
+        return score
+    return f"rank {format_rank(figures.rank)} of {track.n_ranked}, {score}"

@@ -7,10 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from scipy.stats import rankdata
-
-from fpg_bench.evaluation.statistics import Interval, correlation_interval
+from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.products.leaderboard.exploited import RESPONSE, Effort
@@ -24,7 +21,6 @@ from fpg_bench.products.leaderboard.tracks import (
 )
 
 NONE = "–"
-_TINTS = 9  # of cells in heat maps
 FEW_SEEDS = "fewer than five training seeds of an algorithm: no rank"
 _LINK = re.compile(r"https://[A-Za-z0-9.-]+(:\d+)?(/[^\s\"'<>\\]*)?")
 
@@ -80,8 +76,6 @@ MEASURES = {
     "share_broadband": Measure("Broadband", "share", "time in which it jams a broad band"),
     "share_comb": Measure("Comb", "share", "time in which it jams a comb of tones"),
 }
-HOPS = "hop_rate"
-CORRELATED = ("outage", "jamming_success_rate", "overlap_ratio", "capacity_mbit_s", "delivered_share")
 MISSION = ("overlap_ratio", "jamming_success_rate")  # the two measures of the mission, right after each score
 
 
@@ -321,30 +315,6 @@ class RowView:
     warnings: list[str]
 
 
-def correlations(track: BoardTrack) -> list[tuple[Measure, Interval, Interval]]:
-    """Return Spearman's correlations of measures with the score over the ranked allies, with intervals.
-
-    The second number is the partial correlation at equal rates of hops.
-    """
-    ranked = [figures for _, figures in track.verified() if figures.rank is not None]
-    columns = {"score": [figures.score.value for figures in ranked]}
-    for name in (HOPS, *CORRELATED):
-        values = [value for figures in ranked if (value := figures.measures.get(name)) is not None]
-        columns |= {name: values} if len(values) == len(ranked) else {}
-    if track.side != "ally" or HOPS not in columns or min(len(set(of)) for of in columns.values()) < 4:
-        return []
-    rho = np.corrcoef([rankdata(of) for of in columns.values()])
-    score, hops = rho[0], rho[1]
-    partial = (score - score[1] * hops) / np.sqrt((1 - score[1] ** 2) * np.maximum(1 - hops**2, 1e-9))
-    rows = zip(columns, score.tolist(), partial.tolist(), strict=True)
-    found = [row for row in rows if row[0] not in ("score", HOPS)] + [(HOPS, float(score[1]), math.nan)]
-    count = len(ranked)
-    return [
-        (MEASURES[name], correlation_interval(plain, count, 0), correlation_interval(held, count, 1))
-        for name, plain, held in found
-    ]
-
-
 @dataclass(frozen=True)
 class AttackerView:
     """An attacker: the entries that its responses answer, and those that nobody else brought lower."""
@@ -371,16 +341,14 @@ def attacker_views(track: BoardTrack) -> list[AttackerView]:
 
 @dataclass(frozen=True)
 class TrackView:
-    """A track's table and heat map.
+    """A track's table.
 
     Attributes:
         ranking: the suite that ranks it.
         mission: presentations of the two measures of the mission by name, as far as they were measured.
-        heat_suites: suites of the heat map; ``heat_rows`` have a score and a tint, 0 to 8, per rival.
         leaders: names of the entries that may be best, the first one first.
         unbroken: entries that have responses, by their lowest known return.
         attackers: who answered them, by the number of entries that nobody brought lower.
-        correlations: of measures with the score; see :func:`correlations`.
         notes: what a reader may stumble over.
     """
 
@@ -394,12 +362,9 @@ class TrackView:
     has_improvement: bool
     mission: dict[str, Measure]
     rows: list[RowView]
-    heat_suites: list[BoardSuite]
-    heat_rows: list[tuple[RowView, list[tuple[float, int] | None]]]
     leaders: list[str]
     unbroken: list[RowView]
     attackers: list[AttackerView]
-    correlations: list[tuple[Measure, Interval, Interval]]
     notes: list[str]
 
 
@@ -408,16 +373,6 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
     verified = list(track.verified())
     measured = {name for _, figures in verified for name in figures.measures}
     rows = [row_view(board, track, entry) for entry in track.entries]
-    heat_suites = ordered_suites(track, without=(SHIFTED, RESPONSES))
-    top = max(
-        [100.0]
-        + [
-            score.value
-            for _, figures in verified
-            for suite in heat_suites
-            for score in figures.by_rival.get(suite.role, {}).values()
-        ]
-    )
     return TrackView(
         track=track,
         ranking=next(suite for suite in track.suites if suite.role == track.ranked_by),
@@ -432,10 +387,6 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
         has_improvement=any(figures.improvement is not None for _, figures in verified),
         mission={name: MEASURES[name] for name in MISSION if name in measured},
         rows=rows,
-        heat_suites=heat_suites,
-        heat_rows=[
-            (row, _heat_cells(row.figures, heat_suites, top)) for row in rows if row.figures is not None
-        ],
         leaders=[entry.name for entry, figures in verified if figures.may_be_best],
         unbroken=sorted(
             (row for row in rows if row.exploited is not None and row.exploited.n_responses),
@@ -443,7 +394,6 @@ def track_view(board: Board, track: BoardTrack) -> TrackView:
             reverse=True,
         ),
         attackers=attacker_views(track),
-        correlations=correlations(track),
         notes=[*_track_notes(board, track)],
     )
 
@@ -480,38 +430,6 @@ def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
         shifted=scores.get(SHIFTED),
         exploited=None if figures is None else exploited_view(board, track, figures),
         warnings=warnings(figures),
-    )
-
-
-def _heat_cells(figures: Figures, suites: Iterable[BoardSuite], top: float) -> list[tuple[float, int] | None]:
-    """Return the score against each rival with its tint; None where it has not played the suite."""
-    cells: list[tuple[float, int] | None] = []
-    for suite in suites:
-        scores = figures.by_rival.get(suite.role, {})
-        for rival in suite.rivals:
-            value = scores[rival].value if rival in scores else None
-            tint = 0 if value is None else max(0, min(_TINTS - 1, int(value / top * _TINTS)))
-            cells.append(None if value is None else (value, tint))
-    return cells
-
-
-@dataclass(frozen=True)
-class CrossPlayView:
-    """Names that a page of cross-play mentions: who is missing, and who is shown as the same player."""
-
-    missing: list[str]
-    same_player: list[tuple[str, str]]
-
-
-def crossplay_view(board: Board, scenario: str) -> CrossPlayView | None:
-    """Return the view of a scenario's cross-play; None where it has not been played."""
-    crossplay = board.crossplay.get(scenario)
-    if crossplay is None:
-        return None
-    names = {side: board.names(side) for side in SIDES}
-    return CrossPlayView(
-        [names[side][slug] for side in SIDES for slug in crossplay.missing[side]],
-        [(names["opponent"][one], names["opponent"][other]) for one, other in crossplay.same_player.items()],
     )
 
 
