@@ -1,31 +1,27 @@
 """Agents on the Hugging Face Hub: their names, ``hf://owner/name@revision``, and their download.
 
-Only ``agent.json`` and ``policy.onnx`` are downloaded, and both are data. They are received into memory, with
-bounds and one deadline, and kept under names that no server chooses. The client library ``huggingface_hub``
-(extra ``hub``) finds the Hub, connects to it and uploads; the token comes from ``HF_TOKEN`` alone.
+Only ``agent.json`` and ``policy.onnx`` are downloaded, and both are data; their sizes are checked before a
+byte of them is loaded. The client library ``huggingface_hub`` (extra ``hub``) downloads into its own cache
+and uploads; the token comes from ``HF_TOKEN`` alone.
 """
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import functools
 import hashlib
 import logging
 import os
 import re
-import threading
-from collections.abc import Coroutine, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
-from urllib.parse import quote
+from typing import TYPE_CHECKING
 
 from fpg_bench.common.errors import UserError, first_line, printable
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.imports import HUB
-from fpg_bench.common.strict_json import read_object
 from fpg_bench.products.sandbox.client import AGENT_FILES
 from fpg_bench.version import __version__
 
@@ -39,14 +35,10 @@ PUSHED_FILES = (
 )
 _NAME = re.compile(rf"{HUB}([\w.-]+/[\w.-]+)(?:@(\S+))?")
 _COMMIT = re.compile(r"[0-9a-f]{40}")
-TIMEOUT_S = 10  # of the first request of an upload
-DEADLINE_S = 60  # of a download, from the first request to the last byte
-LONGEST_LISTING = 1_000_000  # bytes of the list of a repository's files
+TIMEOUT_S = 10  # of a request that transfers no file
 _SHORTEST_SECRET = 8
 _MOST_NAMED = 3  # of ignored files
 _logger = logging.getLogger(__name__)
-Spec = TypeVar("Spec")
-_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -123,7 +115,7 @@ def client() -> HfApi:
 
 
 def download(name: str) -> Snapshot:
-    """Download the two files of an agent into the cache, where they may lie already.
+    """Download the two files of an agent into the Hub's cache, where they may lie already.
 
     A commit that is there needs no network. A branch or tag is looked up each time; a warning says if it has
     moved since it was last downloaded.
@@ -133,119 +125,37 @@ def download(name: str) -> Snapshot:
 
     Raises:
         UserError: no such repository, revision or agent, no right to read it, a file that is too large, or a
-            Hub that cannot be reached, does not end or answers otherwise than a Hub.
+            Hub that cannot be reached.
         OSError: the cache cannot be written.
     """
     repository, revision = split_name(name)
     api = client()
-    token = api.token if isinstance(api.token, str) else None
-    from huggingface_hub import constants
-    from huggingface_hub.utils import validate_repo_id  # type: ignore[attr-defined]
+    from huggingface_hub import constants, try_to_load_from_cache
 
     with hub_errors(name):
-        validate_repo_id(repository)
-        home = Path(constants.HF_HOME) / "fpg-bench" / repository.replace("/", "--")
-        latest = home / f"revision-{hashlib.sha256(revision.encode()).hexdigest()[:16]}"
-        is_commit = _COMMIT.fullmatch(revision) is not None
-        if is_commit and all((home / revision / file).is_file() for file in AGENT_FILES):
-            return Snapshot(repository, revision, revision, home / revision)
-        commit, files = _finish(_receive(name, token), DEADLINE_S)
-        for file, data in files.items():
-            write_whole(home / commit / file, data)
+        there = [try_to_load_from_cache(repository, file, revision=revision) for file in AGENT_FILES]
+        if _COMMIT.fullmatch(revision) and all(isinstance(each, str) for each in there):
+            return Snapshot(repository, revision, revision, Path(str(there[0])).parent)
+        found = api.model_info(repository, revision=revision, files_metadata=True, timeout=TIMEOUT_S)
+        commit = str(found.sha)
+        if _COMMIT.fullmatch(revision) and commit != revision:
+            raise UserError(f"{name}: {constants.ENDPOINT} answers with another commit, {commit:.40}")
+        _check_files(name, {each.rfilename: each.size for each in found.siblings or ()})
+        files = [
+            api.hf_hub_download(repository, file, revision=commit, etag_timeout=TIMEOUT_S)
+            for file in AGENT_FILES
+        ]
+    home = Path(constants.HF_HOME) / "fpg-bench" / repository.replace("/", "--")
+    latest = home / f"revision-{hashlib.sha256(revision.encode()).hexdigest()[:16]}"
     last = latest.read_text() if latest.is_file() else commit
     if last != commit:
         _logger.warning(
             f"{HUB}{repository}: {revision} has moved from commit {last:.40} to {commit} "
             "since it was last downloaded"
         )
-    if not is_commit:
+    if commit != revision:
         write_whole(latest, commit)
-    return Snapshot(repository, revision, commit, home / commit)
-
-
-def _finish(work: Coroutine[Any, Any, _Result], deadline_s: float) -> _Result:
-    """Run a coroutine in a thread, as a notebook's event loop may run in this one; raises what it raises."""
-    done: list[_Result | BaseException] = []
-
-    def run() -> None:
-        try:
-            done.append(asyncio.run(asyncio.wait_for(work, deadline_s)))
-        except BaseException as error:  # handed over to the caller
-            done.append(error)
-
-    thread = threading.Thread(target=run, name="fpg-bench-hub", daemon=True)
-    thread.start()
-    thread.join()
-    (result,) = done
-    if isinstance(result, TimeoutError):
-        raise ConnectionError(f"timed out after {deadline_s:g} s")
-    if isinstance(result, BaseException):
-        raise result
-    return result
-
-
-async def _receive(name: str, token: str | None) -> tuple[str, dict[str, bytes]]:
-    """Return the commit of an agent's name, and its files; raises as :func:`download` does."""
-    from huggingface_hub import constants, get_async_session
-
-    repository, revision = split_name(name)
-    api = f"{constants.ENDPOINT}/api/models/{repository}/revision/{quote(revision, safe='')}?blobs=true"
-    async with get_async_session() as session:
-        # Without the library's hook for responses, which reads the whole body of an error
-        session.event_hooks = {"request": session.event_hooks["request"]}
-        try:
-            listing = read_object(
-                await _get(session, name, "the list of its files", api, LONGEST_LISTING, token)
-            )
-            commit = listing["sha"]
-            sizes = {each["rfilename"]: each.get("size") for each in listing.get("siblings") or ()}
-            is_sound = all(
-                isinstance(file, str) and type(size) in (int, type(None)) for file, size in sizes.items()
-            )
-            if not (isinstance(commit, str) and _COMMIT.fullmatch(commit) and is_sound):
-                raise ValueError
-        except UserError:
-            raise
-        except (ValueError, TypeError, KeyError, AttributeError):
-            raise UserError(
-                f"{name}: {constants.ENDPOINT} does not answer as a Hub does (HF_ENDPOINT)"
-            ) from None
-        if _COMMIT.fullmatch(revision) and commit != revision:
-            raise UserError(f"{name}: {constants.ENDPOINT} answers with another commit, {commit}")
-        _check_files(name, sizes)
-        files = {}
-        for file, most in AGENT_FILES.items():
-            url = f"{constants.ENDPOINT}/{repository}/resolve/{commit}/{file}"
-            files[file] = data = await _get(session, name, file, url, most, token)
-            if sizes[file] not in (None, len(data)):
-                raise ConnectionError(f"{file} has {len(data):,} bytes of {sizes[file]:,}")
-            if token and token.encode() in data:
-                raise UserError(f"{name}: {file} holds your HF_TOKEN; nothing of it is kept")
-    return commit, files
-
-
-async def _get(session: Any, name: str, what: str, url: str, most: int, token: str | None) -> bytes:
-    """Return at most so many bytes of a response, which are not unpacked.
-
-    Another host that the Hub leads to is not sent the token.
-    """
-    from huggingface_hub.utils import hf_raise_for_status  # type: ignore[attr-defined]
-
-    headers = {"accept-encoding": "identity"} | ({"authorization": f"Bearer {token}"} if token else {})
-    data = bytearray()
-    async with session.stream("GET", url, headers=headers, follow_redirects=True, timeout=None) as response:
-        async for part in response.aiter_raw():
-            data += part
-            if len(data) > most and response.status_code < 300:
-                raise UserError(f"{name}: {what} holds more than {most:,} bytes, which are allowed")
-            if len(data) > most:
-                break
-        kept = {key: value for key, value in response.headers.items() if key.startswith("x-error-")}
-        short = type(response)(
-            response.status_code, headers=kept, content=bytes(data[:most]), request=response.request
-        )
-    hf_raise_for_status(short)
-    return bytes(short.content)
+    return Snapshot(repository, revision, commit, Path(files[0]).parent)
 
 
 def _check_files(name: str, sizes: Mapping[str, int | None]) -> None:
@@ -314,6 +224,8 @@ def hub_errors(where: str) -> Iterator[None]:
         if isinstance(error, OSError) and error.errno is not None:
             raise
         raise UserError(f"{where}: {redact(first_line(error.__cause__ or error)):.300}") from None
+    except (TypeError, KeyError, AttributeError):  # of the library where it reads an answer
+        raise UserError(f"{where}: {hub} does not answer as a Hub does (HF_ENDPOINT)") from None
     finally:
         logger.setLevel(level)
         if shows_bars:

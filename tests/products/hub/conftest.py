@@ -14,7 +14,8 @@ def point_at(url, cache, patch):
     patch.setattr(constants, "HUGGINGFACE_CO_URL_TEMPLATE", url + "/{repo_id}/resolve/{revision}/{filename}")
     patch.setattr(constants, "HF_HOME", str(cache))
     patch.setattr(constants, "HF_HUB_CACHE", str(cache / "hub"))
-    patch.setattr(constants, "AGENT_HARNESSES_PATH", str(cache / "harnesses.json"), raising=False)
+    registry = "huggingface_hub.utils._detect_agent._registry"  # else it asks the server for one
+    patch.setattr(registry, {"standardEnvVars": [], "harnesses": {}}, raising=False)
     patch.setattr(constants, "HF_HUB_DISABLE_XET", True)
     resolve.cache_clear()
 

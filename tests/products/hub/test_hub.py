@@ -329,7 +329,7 @@ def test_without_a_hub_a_commit_plays_from_the_cache_and_all_else_is_one_line(
 
 
 def test_a_server_that_never_answers(hub, tmp_path, monkeypatch):
-    monkeypatch.setattr(names, "DEADLINE_S", 0.2)
+    monkeypatch.setattr(names, "TIMEOUT_S", 0.2)
     monkeypatch.setattr(uploads, "TIMEOUT_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         point_at(f"http://127.0.0.1:{silent.getsockname()[1]}", tmp_path / "cache", monkeypatch)
