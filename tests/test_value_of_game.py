@@ -78,12 +78,11 @@ def test_the_script_keeps_a_finished_search_and_writes_page_and_picture(tmp_path
         "confirmed": {"0": 2.5},
     }
     (search / "search.json").write_text(json.dumps(about))
-    words = [page, "--agents", tmp_path / "none", "--search", f"bold={search}"]
+    words = page, [f"bold={search}"], tmp_path / "none"
     monkeypatch.setattr(value_of_game, "load_entries", lambda board: board)
     monkeypatch.setattr(value_of_game, "make_board", lambda board: BOARD)
-    monkeypatch.setattr("sys.argv", ["value_of_game", *map(str, words)])
-    value_of_game.main()
-    value_of_game.main()
+    value_of_game.main(*words)
+    value_of_game.main(*words)
     (kept,) = RowFile(tmp_path / "searches.jsonl").read()
     assert (kept["search"], kept["scenario"], kept["seed"], kept["confirmed"]) == ("bold", "link", 4, 2.5)
     text = page.read_text()
@@ -94,4 +93,4 @@ def test_the_script_keeps_a_finished_search_and_writes_page_and_picture(tmp_path
     assert "prefers-color-scheme:dark" in (tmp_path / "value.svg").read_text()
     (search / "search.json").write_text("{}")
     with pytest.raises(UserError, match="the search is not finished"):
-        value_of_game.main()
+        value_of_game.main(*words)

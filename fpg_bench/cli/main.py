@@ -39,6 +39,7 @@ _REMOVED = {  # verbs and options of earlier versions, and what does their work 
     "plan replay": "play --planner llm --transcript FILE",
     "fictitious-self-play": "double-oracle or tabular-self-play",
     "play --overwrite": "another --out",
+    "hub push --benchmark": "the scores in the model card",
 }
 
 

@@ -26,9 +26,8 @@ from fpg_bench.game.recording import Recording
 from fpg_bench.players.agent import agent_folder, load_agent
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Player
-from fpg_bench.products.hub.card import model_card, results_yaml
+from fpg_bench.products.hub.card import model_card
 from fpg_bench.products.hub.download import (
-    EVAL_RESULTS,
     PUSHED_FILES,
     TIMEOUT_S,
     client,
@@ -48,7 +47,6 @@ def push(
     private: bool = False,
     revision: str | None = None,
     results: Path | None = None,
-    benchmark: str | None = None,
 ) -> str:
     """Upload an agent in one commit, and create its repository if there is none.
 
@@ -61,7 +59,6 @@ def push(
         revision: the branch, which is created if there is none; None: ``main``.
         results: a results folder with records of this agent; None: ``results`` in the run's folder, and of a
             shipped agent its own records.
-        benchmark: ``owner/name`` of a benchmark's data set on the Hub, which shows the agent's scores then.
 
     Returns:
         The player's name of the uploaded agent, with its commit.
@@ -71,15 +68,13 @@ def push(
             no token, no right, or a Hub that cannot be reached.
     """
     name = hub_name(repository, revision)
-    if benchmark is not None:
-        benchmark, _ = split_name(hub_name(benchmark))
     repository, branch = split_name(name)
     api = client()
     if not api.token:
         raise UserError(
             "hub push: set HF_TOKEN to a token with write access (huggingface.co/settings/tokens)"
         )
-    files = agent_files(source, repository, results, benchmark)
+    files = agent_files(source, repository, results)
     from huggingface_hub import CommitOperationAdd, CommitOperationDelete
     from huggingface_hub.errors import RepositoryNotFoundError
 
@@ -107,9 +102,7 @@ def push(
     return hub_name(repository, commit.oid)
 
 
-def agent_files(
-    source: str, repository: str, results: Path | None = None, benchmark: str | None = None
-) -> dict[str, bytes]:
+def agent_files(source: str, repository: str, results: Path | None = None) -> dict[str, bytes]:
     """Return the files of an agent's repository, by name; arguments and errors as in :func:`push`."""
     run = _run_of(Path(source))
     inside = Path(source) / "agent"
@@ -133,8 +126,6 @@ def agent_files(
         dataclasses.replace(each, training=training) for suite, of in records for each in summarise(of, suite)
     ]
     files["README.md"] = model_card(card, repository, suite.name, summaries, files).encode()
-    if benchmark is not None and summaries:
-        files[EVAL_RESULTS] = results_yaml(benchmark, repository, summaries).encode()
     return files
 
 

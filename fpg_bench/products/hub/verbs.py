@@ -33,10 +33,6 @@ def push(
             help="Folder of the agent's results. Default: RUN/results, or the records of a shipped agent."
         ),
     ] = None,
-    benchmark: Annotated[
-        str | None,
-        typer.Option(help="A benchmark's data set on the Hub, owner/name, which then shows the scores."),
-    ] = None,
 ) -> None:
     """Upload an agent with its records, a model card and a replay; HF_TOKEN holds the token.
 
@@ -46,9 +42,7 @@ def push(
     require_extra("evaluate", "onnx", "scipy", "matplotlib", "joblib")
     from fpg_bench.products.hub.push import push as push_agent
 
-    name = push_agent(
-        source, repository, private=private, revision=revision, results=results, benchmark=benchmark
-    )
+    name = push_agent(source, repository, private=private, revision=revision, results=results)
     print_line(f"pushed: {name}")
 
 

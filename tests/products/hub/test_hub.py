@@ -22,7 +22,6 @@ from fpg_bench.products.hub import download as names
 from fpg_bench.products.hub import pull
 from fpg_bench.products.hub import push as uploads
 from fpg_bench.products.hub.download import client, resolve
-from fpg_bench.products.leaderboard.site.dataset import benchmark_yaml
 from fpg_bench.products.sandbox import process
 from fpg_bench.products.sandbox.agent import SandboxedAgent
 from fpg_bench.training.config import RunConfig
@@ -30,7 +29,6 @@ from tests.logged import logged
 from tests.policies import policy, through, write_seed
 from tests.products.hub.conftest import point_at
 from tests.products.hub.hub_server import READER, TOKEN
-from tests.products.leaderboard.example_board import example_board
 from tests.programs import fpg
 from tests.training.tiny import settings, train
 
@@ -102,7 +100,6 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert {"reinforcement-learning", "fpg-bench", "FPG/AllyVsScripted-v0"} <= set(head["tags"])
     assert head["model_name"] == "mine"
     assert "model-index" not in head
-    assert ".eval_results/fpg-bench.yaml" not in files
     assert "| 47.2 | [45.5, 48.8]" in text
     about = json.loads(files["agent.json"])
     assert about["command"] in text
@@ -113,27 +110,6 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert files["replay.html"].startswith(b"<!DOCTYPE html>")
     assert "curve.png" not in files
     assert TOKEN.encode() not in b"".join(files.values())
-
-
-def test_scores_are_written_as_the_hub_reads_them_for_tasks_of_the_benchmark(hub):
-    forms = pytest.importorskip("huggingface_hub._eval_results", reason="an older client")
-    run("push", SHIPPED, "me/mine", "--benchmark", "fpg/fpg-bench")
-    found = yaml.safe_load(hub.repositories["me/mine"].files()[".eval_results/fpg-bench.yaml"])
-    entries = forms.parse_eval_result_entries(found)
-    assert forms.eval_result_entries_to_yaml(entries) == found  # the Hub's own client knows each field
-    values = {entry.task_id: entry.value for entry in entries}
-    assert values.keys() == {"ally-v2", "ally-season-4"}
-    first = next(entry for entry in entries if entry.value == 47.2)
-    assert (first.dataset_id, first.source_url) == ("fpg/fpg-bench", "https://huggingface.co/me/mine")
-    assert first.notes.startswith("95 % interval [45.5, 48.8] over matches; 6.73 per step [")
-    about = yaml.safe_load(benchmark_yaml(example_board(1)))
-    assert list(about) == ["name", "description", "evaluation_framework", "tasks"]
-    assert all(list(task) == ["id", "config", "split"] for task in about["tasks"])
-    assert values.keys() <= {task["id"] for task in about["tasks"]}
-    run("push", SHIPPED, "me/mine")
-    assert ".eval_results/fpg-bench.yaml" not in hub.repositories["me/mine"].files()
-    with pytest.raises(UserError, match="hf://fpg"):
-        run("push", SHIPPED, "me/mine", "--benchmark", "fpg")
 
 
 def test_the_model_card_says_which_data_set_an_agent_learned_from(hub, tmp_path):

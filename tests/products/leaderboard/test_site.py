@@ -145,11 +145,11 @@ def columns(site, kind='[^"]*'):
 def test_tables_have_columns_for_what_was_played(site, tmp_path):
     mission = ["Overlap ratio", "Jamming success rate"]
     shown = ["Entry", "Score", "From the leader", "May be best", "If trained again", *mission, "Lowest known"]
-    extra = ["Public", "Gap", "Shifted", "Return per step"]
-    assert columns(site) == [*shown, "95 % interval", *extra]
-    assert columns(site, "num extra") == ["95 % interval", *extra]
+    extra = ["95 % interval", "Rank", "Public", "Gap", "Shifted", "Return per step"]
+    assert columns(site) == [*shown, *extra]
+    assert columns(site, "num extra") == extra
     build_site(example_board(3, season=None), tmp_path)
-    assert columns(tmp_path) == [*shown, "95 % interval", "Return per step"]
+    assert columns(tmp_path) == [*shown, "95 % interval", "Rank", "Return per step"]
     assert "No season is closed yet" in (tmp_path / "ranking.html").read_text()
     assert "no season closed yet" in (tmp_path / "compare.html").read_text()
     unchanged = (tmp_path / "submit.html").stat().st_mtime_ns

@@ -360,11 +360,9 @@ def test_an_invalid_champion_is_refused_in_one_line(tmp_path):
         assert "\n" not in str(caught.value)
 
 
-def test_a_champion_of_an_earlier_revision_is_trained_there(tmp_path, monkeypatch):
+def test_a_champion_of_an_earlier_revision_is_trained_there(tmp_path):
     file = tmp_path / "champions.yml"
     file.write_text("old: abc1234\n")
-    words = ["train_champions.py", "--only", "old", "--file", str(file), "--runs", str(tmp_path / "runs")]
-    monkeypatch.setattr("sys.argv", words)
     with pytest.raises(UserError, match="old is trained at revision abc1234; check it out and run this"):
-        train_champions.main()
+        train_champions.main("old", file=file, runs=tmp_path / "runs")
     assert not (tmp_path / "runs").exists()

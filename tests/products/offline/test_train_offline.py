@@ -3,7 +3,6 @@
 import hashlib
 import json
 import re
-import sys
 
 import pytest
 import train_offline as script
@@ -22,16 +21,18 @@ def here(tmp_path, monkeypatch):
         "TRANSITIONS": 900,
     }.items():
         monkeypatch.setattr(script, name, value)
-    words = ["--seeds", "0-2", "--steps", "20", "--datasets", tmp_path / "data", "--runs", tmp_path / "runs"]
-    monkeypatch.setattr(sys, "argv", ["train_offline", *map(str, words)])
     return tmp_path
+
+
+def run(folder):
+    script.main("0-2", 20, folder / "data", folder / "runs")
 
 
 @pytest.mark.full
 @pytest.mark.slow
 def test_agents_are_trained_and_scored_once_and_stand_in_the_table(here, monkeypatch):
     monkeypatch.setattr(script, "ENOUGH_SEEDS", 3)
-    assert script.main() == 0
+    run(here)
     rows = [json.loads(line) for line in (here / "scores.jsonl").read_text().splitlines()]
     found = [(row["algorithm"], row["training_seed"]) for row in rows]
     assert found == [("behaviour", None), ("bc", 0), ("bc", 1), ("bc", 2)]
@@ -47,16 +48,16 @@ def test_agents_are_trained_and_scored_once_and_stand_in_the_table(here, monkeyp
     assert f"| {script.number(rows[0]['score'])} | {mean:.1f} [" in line
     assert "old" not in text
     few = " {}, {} |".format(*(script.number(row["score"]) for row in rows[1:3]))
-    assert few in script.table(rows[:3])
+    assert few in script.score_table(rows[:3])
     monkeypatch.setattr(script, "train", None)
     monkeypatch.setattr(script, "play", None)
-    assert script.main() == 0  # nothing is repeated
+    run(here)  # nothing is repeated
 
 
 @pytest.mark.slow
 def test_the_table_of_the_guide_is_that_of_the_rows():
     rows = RowFile(script.ROWS).read()
     table = script.PAGE.read_text().split("<!-- scores -->")[1].split("<!-- end -->")[0]
-    assert table.strip() == script.table(rows).strip()
+    assert table.strip() == script.score_table(rows).strip()
     trained = [row for row in rows if row["algorithm"] != script.BEHAVIOUR]
     assert all(re.fullmatch(r"[0-9a-f]{64}", row["policy_sha256"]) for row in trained)

@@ -1,13 +1,10 @@
-"""The board's results as a data set: all scores as CSV, and the Hub's description of a benchmark."""
+"""The board's results as a data set: all scores and responses as CSV."""
 
 from __future__ import annotations
 
 import math
 
-import yaml
-
 from fpg_bench.common.output import csv_text
-from fpg_bench.evaluation.suite import suite_names
 from fpg_bench.products.leaderboard.board import Board
 
 _COLUMNS = (
@@ -21,28 +18,8 @@ _ATTACK_COLUMNS = (
 
 
 def dataset_files(board: Board) -> dict[str, str]:
-    """Return a board's ``scores.csv``, ``unbroken.csv``, and ``eval.yaml`` for the Hub."""
-    return {
-        "scores.csv": scores_csv(board),
-        "unbroken.csv": unbroken_csv(board),
-        "eval.yaml": benchmark_yaml(board),
-    }
-
-
-def benchmark_yaml(board: Board) -> str:
-    """Return what makes a data set of the Hub a benchmark: a task for each suite, those of a season included.
-
-    The Hub's form: https://huggingface.co/docs/hub/eval-results. The data set is ``scores.csv``.
-    """
-    names = {*suite_names(), *(suite.name for track in board.tracks for suite in track.suites)}
-    content = {
-        "name": "fpg-bench",
-        "description": "Anti-jamming communication of UAVs: agents that keep a radio link by hopping and "
-        "spreading, and agents that jam it. The score of a suite is 0 for random play and 100 for a bound.",
-        "evaluation_framework": "fpg-bench",
-        "tasks": [{"id": task, "config": "default", "split": "train"} for task in sorted(names)],
-    }
-    return yaml.safe_dump(content, sort_keys=False)
+    """Return a board's ``scores.csv`` and ``unbroken.csv``."""
+    return {"scores.csv": scores_csv(board), "unbroken.csv": unbroken_csv(board)}
 
 
 def scores_csv(board: Board) -> str:
