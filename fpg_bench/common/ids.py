@@ -114,7 +114,8 @@ TACTICS = {
     "ally": ("sulk", "by-type"),
     "opponent": ("scan", "alternate", "guard", "herd"),
 }  # with constants to change
-LATER_TACTICS = {"ally": ("evidence", "clock", "range"), "opponent": ("hunter",)}  # newer than all-scripted
+# Newer than all-scripted.
+LATER_TACTICS = {"ally": ("evidence", "clock", "range"), "opponent": ("hunter", "split")}
 ALL_TACTICS = {side: (*TACTICS[side], *LATER_TACTICS[side]) for side in TACTICS}
 # What all-scripted stands for, and what searches and self-play begin with: frozen, as results name them.
 SCRIPTED = {"ally": (*ALLIES, *TACTICS["ally"]), "opponent": (*OPPONENTS, *TACTICS["opponent"])}

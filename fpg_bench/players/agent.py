@@ -67,27 +67,31 @@ class OnnxPlayer(SeededPolicy):
     """
 
     def __init__(self, model: bytes, card: AgentCard | None = None, size: int | None = None) -> None:
-        import onnxruntime
-
         self.model, self.card = model, card
         self.size = size or observation_size(None if card is None else card.game)
         if card is not None and isinstance(card.game, OtherGame):
             self.sees, self.skills = card.game.sees, card.skills
-        read = _read(model) if has("onnx") else model
+        inputs, outputs = self._open(_read(model) if has("onnx") else model)
+        check_signature(inputs, outputs, self.size)
+
+    def _open(self, model: bytes) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
+        """Open a session; returns the shapes of its inputs and outputs."""
+        import onnxruntime
+
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4
         options.add_session_config_entry("session.load_model_format", "ONNX")  # no bytes choose another
         try:
-            self._session = onnxruntime.InferenceSession(read, options, providers=["CPUExecutionProvider"])
+            self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime raises many kinds, none documented
             raise UserError(f"policy.onnx: onnxruntime cannot read it: {first_line(error)}") from error
         inputs = {i.name: i.shape for i in self._session.get_inputs()}
         outputs = {o.name: o.shape for o in self._session.get_outputs()}
-        check_signature(inputs, outputs, self.size)
         self.state_size = inputs["state"][1] if "state" in inputs else 0
         self.noise_size = inputs["noise"][1] if "noise" in inputs else 0
         self._outputs = ["action", "next_state"] if self.state_size else ["action"]
+        return inputs, outputs
 
     def _answer(self, seen: np.ndarray, state: Memory, starts: np.ndarray | None) -> Prediction:
         count = len(seen)

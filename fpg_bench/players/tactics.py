@@ -49,7 +49,7 @@ from fpg_bench.players.scripted import (
 from fpg_bench.players.seeded import SeededPolicy, fresh_memory
 
 SULK, BY_TYPE, EVIDENCE, CLOCK, RANGE = range(len(ALL_TACTICS["ally"]))
-SCAN, ALTERNATE, GUARD, HERD, HUNTER = range(len(ALL_TACTICS["opponent"]))
+SCAN, ALTERNATE, GUARD, HERD, HUNTER, SPLIT = range(len(ALL_TACTICS["opponent"]))
 SPRINT_M, CRUISE_M_S = 250.0, 10.0  # of an ally that keeps its range
 
 ALLY_MEMORY = np.dtype(
@@ -69,6 +69,8 @@ OPPONENT_MEMORY = np.dtype(
         ("step", "i8"),
         ("moves", "i8"),  # how often a check found the ally elsewhere than it was jammed
         ("since", "i8"),  # steps since a check last found the ally
+        ("known", "f8"),  # where it was found, as it is seen
+        ("is_elsewhere", "?"),  # whether that was elsewhere than the time before
     ]
 )
 
@@ -117,12 +119,6 @@ def constants(name: str, scenario: Scenario) -> dict[str, Constant]:
             "beside_mhz": Constant(14, -50, 50),
             "points": Constant(3, 1, 15, True),
         },
-        "herd": {
-            "type": Constant(BROADBAND, 0, TYPES - 1, True),
-            "centres": centres,
-            "hold_s": hold,
-            "moves": Constant(2, 1, 20, True),
-        },
         "evidence": evidence,
         "clock": evidence
         | {
@@ -143,6 +139,8 @@ def constants(name: str, scenario: Scenario) -> dict[str, Constant]:
             "centres": centres,
         },
     }
+    known["herd"] = known["alternate"] | {"moves": Constant(2, 1, 20, True)}
+    known["split"] = known["hunter"] | {"hold_s": hold}
     return known[name]
 
 
@@ -285,6 +283,9 @@ def play_opponent(
         if checked and seen[JAM_TYPE : JAM_TYPE + TYPES].any() and seen[JAM_CENTRE] != seen[KNOWN_FREQUENCY]:
             of.moves += 1
         of.since = 0 if checked else of.since + 1
+        if checked:
+            of.is_elsewhere = step > 0 and seen[KNOWN_FREQUENCY] != of.known
+            of.known = seen[KNOWN_FREQUENCY]
         tuning, in_band = 0.0, False
         if kind == GUARD and distance < constant[0]:
             turn = step % int(constant[2]) - (constant[2] - 1.0) / 2.0
@@ -293,9 +294,9 @@ def play_opponent(
             jamming_type, tuning = NARROWBAND, constant[1] / scales.tuning_span_mhz
         elif kind == HERD and of.moves < constant[3]:
             jamming_type = fitting_type(WATCHFUL, seen, distance, scales)
-        elif kind == HUNTER and of.since < constant[1]:
+        elif kind >= HUNTER and (of.since < constant[1] or (kind == SPLIT and not of.is_elsewhere)):
             jamming_type = int(constant[0])
-        elif kind == HUNTER:
+        elif kind >= HUNTER:
             turn = draws.integer(keys[i], step, draws.PLAYER_DRAW, int(constant[3]))
             jamming_type, in_band = int(constant[2]), True
             tuning = (2.0 * turn + 1.0) / constant[3] - 1.0

@@ -11,6 +11,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ALL_TACTICS, SCRIPTED
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD, preset
+from fpg_bench.game.sensing import KNOWN_FREQUENCY
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import SeededPolicy
@@ -136,8 +137,25 @@ def test_hunter_jams_a_known_point_narrowly_and_otherwise_a_random_half():
     assert {tuning for _, tuning, _ in jammed[2:]} == {-0.5, 0.5}
 
 
+def test_split_jams_halves_from_the_second_after_a_move_until_the_ally_stays():
+    """Checks find the ally at 0.5, elsewhere, elsewhere again, and then where it was."""
+    player, state, jammed = as_player("split", "opponent", STANDARD), None, []
+    player.reset(np.ones(1, bool), np.array([5], np.uint64))
+    finds = ((0, 0.5), (1, 0.5), (0, -0.2), (1, -0.2), (2, -0.2), (0, 0.4), (1, 0.4), (0, 0.4), (1, 0.4))
+    for age_s, known in finds:
+        seen = opponent_sees(age_s=age_s)
+        seen[0, KNOWN_FREQUENCY] = known
+        actions, state = player.predict(seen, state)
+        jammed.append((int(actions[0, :4].argmax()), float(actions[0, 4]), bool(actions[0, 5] > 0)))
+    narrow = (1, 0.0, False)
+    assert [each == narrow for each in jammed] == [True, True, True, False, False, True, False, True, True]
+    blind = [each for each in jammed if each != narrow]
+    assert {(kind, is_in_band) for kind, _, is_in_band in blind} == {(2, True)}
+    assert {tuning for _, tuning, _ in blind} <= {-0.5, 0.5}
+
+
 def test_the_new_scripts_are_not_part_of_all_scripted():
-    assert "hunter" not in SCRIPTED["opponent"]
+    assert not {"hunter", "split"} & set(SCRIPTED["opponent"])
     assert not {"evidence", "clock"} & set(SCRIPTED["ally"])
 
 

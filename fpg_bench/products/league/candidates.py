@@ -7,7 +7,6 @@ exported agent they are constants, so what was searched and what is exported are
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -17,9 +16,8 @@ from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.players.player import Memory, Player
-from fpg_bench.players.scripted import player_noise
-from fpg_bench.players.seeded import SeededPolicy
+from fpg_bench.players.agent import OnnxPlayer
+from fpg_bench.players.player import Player
 from fpg_bench.products.league.categorical import Play
 from fpg_bench.training.export import Graph, Value, rows_of
 
@@ -89,7 +87,7 @@ def away_m(seen: Value, scenario: Scenario) -> Value:
     return root * abs(root) * box
 
 
-class Candidates(SeededPolicy):
+class Candidates(OnnxPlayer):
     """Player of many candidates of a family; the batch is divided evenly among them, in their order.
 
     Args:
@@ -98,36 +96,16 @@ class Candidates(SeededPolicy):
     """
 
     def __init__(self, model: bytes, numbers: np.ndarray) -> None:
-        import onnxruntime
+        self.model, self.card, self.size = model, None, OBSERVATION_SIZE
+        self._open(model)
+        self._numbers = self._rows = np.ascontiguousarray(numbers, np.float32)
 
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = 4
-        self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-        self._size = next(i.shape[1] for i in self._session.get_inputs() if i.name == "state")
-        self._numbers = np.ascontiguousarray(numbers, np.float32)
-        self._rows = self._numbers
-
-    def _answer(
-        self, seen: np.ndarray, state: Memory, starts: np.ndarray | None
-    ) -> tuple[np.ndarray, Memory]:
-        count = len(seen)
-        if state is None:
-            memory, steps = np.zeros((count, self._size), np.float32), np.zeros(count, np.int64)
-        else:
-            memory, steps = state
-        if starts is not None and starts.any():
-            memory, steps = np.where(starts[:, None], np.float32(0), memory), np.where(starts, 0, steps)
+    def run(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
+        """Return the outputs of one call of the family, with each game's candidate."""
+        count = len(feeds["observation"])
         if len(self._rows) != count:
             self._rows = self._numbers[np.arange(count) * len(self._numbers) // count]
-        feeds: dict[str, Any] = {
-            "observation": np.ascontiguousarray(seen, np.float32),
-            "noise": player_noise(self.keys(count), steps),
-            "state": memory,
-            "numbers": self._rows,
-        }
-        actions, memory = self._session.run(["action", "next_state"], feeds)
-        return actions, (memory, steps + 1)
+        return super().run(feeds | {"numbers": self._rows})
 
 
 def earnings(

@@ -1,4 +1,4 @@
-"""Champions: agents that are meant to be hard to beat, which a double oracle or self-play finds."""
+"""Champions, which a double oracle or self-play makes hard to beat, and rules, which a search finds."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.players.agent import load_agent
-from fpg_bench.products.league.config import DoubleOracleConfig, TabularSelfPlayConfig
+from fpg_bench.products.league.config import DoubleOracleConfig, RuleSearchConfig, TabularSelfPlayConfig
 from fpg_bench.products.league.double_oracle import double_oracle
+from fpg_bench.products.league.rule_search import rule_search
 from fpg_bench.products.league.tabular_self_play import tabular_self_play
 
-Search = DoubleOracleConfig | TabularSelfPlayConfig
+Search = DoubleOracleConfig | RuleSearchConfig | TabularSelfPlayConfig
 SEARCHES: Mapping[str, tuple[type[Search], Callable[..., object]]] = {
     DoubleOracleConfig.verb: (DoubleOracleConfig, double_oracle),
+    RuleSearchConfig.verb: (RuleSearchConfig, rule_search),
     TabularSelfPlayConfig.verb: (TabularSelfPlayConfig, tabular_self_play),
 }
 
@@ -81,7 +83,8 @@ class Champion:
         """
         trained = load_agent(agent, self.config.side)
         assert trained.card is not None
-        update = {"command": command, "training_seed": seed, "recipe": self.recipe}
+        found = trained.card.recipe if self.config.algorithm == "rule" else None
+        update = {"command": command, "training_seed": seed, "recipe": self.recipe | (found or {})}
         trained.card.model_copy(update=update).write(folder, trained.model)
 
 

@@ -162,6 +162,7 @@ class RuleSearchConfig:
     """
 
     verb: ClassVar[str] = "rule-search"
+    algorithm: ClassVar[str] = "rule"
 
     side: str = "ally"
     against: str | Sequence[str] | None = None

@@ -43,7 +43,7 @@ class FoundRule(TypedDict):
     seconds: float
 
 
-def rule_search(config: RuleSearchConfig, out: str | Path) -> FoundRule:
+def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = True) -> FoundRule:
     """Search a rule of a side against a pool of rivals.
 
     The rows of a search depend on its seed alone, and its budget decides how many there are. A stopped call
@@ -53,6 +53,7 @@ def rule_search(config: RuleSearchConfig, out: str | Path) -> FoundRule:
         config: the side, the rivals and the goal.
         out: a folder for ``rules.jsonl``, a row per generation; ``agent``, the rule as an agent; and
             ``rule.json``, the settings and the result.
+        progress: log a line for each quarter of the budget.
 
     Returns:
         The content of ``rule.json``: ``rule``, the numbers; ``words``, the rule in words; ``earned``, what
@@ -90,7 +91,7 @@ def rule_search(config: RuleSearchConfig, out: str | Path) -> FoundRule:
             row, quarters = search.run(), 4 * seconds // config.budget
             seconds += row.seconds
             file.append([row.model_dump()])
-            if 4 * seconds // config.budget > quarters:
+            if progress and 4 * seconds // config.budget > quarters:
                 _logger.info(f"generation {row.generation}: {row.earned:.2f} per step; {seconds:.0f} CPU s")
         generations, earned = search.generation, row.earned
         best = search.simplify()
