@@ -4,9 +4,8 @@ python scripts/measure_payoffs.py [--matches 100] [--page docs/results/link.md]
 
 Pay-offs: scripts, the zoo's agents and the champions of the scenario meet in pursuit. The equilibrium is that
 of the zero-sum game whose pay-off is the ally's reward per step. Levers: the zoo's best agents among the
-unseen play their public suite with one of their choices replaced by a constant. Transfer: agents of
-``standard`` play these suites as they are. All on evaluation seeds. The equilibrium and the agents' levers
-are put into the page between their marks; pay-offs and transfer are CSV files beside it.
+unseen play their public suite with one of their choices replaced by a constant. All on evaluation seeds. The
+equilibrium and the levers are put into the page between their marks; the pay-offs are a CSV file beside it.
 """
 
 from __future__ import annotations
@@ -52,8 +51,6 @@ from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import Batched
 
 SCENARIO = "link"
-STANDARD = ("(ally|opponent)-discrete", "ally-population", "(ally|opponent)-scripted", "opponent-pursuit")
-BEST_SCRIPTS = {"ally": ["by-type"], "opponent": ["watchful"]}
 LEAST_SHARE = 0.01  # of a player that the table of the equilibrium names
 Values = dict[int, float]  # of the nine floats, by their index
 
@@ -179,20 +176,6 @@ def lever_table(
     return lines
 
 
-def transfer_table(suites: Mapping[str, Suite], agents: Mapping[str, Sequence[str]]) -> list[list[str]]:
-    """Return the scores of players on each side's suite, means over training seeds, below headings."""
-    lines = [["side", "player", "seeds", "reward per step", "score"]]
-    for side, suite in suites.items():
-        seeds: dict[str, list[float]] = {}
-        for name in agents[side]:
-            seeds.setdefault(name.partition("/seed_")[0], []).append(mean_reward(name, suite))
-        for name, values in sorted(seeds.items(), key=lambda item: -np.mean(item[1])):
-            count = str(len(values)) if "/" in name else "-"
-            value = float(np.mean(values))
-            lines.append([side, name, count, f"{value:.2f}", f"{suite.scale.score(value):z.1f}"])
-    return lines
-
-
 def agents_of(side: str, groups: str) -> list[str]:
     """Return the shipped agents of the zoo's groups of a side whose names match ``groups``."""
     return [
@@ -256,7 +239,6 @@ def main(
     champions = {side: champions_of(side, SCENARIO) for side in SIDES}
     shipped = [{name: name for name in (*SCRIPTS[side], *first[side], *champions[side])} for side in SIDES]
     added = [dict(word.split("=", 1) for word in words) for words in (ally, opponent)]
-    standard = {side: [*agents_of(side, "|".join(STANDARD)), *BEST_SCRIPTS[side], "random"] for side in SIDES}
     games = {"Shipped players": shipped}
     if any(added):
         games["With those that learned to beat them"] = [a | b for a, b in zip(shipped, added, strict=True)]
@@ -272,15 +254,10 @@ def main(
         "equilibrium": "\n\n".join(notes),
         "levers": f"The agents are {names}.\n\n{markdown_table(lever_table(scenario, suites, best))}",
     }
-    files = {
-        "payoffs": csv_text([["ally \\ opponent", *payoffs.rivals], *earned]),
-        "transfer": csv_text(transfer_table(suites, {side: [*standard[side], *own[side]] for side in SIDES})),
-    }
-    for title, text in (tables | files).items():
-        print(f"\n{title}\n\n{text}", flush=True)
+    text = csv_text([["ally \\ opponent", *payoffs.rivals], *earned])
+    print(*(f"{title}\n\n{of}\n" for title, of in {**tables, "payoffs": text}.items()), sep="\n")
     if page:
-        for title, text in files.items():
-            write_whole(page.with_name(f"{page.stem}-{title}.csv"), text)
+        write_whole(page.with_name(f"{page.stem}-payoffs.csv"), text)
         fill(page, tables)
 
 

@@ -7,15 +7,11 @@ presets, ``tests.csv`` with the tests of all committed runs, and all figures int
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.figure import Figure
-
-from fpg_bench.common.canvas import COLOURS, PAGE, Style, blank_figure, styled, write_figure
+from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
 from fpg_bench.products.papers.page import render
@@ -39,11 +35,6 @@ VARIANTS_OF = {  # stored names of the trained variants, by what differs from fi
     "interference=twice": "hops=always,hop-cost=0,memory=for-ever",
     "noise=0.04": "interference=once,hops=always,hop-cost=0,memory=for-ever,noise=0.04",
     "as-printed, noise=0.04": "as-printed,noise=0.04",
-}
-VERDICTS: dict[str, Style] = {
-    "holds": {"color": COLOURS[0], "marker": "o"},
-    "not shown": {"color": COLOURS[-1], "marker": "_"},
-    "the opposite": {"color": COLOURS[1], "marker": "v", "mfc": "none"},
 }
 # Of each report: preset, budget, seeds, and the command after its name.
 REPORTS = (
@@ -156,44 +147,10 @@ def write_figures(folder: Path = PAGES) -> list[Path]:
     alone.path = ROOT / "results/language-model/fig3/rows.jsonl.gz"
     runs = results_of("paper", "full", range(10)).runs | read_results(alone, {"llm": range(1)}).runs
     figures["../fig7-language-model"] = FIGURES["fig7"](Runs(runs), "paper")
-    figures["figures/trained-variants"] = draw_variants(folder)
     paths = [folder / f"{name}.svg" for name in figures]
     for path, figure in zip(paths, figures.values(), strict=True):
         write_figure(figure, path)
     return paths
-
-
-def read_csv(path: Path) -> list[dict[str, str]]:
-    """Return the lines of a CSV file."""
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
-@styled
-def draw_variants(folder: Path) -> Figure:
-    """Draw the verdict on each part of the claims under each trained variant."""
-    names = ("figures", *VARIANTS_OF)
-    tested = [
-        line
-        for line in read_csv(folder / "tests.csv")
-        if line["budget"] == "hundredth" and line["game"] in names
-    ]
-    parts = list(dict.fromkeys(line["claimed to be positive"] for line in tested))
-    figure = blank_figure(PAGE, 3.6)
-    axes = figure.subplots()
-    for verdict, style in VERDICTS.items():
-        places = [
-            (names.index(line["game"]), parts.index(line["claimed to be positive"]))
-            for line in tested
-            if line["by itself"] == verdict
-        ]
-        axes.plot(*np.transpose(places), ls="", ms=5, mew=1.2, label=verdict, **style)
-    axes.set_xticks(range(len(names)), names, rotation=35, ha="right")
-    axes.set_yticks(range(len(parts)), parts)
-    axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(parts) - 0.5, -0.5))
-    axes.grid(alpha=0.3, lw=0.5)
-    figure.legend(loc="outside upper center", ncols=3)
-    return figure
 
 
 def as_csv(headings: list[str], tables: Iterable[tuple[tuple[str, ...], list[list[str]]]]) -> str:

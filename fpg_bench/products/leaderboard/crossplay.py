@@ -46,8 +46,6 @@ from fpg_bench.products.leaderboard.verdicts import WITHIN as SAME_WITHIN
 _logger = logging.getLogger(__name__)
 
 ROUNDS = 100  # of each pair, distributed evenly over the training seeds of both
-_UNEVEN = 0.1  # of the spread between training seeds: they do not all play as many rounds
-_LEAST_SNR_DB = -100.0  # at full power from one metre, the opponent brings it down to about -50 dB
 WITHIN = 0.005  # slack of the bounds of a return
 
 _Rewards = Annotated[Items[Annotated[float, Gt(-1e6), Lt(1e6)]], Len(1)]

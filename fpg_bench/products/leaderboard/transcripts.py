@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from string import Template
 
@@ -26,7 +25,6 @@ from fpg_bench.products.language_models.comparison import (
 )
 from fpg_bench.products.language_models.llm_planner import request_problem
 from fpg_bench.products.language_models.prompts import CONTROLS, Prompt, load_prompt
-from fpg_bench.products.language_models.servers import TOKEN_FIELDS
 from fpg_bench.products.language_models.transcript import (
     FIRST,
     LAST,
@@ -194,37 +192,6 @@ def _check_transcript(file: Path, about: RunHeader, suite: Suite) -> None:
         raise UserError(f"transcript {file}: lacks the second attempt{_at(lacking[0])}")
     if extra := sorted(attempts.keys() - expected - again):
         raise UserError(f"transcript {file}: holds an attempt that nothing asks for{_at(extra[0])}")
-    _check_order(list(attempts.values()), f"transcript {file}")
-
-
-def _check_order(attempts: Sequence[Attempt], name: str) -> None:
-    """Check that attempts follow each other as a run makes them, with one limit of tokens and one format.
-
-    A server may refuse a format, which is then left out; so some attempts may have none.
-
-    A run asks round by round for all matches, so that only matches of one round may stand in any order.
-    """
-    firsts, latest, length, form = set(), 0, None, None
-    for number, attempt in enumerate(attempts, 1):
-        where = f"{name}: line {number}"
-        if attempt.round < latest:
-            raise UserError(f"{where} is of round {attempt.round}, but stands after round {latest}")
-        if attempt.attempt == LAST and attempt.where[:3] not in firsts:
-            raise UserError(f"{where} is a second attempt before the first one{_at(attempt.where)}")
-        firsts.add(attempt.where[:3])
-        latest = attempt.round
-        if attempt.request is None:
-            continue
-        length = length or _length(attempt.request)
-        if _length(attempt.request) != length:
-            raise UserError(f"{where} was asked with another limit of tokens than the lines before it")
-        form = form or attempt.request.get("response_format")
-        if attempt.request.get("response_format", form) != form:
-            raise UserError(f"{where} was asked for another response_format than the lines before it")
-
-
-def _length(request: Row) -> str:
-    return json.dumps([request.get(field) for field in TOKEN_FIELDS])
 
 
 def _at(where: Where) -> str:

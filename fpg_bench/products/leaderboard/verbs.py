@@ -250,13 +250,6 @@ def close_season(
     ] = None,
     folder: FolderOption = Path("leaderboard"),
     side: Annotated[str | None, typer.Option(help="Train candidates of this side only.")] = None,
-    n_candidates: Annotated[
-        int | None,
-        typer.Option(min=1, help="Number of candidates of each side. Default: that of the recipe."),
-    ] = None,
-    size: Annotated[
-        int | None, typer.Option(min=1, help="Number of members of each side. Default: that of the recipe.")
-    ] = None,
     scenario: Annotated[
         str, typer.Option(help="The preset whose entries determine the season: standard or link.")
     ] = "standard",
@@ -271,7 +264,7 @@ def close_season(
     from fpg_bench.players.player import SIDES
     from fpg_bench.products.leaderboard.season import closing as seasons
 
-    closing = seasons.make_closing(name, folder, work, n_candidates, size, scenario=scenario)
+    closing = seasons.make_closing(name, folder, work, scenario=scenario)
     season = seasons.close_season(
         closing,
         out or baselines_folder() / "suites" / closing.name,

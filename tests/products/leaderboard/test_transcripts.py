@@ -12,10 +12,6 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
-from fpg_bench.game.scenario import as_scenario
-from fpg_bench.players.planner import Limits
-from fpg_bench.products.language_models.answers import answer_schema
-from fpg_bench.products.language_models.client import response_format
 from fpg_bench.products.language_models.transcript import MOST_BYTES
 from fpg_bench.products.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.products.leaderboard.transcripts import LARGEST_FOLDER, check_transcripts
@@ -145,22 +141,8 @@ def asked(**changes):
     return lambda rows: [row | {"request": row["request"] | changes} for row in rows]
 
 
-def seconds_first(rows):
-    return sorted(rows, key=lambda row: (row["round"], -row["attempt"]))
-
-
 def answered_twice(rows):
     return [row | {"raw": row["raw"] | {"choices": row["raw"]["choices"] * 2}} for row in rows]
-
-
-JSON, SCHEMA = [
-    response_format(form, answer_schema(Limits.of(as_scenario("standard", opponent_path="waypoints"))))
-    for form in ("json_object", "json_schema")
-]
-
-
-def in_two_formats(rows):
-    return [*asked(response_format=JSON)(rows[:1]), *asked(response_format=SCHEMA)(rows[1:])]
 
 
 NOT_ASKED = "holds an attempt that nothing asks for"
@@ -182,11 +164,7 @@ NOT_ASKED = "holds an attempt that nothing asks for"
         (asked(seed=1), "line 1 was asked with another seed than the run's"),
         (asked(temperature=0.1), "line 1 was asked with another temperature"),
         (asked(response_format={"type": "text"}), "line 1 was asked with another response_format"),
-        (lambda rows: [*asked(max_tokens=9)(rows[:1]), *rows[1:]], "line 2 was asked with another limit"),
         (asked(max_tokens=9, max_completion_tokens=9), "line 1 holds both max_tokens and max_completion"),
-        (lambda rows: in_two_formats(rows), "line 2 was asked for another"),
-        (lambda rows: sorted(rows, key=lambda row: -row["round"]), "is of round 1, but stands after round 2"),
-        (seconds_first, "is a second attempt before the first one: seed "),
         (answered_twice, "line 1 was answered 2 times at once"),
         (each(raw=None), "line 1 does not show the raw reply"),
         (

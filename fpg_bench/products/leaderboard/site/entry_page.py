@@ -10,12 +10,10 @@ from typing import TypeVar
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.products.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.products.leaderboard.site.views import (
-    MEASURES,
     NONE,
     ROLES,
     Axis,
     ExploitedView,
-    Measure,
     exploited_view,
     format_number,
     format_rank,
@@ -29,18 +27,6 @@ from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
 
 _T = TypeVar("_T")
 _SPECIAL = re.compile(r"([&%$#_{}])")
-_HISTOGRAMS = {"ally": "Where the ally transmits", "jam": "Where the opponent jams"}
-
-
-@dataclass(frozen=True)
-class HistogramView:
-    """Bars of a histogram over frequency points: ``(x, y, width, height, share)`` each, in pixels."""
-
-    side: str
-    title: str
-    bars: list[tuple[float, float, float, float, float]]
-    width: int = 480
-    height: int = 110
 
 
 @dataclass(frozen=True)
@@ -52,7 +38,6 @@ class FiguresView:
         axis: of all scores on the page.
         scores, by_rival: suites with the score over each, and with the score against each rival.
         by_seed: the score of each training seed, without an interval.
-        measures: presentations and values.
         first_rounds: of the first round against each rival, its return and the command that plays it again,
             by role and rival.
         facts: names and values of further figures of a planner.
@@ -68,8 +53,6 @@ class FiguresView:
     by_rival: list[tuple[BoardSuite, Mapping[str, Interval]]]
     by_seed: Mapping[int, Interval]
     first_rounds: Mapping[str, Mapping[str, tuple[float, str]]]
-    measures: list[tuple[Measure, float]]
-    histograms: list[HistogramView]
     facts: list[tuple[str, str]]
     fingerprint: list[tuple[str, str]]
 
@@ -146,12 +129,6 @@ def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: F
             for suite in track.suites
             if suite.role in figures.first_rounds
         },
-        measures=[
-            (measure, value)
-            for name, measure in MEASURES.items()
-            if (value := figures.measures.get(name)) is not None
-        ],
-        histograms=_histograms(figures),
         facts=_planner_facts(figures),
         fingerprint=_flat(figures.fingerprint),
     )
@@ -175,23 +152,6 @@ def _planner_facts(figures: Figures) -> list[tuple[str, str]]:
         ("Tokens per plan", format_number(planner.tokens, "whole")),
     ]
     return [(name, text) for name, text in facts if text != NONE]
-
-
-def _histograms(figures: Figures) -> list[HistogramView]:
-    """Return the share of time that both sides spend on each frequency point, as bars."""
-    views = []
-    for side, title in _HISTOGRAMS.items():
-        shares = figures.histograms[side]
-        view = HistogramView(side, title, [])
-        total, top = sum(shares), max(shares, default=0.0)
-        step = view.width / max(len(shares), 1)
-        for index, share in enumerate(shares if total else ()):
-            height = share / top * view.height
-            corner = round(index * step + 1, 1), round(view.height - height, 1)
-            view.bars.append((*corner, round(step - 2, 1), round(height, 1), share / total))
-        if view.bars:
-            views.append(view)
-    return views
 
 
 def _flat(content: Mapping[str, object]) -> list[tuple[str, str]]:
