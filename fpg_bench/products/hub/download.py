@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import hashlib
 import logging
 import os
 import re
@@ -20,7 +19,6 @@ from typing import TYPE_CHECKING
 
 from fpg_bench.common.errors import UserError, first_line, printable
 from fpg_bench.common.extras import require_extra
-from fpg_bench.common.files import write_whole
 from fpg_bench.common.imports import HUB
 from fpg_bench.products.sandbox.client import AGENT_FILES
 from fpg_bench.version import __version__
@@ -113,8 +111,7 @@ def client() -> HfApi:
 def download(name: str) -> Snapshot:
     """Download the two files of an agent into the Hub's cache, where they may lie already.
 
-    A commit that is there needs no network. A branch or tag is looked up each time; a warning says if it has
-    moved since it was last downloaded.
+    A commit that is there needs no network. A branch or tag is looked up each time.
 
     Args:
         name: ``hf://owner/name`` (its branch ``main``), or with ``@revision``: a branch, tag or commit.
@@ -141,16 +138,6 @@ def download(name: str) -> Snapshot:
             api.hf_hub_download(repository, file, revision=commit, etag_timeout=TIMEOUT_S)
             for file in AGENT_FILES
         ]
-    home = Path(constants.HF_HOME) / "fpg-bench" / repository.replace("/", "--")
-    latest = home / f"revision-{hashlib.sha256(revision.encode()).hexdigest()[:16]}"
-    last = latest.read_text() if latest.is_file() else commit
-    if last != commit:
-        _logger.warning(
-            f"{HUB}{repository}: {revision} has moved from commit {last:.40} to {commit} "
-            "since it was last downloaded"
-        )
-    if commit != revision:
-        write_whole(latest, commit)
     return Snapshot(repository, revision, commit, Path(files[0]).parent)
 
 
