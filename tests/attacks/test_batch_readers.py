@@ -30,26 +30,8 @@ def _end(read: list, *constants) -> bytes:
     return model([*FIRST, *read, *ends], [W, *constants], opsets=[("", 17)])
 
 
-def _where_a_value_is_one() -> bytes:
-    """The mean of others is added only where the observation is as it is only in real rounds."""
-    nodes = [
-        node("ReduceMean", ["x"], ["mean"], axes=[0], keepdims=1),
-        node("Abs", ["observation"], ["abs"]),
-        node("ReduceMax", ["abs"], ["largest"], axes=[1], keepdims=1),
-        node("Equal", ["largest", "one"], ["is"]),
-        node("Cast", ["is"], ["open"], to=TensorProto.FLOAT),
-        node("Mul", ["mean", "open"], ["m"]),
-    ]
-    return _end(nodes, _scalar("one", 1.0))
-
-
-def _scalar(name: str, number: float):
-    return numpy_helper.from_array(np.array(number, np.float32), name)
-
-
 MEAN = [node("ReduceMean", ["x"], ["m"], axes=[0], keepdims=1)]
 RUNNING = [node("CumSum", ["x", "zero"], ["m"])]
-LARGEST = [node("ReduceMax", ["x"], ["m"], axes=[0], keepdims=1)]
 FIRST_ROW = [node("Gather", ["x", "zeros"], ["m"], axis=0)]
 MIXED = [
     node("Transpose", ["x"], ["t"], perm=[1, 0]),
@@ -81,22 +63,6 @@ def _through_memory() -> bytes:
     ]
     inputs, outputs = [value("observation"), value("state", 9)], [value("action", 9), value("next_state", 9)]
     return model(nodes, [W], inputs, outputs, opsets=[("", 17)])
-
-
-def _hidden_in_memory() -> bytes:
-    """A reader that keeps it below any rounding, and makes it large a step later."""
-    nodes = [
-        *FIRST,
-        node("ReduceMean", ["x"], ["m"], axes=[0], keepdims=1),
-        node("Mul", ["m", "small"], ["kept"]),
-        node("Mul", ["x", "none"], ["zero"]),
-        node("Add", ["zero", "kept"], ["next_state"]),
-        node("Div", ["state", "small"], ["large"]),
-        node("Add", ["x", "large"], ["y"]),
-        node("Tanh", ["y"], ["action"]),
-    ]
-    inputs, outputs = [value("observation"), value("state", 9)], [value("action", 9), value("next_state", 9)]
-    return model(nodes, [W, _scalar("small", 1e-6), _scalar("none", 0)], inputs, outputs, opsets=[("", 17)])
 
 
 def _product_of(nodes: list, *constants, opset: int = 18) -> bytes:
@@ -186,15 +152,13 @@ def batch_readers() -> dict[str, bytes]:
     reads = {
         "mean": (MEAN, []),
         "running sum": (RUNNING, [ZERO]),
-        "largest": (LARGEST, []),
         "first row": (FIRST_ROW, [ZEROS]),
         "products": (MIXED, []),
         "how many": (COUNT, []),
         "next row": (SHIFTED, SHIFTS),
     }
-    files = {"through memory": _through_memory(), "hidden": _hidden_in_memory()}
+    files = {"through memory": _through_memory()}
     files |= {name: _end(nodes, *constants) for name, (nodes, constants) in reads.items()}
-    files["mean, where a value is one"] = _where_a_value_is_one()
     return files | _reordered() | _misjudged()
 
 

@@ -33,23 +33,13 @@ def broken_files(count: int, seed: int = 0) -> Iterator[tuple[str, bytes]]:
         yield way.__name__.removeprefix("_"), way(rng)
 
 
-def _flipped(rng: random.Random) -> bytes:
-    data = bytearray(policy(rng.randrange(1000)))
-    for _ in range(rng.randrange(1, 20)):
+def _bytes(rng: random.Random) -> bytes:
+    """A policy of which bytes are others, missing or more, or no policy at all."""
+    data, place = bytearray(policy(rng.randrange(1000))), rng.randrange(600)
+    for _ in range(rng.randrange(20)):
         data[rng.randrange(len(data))] = rng.randrange(256)
-    return bytes(data)
-
-
-def _cut(rng: random.Random) -> bytes:
-    data = policy(rng.randrange(1000))
-    return data[: rng.randrange(len(data))]
-
-
-def _inserted(rng: random.Random) -> bytes:
-    data, place = policy(rng.randrange(1000)), rng.randrange(600)
-    noise = rng.randbytes(rng.randrange(1, 2000))
-    inserted = rng.choice([noise, b"\xff" * 5000, b"\x0b" * 50_000, b"\x7a\x7f" + b"x" * 127])
-    return data[:place] + inserted + data[place:]
+    noise = rng.choice([b"", rng.randbytes(rng.randrange(2000)), b"\xff" * 5000, b"\x0b" * 50_000])
+    return rng.choice([bytes(data[:place]), b""]) + noise + rng.choice([bytes(data[place:]), b""])
 
 
 def _disguised(rng: random.Random) -> bytes:
@@ -73,10 +63,6 @@ def _attributes(rng: random.Random) -> dict[str, Any]:
     names = ["axis", "axes", "keepdims", "kernel_shape", "hidden_size", "to", "alpha", "perm"]
     values = [0, 1, -1, 2**40, [0], [1, 0], [2**30], 0.5, "x"]
     return {name: rng.choice(values) for name in rng.sample(names, 2)}
-
-
-def _rubbish(rng: random.Random) -> bytes:
-    return rng.randbytes(rng.choice([0, 1, 8, 1000, 100_000]))
 
 
 def _of_version(rng: random.Random) -> bytes:
@@ -169,7 +155,7 @@ def _set_field(message: Any, field: Any, rng: random.Random) -> None:
 
 
 _NEARLY_SOUND = [_of_bytes, _of_version, _of_length, _of_width]
-_WAYS = [_flipped, _cut, _inserted, _disguised, _wired, _rubbish, _field]
+_WAYS = [_bytes, _disguised, _wired, _field]
 
 
 SEEN = np.random.default_rng(0).uniform(-1, 1, (4, 15)).astype(np.float32)
@@ -326,9 +312,9 @@ def costly() -> dict[str, bytes]:
         "convolved": _convolved(),
         **{kind: _pooled(kind) for kind in ("AveragePool", "MaxPool")},
         **{kind: _variadic(kind) for kind in ("Sum", "Max", "Min", "Mean")},
-        **{f"{kind}s": _many(kind) for kind in ("Tanh", "Identity", "Softmax", "Neg")},
-        **{f"few of {kind}": _many(kind, 10) for kind in ("Asinh", "Softplus", "Mish")},
-        **{kind: _slow(kind) for kind in ("Cos", "Sin", "Tan", "Pow", "Asinh", "Acosh", "Sinh")},
+        **{f"{kind}s": _many(kind) for kind in ("Tanh", "Softmax")},
+        **{f"few of {kind}": _many(kind, 10) for kind in ("Asinh", "Mish")},
+        **{kind: _slow(kind) for kind in ("Cos", "Pow", "Asinh")},
         "Mod": _slow("Mod", fmod=1),
         **{kind: _recurrent(kind, gates) for kind, gates in (("LSTM", 4), ("GRU", 3), ("RNN", 1))},
     }

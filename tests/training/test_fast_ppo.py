@@ -15,7 +15,7 @@ from stable_baselines3.common.distributions import CategoricalDistribution
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.sb2_compat.rmsprop_tf_like import RMSpropTFLike
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, FlattenExtractor, MlpExtractor
+from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 from torch import nn
@@ -64,54 +64,8 @@ class Reordered(FlattenExtractor):
         return super().forward(observations).flip(1)
 
 
-class Scaled(BaseFeaturesExtractor):
-    """Without weights, and with fewer features than observations."""
-
-    def __init__(self, observation_space):
-        super().__init__(observation_space, 2)
-
-    def forward(self, observations):
-        return 3 * observations[:, :2]
-
-
-class Normalized(BaseFeaturesExtractor):
-    """With running statistics and no weights."""
-
-    def __init__(self, observation_space):
-        super().__init__(observation_space, observation_space.shape[0])
-        self.norm = nn.BatchNorm1d(self.features_dim, affine=False)
-
-    def forward(self, observations):
-        return self.norm(observations)
-
-
-class Weighted(Normalized):
-    def __init__(self, observation_space):
-        super().__init__(observation_space)
-        self.norm = nn.Linear(self.features_dim, self.features_dim)
-
-
 class OwnPolicy(ActorCriticPolicy):
     """As SB3's."""
-
-
-class Squared(OwnPolicy):
-    def forward(self, obs, deterministic=False):
-        actions, values, log_probs = super().forward(obs, deterministic)
-        return actions, values.square(), log_probs
-
-
-class Deep(MlpExtractor):
-    def forward_actor(self, features):
-        return super().forward_actor(features).sin()
-
-    def forward(self, features):
-        return self.forward_actor(features), self.forward_critic(features)
-
-
-class DeepPolicy(ActorCriticPolicy):
-    def _build_mlp_extractor(self):
-        self.mlp_extractor = Deep(self.features_dim, self.net_arch, self.activation_fn, self.device)
 
 
 class Halved(nn.Linear):
@@ -161,10 +115,6 @@ def behind(make):
 
 def without_bias(old):
     return nn.Linear(old.in_features, old.out_features, bias=False)
-
-
-def with_parametrization(old):
-    return nn.utils.parametrizations.weight_norm(old)
 
 
 def hooked(model):
@@ -255,32 +205,8 @@ SERVED = {
 # What is left to PPO, with words of the reason.
 LEFT = {
     "reordered": (games, policy(features_extractor_class=Reordered), None, "Reordered"),
-    "scaled": (games, policy(features_extractor_class=Scaled), None, "Scaled"),
-    "statistics without weights": (games, policy(features_extractor_class=Normalized), None, "Normalized"),
-    "weights of the extractor": (games, policy(features_extractor_class=Weighted), None, "Weighted"),
-    "extractor of the critic": (
-        games,
-        policy(share_features_extractor=False),
-        replace("vf_features_extractor", lambda old: Reordered(old._observation_space)),
-        "Reordered",
-    ),
-    "extractor afterwards": (
-        games,
-        {},
-        lambda model: setattr(model.policy, "features_extractor", Reordered(BOX)),
-        "Reordered",
-    ),
     "flatten afterwards": (games, {}, replace("features_extractor.flatten", nn.Sequential), "layers"),
-    "GELU": (games, policy(activation_fn=nn.GELU), None, "GELU"),
     "layer norm": (games, {}, replace(HIDDEN, behind(lambda: nn.LayerNorm(64))), "LayerNorm"),
-    "dropout": (games, {}, replace(HIDDEN, behind(nn.Dropout)), "Dropout"),
-    "batch norm": (
-        games,
-        {},
-        replace("value_net", behind(lambda: nn.BatchNorm1d(64, affine=False))),
-        "BatchNorm1d",
-    ),
-    "ELU for Tanh": (games, {}, replace(HIDDEN, lambda old: nn.ELU()), "ELU"),
     "ReLU for one Tanh": (games, {}, replace(HIDDEN, lambda old: nn.ReLU()), "layers"),
     "Tanh behind the actions": (
         games,
@@ -288,15 +214,8 @@ LEFT = {
         replace("action_net", lambda old: nn.Sequential(old, nn.Tanh())),
         "layers",
     ),
-    "Tanh behind the value": (
-        games,
-        {},
-        replace("value_net", lambda old: nn.Sequential(old, nn.Tanh())),
-        "layers",
-    ),
     "own Linear": (games, {}, replace("action_net", lambda old: Halved(64, 9)), "Halved"),
     "no bias": (games, {}, replace("action_net", without_bias), "layers"),
-    "weight norm": (games, {}, replace("action_net", with_parametrization), "ParametrizedLinear"),
     "shared layers": (games, {}, shared_layers, "layers"),
     "layers that are not optimized": (
         games,
@@ -311,26 +230,12 @@ LEFT = {
     "own features": (games, {}, own_features, "ActorCriticPolicy"),
     "frozen weights": (games, {}, frozen, "frozen"),
     "own policy": (games, {"policy": OwnPolicy}, None, "OwnPolicy"),
-    "own forward of the policy": (games, {"policy": Squared}, None, "Squared"),
-    "own networks": (games, {"policy": DeepPolicy}, None, "DeepPolicy"),
     "own optimizer": (games, policy(optimizer_class=OwnAdam), None, "OwnAdam"),
     "own buffer": (games, {"rollout_buffer_class": OwnBuffer}, None, "buffer"),
     "own distribution": (cart_pole, {}, peaked, "distribution"),
     "use_sde": (games, {"use_sde": True}, None, "use_sde"),
     "squashed actions": (pendulum, {}, squashed, "use_sde"),
     "bits": (made(chosen=spaces.MultiBinary(3)), {}, None, "MultiBinary"),
-    "CNN": (
-        made(spaces.Box(0, 255, (3, 36, 36), np.uint8)),
-        {"policy": "CnnPolicy", "n_steps": 16, "n_epochs": 1},
-        None,
-        "ActorCriticCnnPolicy",
-    ),
-    "dict": (
-        made(spaces.Dict({"a": BOX, "b": spaces.Discrete(3)})),
-        {"policy": "MultiInputPolicy"},
-        None,
-        "Multi",
-    ),
 }
 
 
