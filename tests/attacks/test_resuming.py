@@ -1,17 +1,16 @@
-"""A command that is killed and run again gives the same result as an uninterrupted one."""
+"""A command that is killed at a write and run again gives the same result as an uninterrupted one."""
 
 from __future__ import annotations
 
 import gzip
+import itertools
 import json
-import math
 import multiprocessing
 import os
-import random
 import shutil
+import signal
 import sys
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,68 +18,62 @@ from typing import Any
 import pytest
 
 from fpg_bench.cli import main as cli
-from fpg_bench.common.ids import policy_env
-from fpg_bench.players.player import SIDES
+from fpg_bench.common.rows import RowFile
 from fpg_bench.products.leaderboard.season import candidates, recipes
 from fpg_bench.products.papers.yang_2026 import study
 from fpg_bench.products.papers.yang_2026.experiment import Budget
-from fpg_bench.training import callbacks
-from tests.attacks import SCALE, SEED
+from tests.attacks import SCALE
 from tests.policies import write_seed
 from tests.products.hub.conftest import hub
 from tests.products.leaderboard.entering import enter
-from tests.training.tiny import settings
 
 __all__ = ["hub"]
 
 VERBS = {
-    "evaluate": "evaluate expert idle --suite ally-v2 --matches 2 --out FOLDER",
-    "compare": "plan compare hold hill-climb --suite planner-v1 --matches 2 --out FOLDER",
+    "evaluate": "evaluate expert idle --suite ally-v2 --matches 1 --out FOLDER",
+    "compare": "plan compare hold hill-climb --suite planner-v1 --matches 1 --out FOLDER",
+    "data set": "dataset make ally-random-v0 --steps 600 --out FOLDER",
     "reproduce": "reproduce yang-2026 fig4 --n-seeds 1 --n-jobs 1 --out FOLDER",
 }
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
-_MOST_KILLS = 3
 _TIMES = ("seconds", "steps_per_s")  # how long planning or training took
 
 
-class Killed:
-    """A command that was run to its end once, to be killed as often as one likes.
+def check(words: str, scratch: Path, begin: Callable[[Path], object] = lambda folder: None) -> None:
+    """Kill a command at its first, second, fourth ... write, run it again, and compare what is in its folder.
 
     Args:
         words: the command; ``FOLDER`` stands for the folder that it fills.
-        folder: the folder of the run to the end.
-        begin: makes what the command finds in a folder; by default nothing.
+        scratch: the folder of all these.
+        begin: makes what the command finds in its folder; by default nothing.
     """
 
-    def __init__(
-        self, words: str, folder: Path, begin: Callable[[Path], object] = lambda folder: None
-    ) -> None:
-        self._words, self._begin = words.split(), begin
+    def filled(name: str, *kills: int | None) -> tuple[bool, dict[str, Any]]:
+        """Return whether the first run ended well by itself, and what is there after the last."""
+        folder = scratch / name
         begin(folder)
-        start = time.perf_counter()
-        assert self._run(folder, None)
-        self._seconds = time.perf_counter() - start
-        self._uninterrupted = contents(folder)
+        ended = [_run([word.replace("FOLDER", str(folder)) for word in words.split()], at) for at in kills]
+        return ended[0], contents(folder)
 
-    def same(self, folder: Path, seed: int) -> bool:
-        """Return True if a run that is killed up to three times comes to what the uninterrupted one did."""
-        rng = random.Random(seed)
-        self._begin(folder)
-        for _ in range(rng.randrange(1, _MOST_KILLS + 1)):
-            self._run(folder, rng.uniform(0, self._seconds))
-        self._run(folder, None)  # a season that was just closed is refused
-        return contents(folder) == self._uninterrupted
+    before = set(os.listdir(scratch))
+    (is_whole, whole), at, names = filled("whole", None), 1, {"whole"}
+    assert is_whole
+    while not is_whole or at == 1:
+        name = f"killed-{at}"
+        is_whole, again = filled(name, at, None)  # a season that was just closed is refused
+        assert again == whole, name
+        names.add(name)
+        at *= 2
+    assert at > 2
+    assert set(os.listdir(scratch)) - before == names
 
-    def _run(self, folder: Path, moment_s: float | None) -> bool:
-        """Run the verb, for so many seconds at most; whether it ended well by itself."""
-        process = multiprocessing.get_context("fork").Process(
-            target=_verb, args=([word.replace("FOLDER", str(folder)) for word in self._words],)
-        )
-        process.start()
-        process.join(moment_s)
-        process.kill()
-        process.join()
-        return process.exitcode == 0
+
+def _run(words: list[str], dies_at: int | None) -> bool:
+    """Run a command, to some write at most; returns whether it ended well by itself."""
+    process = multiprocessing.get_context("fork").Process(target=_verb, args=(words, dies_at))
+    process.start()
+    process.join()
+    return process.exitcode == 0
 
 
 def contents(folder: Path) -> dict[str, Any]:
@@ -107,30 +100,34 @@ def _untimed(content: Any) -> Any:
     return content
 
 
-def _verb(words: list[str]) -> None:
+def _verb(words: list[str], dies_at: int | None) -> None:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
     os.dup2(null, 2)
     study.BUDGETS = {**study.BUDGETS, "quick": TINY}
-    callbacks.SAVE_EVERY_S = math.inf  # a run that goes on from a step on its way plays other matches
+    numbers, replace, append = itertools.count(1), os.replace, RowFile.append
+
+    def replace_or_die(*names: Any) -> None:
+        if next(numbers) == dies_at:
+            os.kill(os.getpid(), signal.SIGKILL)
+        replace(*names)
+
+    def append_or_die(file: RowFile, rows: Iterable[dict[str, Any]]) -> None:
+        rows = list(rows)
+        append(file, rows)
+        if next(numbers) == dies_at:
+            os.truncate(file.path, file.path.stat().st_size - 10)  # as if it was in the midst of a line
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    os.replace, RowFile.append = replace_or_die, append_or_die
     sys.argv = ["fpg-bench", *words]
     cli.main()
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("verb", ["compare"] if SCALE == 1 else VERBS)  # the others' own tests interrupt them
+@pytest.mark.parametrize("verb", VERBS)
 def test_a_killed_command_resumes_to_the_same_result(verb, tmp_path):
-    values = settings("ppo", normalize={"norm_obs": False})
-    (tmp_path / "tiny.yml").write_text(json.dumps({policy_env(side).id: values for side in SIDES}))
-    check(Killed(VERBS[verb].format(scratch=tmp_path), tmp_path / verb), tmp_path)
-
-
-def check(killed, scratch):
-    """Kill a command from as many seeds as are tried; nothing but its folders is left."""
-    before = set(os.listdir(scratch))
-    for seed in range(SEED, SEED + SCALE):
-        assert killed.same(scratch / f"killed-{seed}", seed=seed)
-    assert set(os.listdir(scratch)) - before == {f"killed-{seed}" for seed in range(SEED, SEED + SCALE)}
+    check(VERBS[verb], tmp_path)
 
 
 @pytest.mark.process
@@ -138,8 +135,9 @@ def test_a_killed_verification_resumes_to_the_same_results(board, in_process, tm
     enter(board, "ally", "wise", script="expert")
     enter(board, "ally", "pupil", seeds=(0, 1))
     enter(board, "opponent", "tone", script="tone")
+    (tmp_path / "boards").mkdir()
     words = "leaderboard verify --update --folder FOLDER"
-    check(Killed(words, tmp_path / "whole", partial(shutil.copytree, board)), tmp_path)
+    check(words, tmp_path / "boards", partial(shutil.copytree, board))
 
 
 @pytest.mark.process
@@ -152,7 +150,7 @@ def test_a_killed_closing_resumes_to_the_same_season(board, in_process, tmp_path
     monkeypatch.setattr(recipes, "STEPS", steps)
     monkeypatch.setattr(candidates, "ROUNDS", 2)
     words = f"leaderboard close-season 1 --folder {board} --n-candidates 2 --size 2 --n-jobs 1"
-    check(Killed(f"{words} --work FOLDER/work --out FOLDER/season-1", tmp_path / "whole"), tmp_path)
+    check(f"{words} --work FOLDER/work --out FOLDER/season-1", tmp_path)
 
 
 @pytest.mark.process
@@ -160,4 +158,4 @@ def test_a_killed_download_leaves_nothing_beside_the_agent(hub, tmp_path):
     write_seed(tmp_path / "first", 0, None)
     hub.add("me/mine", {path.name: path.read_bytes() for path in (tmp_path / "first").iterdir()})
     (tmp_path / "agents").mkdir()
-    check(Killed("hub pull me/mine --out FOLDER", tmp_path / "whole"), tmp_path / "agents")
+    check("hub pull me/mine --out FOLDER", tmp_path / "agents")

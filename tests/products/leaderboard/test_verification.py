@@ -3,21 +3,15 @@
 import dataclasses
 import json
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import onnx
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
-from fpg_bench.products.leaderboard.folders import work_folder
 from fpg_bench.products.leaderboard.result import summaries_of
 from fpg_bench.products.leaderboard.tracks import PUBLIC
 from fpg_bench.products.leaderboard.verification import (
@@ -326,44 +320,6 @@ def test_several_at_once_give_the_same_results(two):
         path.unlink()
     assert all(good for good, _ in verdicts_of(two, workers=2).values())
     assert {path: path.read_bytes() for path in alone} == alone
-
-
-VERIFY = """
-import sys
-from pathlib import Path
-import platformdirs
-from fpg_bench.products.leaderboard.verification import verify
-from fpg_bench.players import agent
-agent.baselines_folder = lambda: Path(sys.argv[1])
-platformdirs.user_cache_path = lambda name: Path(sys.argv[2])
-verify(Path(sys.argv[3]))
-"""
-
-
-@pytest.mark.process
-def test_what_is_killed_goes_on_and_gives_the_same(board, small_suites, tmp_path):
-    write_suite(small_suites, "ally-v2", SUITE | {"matches": 100})
-    for slug in ("expert", "reactive"):
-        enter(board, "ally", f"the-{slug}", script=slug)
-    command = [sys.executable, "-c", VERIFY, small_suites, tmp_path / "cache", board]
-    killed = subprocess.Popen(command)
-    while not _lines_under_way(board) and killed.poll() is None:
-        time.sleep(0.005)
-    killed.kill()
-    assert killed.wait() == -signal.SIGKILL
-    assert all(good for good, _ in verdicts_of(board).values())
-    assert _lines_under_way(board) == []
-    files = {path: path.read_bytes() for path in (board / "results/ally").iterdir()}
-    assert len(files) == 2
-    for path in files:
-        path.unlink()
-    assert all(good for good, _ in verdicts_of(board).values())
-    assert {path: path.read_bytes() for path in files} == files
-
-
-def _lines_under_way(board):
-    rows = [RowFile(path).read() for path in work_folder(board).rglob("records.jsonl")]
-    return [row for each in rows for row in each]
 
 
 def test_the_board_s_records_are_those_of_evaluate_on_the_same_suites(board, small_suites, in_process):

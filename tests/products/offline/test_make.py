@@ -3,7 +3,6 @@
 import errno
 import json
 import shutil
-import time
 from collections import Counter
 from functools import cache
 from types import SimpleNamespace
@@ -19,7 +18,7 @@ from fpg_bench.products.offline.make import make_dataset
 from fpg_bench.products.offline.rounds import play_rounds
 from fpg_bench.products.offline.spec import load_spec, spec_names
 from tests.products.offline.making import AGENT, ALLIES, OPPONENTS, metadata, sha256, tiny
-from tests.programs import ROOT, started
+from tests.programs import ROOT
 
 
 @cache
@@ -165,23 +164,6 @@ def test_a_stopped_making_goes_on_with_the_parts_that_are_there(tmp_path, monkey
     assert not parts.exists()
     assert {name: (folder / "data" / name).stat().st_mtime_ns for name in times} == times
     assert sha256(folder) == expected_sha256()
-
-
-@pytest.mark.full
-@pytest.mark.process
-@pytest.mark.slow
-def test_a_killed_making_goes_on(tmp_path):
-    words = ("dataset", "make", "ally-link-script-v0", "--steps", "400000", "--out", str(tmp_path / "killed"))
-    process = started(*words, folder=tmp_path)
-    while not list(tmp_path.glob("killed/fpg/.*/data/part_*")) and process.poll() is None:
-        time.sleep(0.01)
-    process.kill()
-    process.wait()
-    assert not (tmp_path / "killed/fpg/ally-link-script-v0").exists()
-    spec = load_spec("ally-link-script-v0", 400_000)
-    killed, whole = (make_dataset(spec, tmp_path / name) for name in ("killed", "whole"))
-    assert sha256(killed) == sha256(whole)
-    assert sorted(path.name for path in killed.rglob("*")) == sorted(path.name for path in whole.rglob("*"))
 
 
 def test_a_full_disk_leaves_nothing_under_the_name_and_what_is_finished(tmp_path, monkeypatch):
