@@ -216,7 +216,7 @@ _SHOWN = {"ally": "ally-scripted/ppo/seed_0", "opponent": "opponent-pursuit/ppo/
 
 
 def _draw(view: EnvConfig, file: Path) -> None:
-    from fpg_bench.evaluation.watching import watch
+    from fpg_bench.products.rendering.watching import watch
 
     if not file.exists():
         planner = "interceptor" if view.planner else None  # a language model's paths look the same

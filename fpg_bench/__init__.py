@@ -18,9 +18,9 @@ import gymnasium
 import pettingzoo
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.extras import turn_off_telemetry
 from fpg_bench.common.ids import DUEL, registered_ids
 from fpg_bench.common.products import offered
-from fpg_bench.common.telemetry import turn_off_telemetry
 from fpg_bench.version import __version__
 
 if TYPE_CHECKING:

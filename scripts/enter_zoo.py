@@ -13,10 +13,10 @@ from command import run
 
 from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import NAMED
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import baselines_folder, read_card
 from fpg_bench.products.leaderboard.submission import seed_folders
 from fpg_bench.products.leaderboard.tracks import TRACKS, Track
+from fpg_bench.products.zoo.zoo import load_zoo
 
 AUTHORS = ["fpg-bench maintainers"]
 TRACK_OF = {track.public: track for track in TRACKS.values()}  # other suites have no track

@@ -31,9 +31,8 @@ from fpg_bench.common.canvas import OPPONENT, PAGE, blank_figure, styled, write_
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number
 from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.payoffs import nash
 from fpg_bench.evaluation.rounds import make_match, play_round
-from fpg_bench.evaluation.statistics import student_half
+from fpg_bench.evaluation.statistics import nash, student_half
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.actions import HOP_GATE, IN_BAND_GATE, KNOWLEDGE_GATE, SPEED, SPREAD_GATE, TUNING
 from fpg_bench.game.names import JAMMING_TYPES

@@ -25,13 +25,11 @@ from fpg_bench.common.files import write_whole
 from fpg_bench.common.ids import SCRIPTS
 from fpg_bench.common.output import csv_text
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.store import Store, pairings
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
 from fpg_bench.evaluation.summary import summarise
 from fpg_bench.evaluation.table import markdown_table
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.actions import (
     HOP_GATE,
     IN_BAND_GATE,
@@ -49,6 +47,8 @@ from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.player import SIDES, Memory, Player, PlayerSpec
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.seeded import Batched
+from fpg_bench.products.league.payoffs import Payoffs
+from fpg_bench.products.zoo.zoo import load_zoo
 
 SCENARIO = "link"
 LEAST_SHARE = 0.01  # of a player that the table of the equilibrium names

@@ -22,12 +22,12 @@ from measure_payoffs import answers_note, equilibrium_note
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
 from fpg_bench.common.schema import Items
-from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
 from fpg_bench.evaluation.store import EncounterStore, StrictResult
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.scenario import preset
 from fpg_bench.players.player import SIDES, PlayerSpec
+from fpg_bench.products.league.payoffs import Payoffs
 from fpg_bench.products.teams.match import play_teams
 from fpg_bench.products.teams.rules import TEAM_SCRIPTS, TeamRules
 from fpg_bench.products.teams.scripts import BOUNDS

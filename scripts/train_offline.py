@@ -23,11 +23,11 @@ from fpg_bench.evaluation.statistics import ENOUGH_SEEDS, mean_interval
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import summarise, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.products.offline.make import make_dataset
 from fpg_bench.products.offline.read import Dataset, open_dataset
 from fpg_bench.products.offline.spec import load_spec
+from fpg_bench.products.zoo.zoo import load_zoo
 from fpg_bench.training.algorithms import OFFLINE, find_algorithm
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder

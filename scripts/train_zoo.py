@@ -27,8 +27,8 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_record
 from fpg_bench.evaluation.store import Store, pairings
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
-from fpg_bench.evaluation.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.players.agent import load_agent
+from fpg_bench.products.zoo.zoo import Zoo, ZooAgent, ZooGroup, load_zoo
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train

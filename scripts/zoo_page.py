@@ -12,7 +12,7 @@ from fpg_bench.common.canvas import image_of
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.evaluation.curves import EVALUATIONS, draw_curves
+from fpg_bench.evaluation.run_description import EVALUATIONS
 from fpg_bench.evaluation.statistics import (
     TRAINING_SEEDS,
     Interval,
@@ -21,7 +21,8 @@ from fpg_bench.evaluation.statistics import (
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summarise
 from fpg_bench.evaluation.table import bounds, markdown_table
-from fpg_bench.evaluation.zoo import SCORES, Zoo, ZooAgent, ZooGroup
+from fpg_bench.products.rendering.curves import draw_curves
+from fpg_bench.products.zoo.zoo import SCORES, Zoo, ZooAgent, ZooGroup
 
 PAGE, TABLE, CURVES = "README.md", "table.csv", "curves.jsonl"
 PICTURE = "curves.svg"

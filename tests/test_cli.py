@@ -13,7 +13,7 @@ import typer
 
 import fpg_bench.cli.main
 from fpg_bench import __version__
-from fpg_bench.cli import completion, evaluation, training
+from fpg_bench.cli import evaluation, options, training
 from fpg_bench.cli.main import app
 from fpg_bench.cli.options import whole_number
 from fpg_bench.common.ids import ENVS, SCRIPTED
@@ -57,7 +57,7 @@ LISTS = (
 LIST = """
 import sys
 from fpg_bench.cli.main import main
-from fpg_bench.cli.completion import complete_algorithm, complete_id, complete_player, complete_suite
+from fpg_bench.cli.options import complete_algorithm, complete_id, complete_player, complete_suite
 if sys.argv[1] == "completed":
     for complete in (complete_algorithm, complete_id, complete_player, complete_suite):
         complete(sys.argv[2])
@@ -125,18 +125,16 @@ def test_a_shell_can_complete_verbs():
 
 
 def test_a_shell_can_complete_what_can_be_named():
-    assert completion.complete_player("ally-scripted/s") == ["ally-scripted/sac"]
-    assert completion.complete_player("ally-scripted/sac/") == [
-        f"ally-scripted/sac/seed_{k}" for k in range(5)
-    ]
-    assert completion.complete_player("expert") == ["expert", "expert-spread"]
-    assert completion.complete_player("runs/") == []  # the shell's own names of files
-    assert completion.complete_id("FPG/OpponentVsS") == [
+    assert options.complete_player("ally-scripted/s") == ["ally-scripted/sac"]
+    assert options.complete_player("ally-scripted/sac/") == [f"ally-scripted/sac/seed_{k}" for k in range(5)]
+    assert options.complete_player("expert") == ["expert", "expert-spread"]
+    assert options.complete_player("runs/") == []  # the shell's own names of files
+    assert options.complete_id("FPG/OpponentVsS") == [
         f"FPG/OpponentVsScripted{mode}-v0" for mode in ("", "Discrete", "MultiDiscrete")
     ]
-    assert completion.complete_id("FPG/d") == ["FPG/duel_v0"]
-    assert completion.complete_suite("planner-v") == ["planner-v1"]
-    assert completion.complete_algorithm("pp") == ["ppo", "ppo-fast", "ppo-memory", "ppo-stack8"]
+    assert options.complete_id("FPG/d") == ["FPG/duel_v0"]
+    assert options.complete_suite("planner-v") == ["planner-v1"]
+    assert options.complete_algorithm("pp") == ["ppo", "ppo-fast", "ppo-memory", "ppo-stack8"]
     named = {
         option.name
         for verb in VERBS.values()

@@ -146,7 +146,7 @@ def test_a_public_class_name_stands_for_one_thing():
 
 def test_the_board_never_reads_the_records_of_the_zoo():
     """It ranks by rounds that it has played itself."""
-    readers = [module for module, others in graph().items() if "fpg_bench.evaluation.zoo" in others]
+    readers = [module for module, others in graph().items() if "fpg_bench.products.zoo.zoo" in others]
     assert readers
     assert not [module for module in readers if room_of(module) == "products.leaderboard"]
 

@@ -8,8 +8,8 @@ from email.message import Message
 from pathlib import Path
 
 import fpg_bench
-from fpg_bench.common import documentation
-from fpg_bench.common.documentation import docs_folder, page
+from fpg_bench.common import output
+from fpg_bench.common.output import docs_folder, page
 from tests.environments import ROOT
 
 PACKAGE = Path(fpg_bench.__file__).parent
@@ -46,9 +46,9 @@ def test_pages_that_messages_name_exist():
 
 def test_a_page_is_its_address_its_file_or_its_place_in_the_source(monkeypatch, tmp_path):
     assert page("reference/rules") == str(docs_folder() / "reference/rules.md")
-    monkeypatch.setattr(documentation, "docs_folder", lambda: tmp_path)
+    monkeypatch.setattr(output, "docs_folder", lambda: tmp_path)
     assert page("guides/datasets") == "docs/guides/datasets.md of the source of fpg-bench"
     about = Message()
     about["Project-URL"] = "Documentation, https://example.org/docs/"
-    monkeypatch.setattr(documentation, "metadata", lambda name: about)
+    monkeypatch.setattr(output, "metadata", lambda name: about)
     assert page("guides/datasets") == "https://example.org/docs/guides/datasets.html"

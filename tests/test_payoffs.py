@@ -22,11 +22,11 @@ from measure_payoffs import (
 )
 
 from fpg_bench.common.ids import SCRIPTS
-from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.store import Store
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import preset
 from fpg_bench.players.registry import as_player
+from fpg_bench.products.league.payoffs import Payoffs
 from tests.programs import ROOT
 
 LINK = preset("link")

@@ -11,7 +11,7 @@ import platformdirs
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.folders import _own_temporary_folder, user_cache
+from fpg_bench.common.files import _own_temporary_folder, user_cache
 from fpg_bench.common.imports import names_object
 from fpg_bench.common.output import is_terminal
 from fpg_bench.products.offline.make import datasets_root

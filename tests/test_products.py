@@ -130,7 +130,7 @@ def none_installed(monkeypatch, tmp_path):
 
 def test_without_products_nothing_is_offered_and_the_message_says_so(none_installed):
     with_core = [kind for kind in KINDS if offered(kind)]
-    assert with_core == ["verb", "ally", "opponent", "planner", "algorithm"]
+    assert with_core == ["verb", "ally", "opponent", "planner", "algorithm", "agent"]
     with pytest.raises(UserError, match=r"planner 'llm': no product of this copy of fpg-bench offers it"):
         load("planner", "llm")
 

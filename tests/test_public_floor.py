@@ -19,29 +19,18 @@ PUBLIC_FLOOR = {
 }
 # Modules beside the floor that a product still imports: each that goes is struck out, none is added.
 BESIDE = {
-    "hub": ("cli.completion evaluation.curves evaluation.zoo"),
-    "language_models": ("training.run_folder"),
-    "leaderboard": (
-        "common.differences common.documentation common.folders evaluation.hops evaluation.payoffs "
-        "evaluation.run_description players.onnx_file training.rl_zoo3_format "
-        "training.run_folder"
-    ),
-    "league": (
-        "cli.completion common.differences evaluation.payoffs players.population training training.run_folder"
-    ),
-    "link_budget": ("game.link game.propagation"),
-    "offline": ("cli.completion cli.evaluation cli.training common.documentation training.imitation"),
-    "papers": ("evaluation.payoffs"),
-    "planning": ("cli.evaluation game.elementary game.flight"),
-    "rendering": ("envs.screen"),
-    "sandbox": ("common.telemetry players.onnx_file"),
-    "sb3_zip": ("evaluation.run_description training training.checkpoint training.rl_zoo3_format"),
-    "teams": (
-        "evaluation.watching game.counting game.elementary game.flight game.hopping game.jamming "
-        "game.link game.rewards players.population"
-    ),
-    "theory": ("game.elementary game.full_state game.hopping game.jamming game.rewards"),
-    "tuning": ("cli.completion training.interrupts training.rl_zoo3_format"),
+    "language_models": "training.run_folder",
+    "leaderboard": "players.onnx_file training.rl_zoo3_format training.run_folder",
+    "league": "training training.run_folder",
+    "link_budget": "game.link game.propagation",
+    "offline": "cli.training training.imitation",
+    "planning": "game.elementary game.flight",
+    "rendering": "envs.screen",
+    "sandbox": "players.onnx_file",
+    "sb3_zip": "training training.checkpoint training.rl_zoo3_format",
+    "teams": "game.counting game.elementary game.flight game.hopping game.jamming game.link game.rewards",
+    "theory": "game.elementary game.full_state game.hopping game.jamming game.rewards",
+    "tuning": "training.rl_zoo3_format",
 }
 
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from fpg_bench.common.telemetry import OFF, turn_off_telemetry
+from fpg_bench.common.extras import OFF, turn_off_telemetry
 from fpg_bench.game.compiling import cache_folder
 from fpg_bench.products.sandbox import process
 

@@ -1,25 +1,20 @@
-"""The verbs that list names: ``envs``, ``zoo``, ``players`` and ``suites``."""
+"""The verbs that list names: ``envs``, ``players`` and ``suites``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fpg_bench.cli.completion import complete_id, complete_suite
 from fpg_bench.cli.fields import Given
-from fpg_bench.cli.options import JsonOption, game_options, name_all, print_json, print_wrapped
-from fpg_bench.common.documentation import page
+from fpg_bench.cli.options import complete_id, complete_suite, game_options, name_all, print_wrapped
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.output import number
+from fpg_bench.common.output import page
 from fpg_bench.common.products import offered
-from fpg_bench.common.rows import Row
 
 if TYPE_CHECKING:
     from fpg_bench.common.ids import EnvConfig
     from fpg_bench.evaluation.suite import Suite
-    from fpg_bench.evaluation.zoo import ZooAgent
 
 _BOTH_SIDES = "Both sides at once: fpg_bench.make_duel(n), and FPG/duel_v0 in PettingZoo's registry."
 
@@ -101,83 +96,27 @@ def _print_choices(config: EnvConfig, game: Given) -> None:
             typer.echo(f"{index:5}  {name:{width}}  {' '.join(f'{value:5.2f}' for value in row)}")
 
 
-def zoo(
-    every: Annotated[bool, typer.Option("--all", help="Print one line per training seed.")] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """List the shipped agents with their training steps and scores, and check their files.
-
-    Example: fpg-bench zoo
-    """
-    from fpg_bench.evaluation.zoo import policy_digest, read_scores
-    from fpg_bench.players.agent import baselines_folder
-    from fpg_bench.players.player import SIDES
-
-    scores, agents = read_scores(baselines_folder()), baselines_folder() / "agents"
-    if not scores:
-        typer.echo("no agents are shipped; python scripts/train_zoo.py trains them")
-        return
-    rows = [row for of in scores for row in _rows(of, every)]
-    if as_json:
-        print_json(rows)
-        return
-    width, suite_name = max(len(row["agent"]) for row in rows), None
-    typer.echo(f"{'agent':{width}} {'seeds':>5} {'steps':>9} {'score':>6} {'95 % interval':>13}")
-    for row in rows:
-        if row["suite"] != suite_name:
-            suite_name = row["suite"]
-            typer.echo(f"on {suite_name}")
-        interval = "-" if "seeds" in row else ""
-        if row["low"] is not None:
-            interval = f"[{number(row['low'])}, {number(row['high'])}]"
-        typer.echo(
-            f"{row['agent']:{width}} {row.get('seeds', ''):5} {row['steps']:9,} {number(row['score']):>6} "
-            f"{interval:>13}".rstrip()
-        )
-    policies = {f"{of['agent']}/{seed}": one["policy"] for of in scores for seed, one in of["seeds"].items()}
-    damaged = [name for name, policy in policies.items() if policy_digest(agents / name) != policy]
-    for name in damaged:
-        typer.echo(f"CHANGED: {name}: not the policy that was scored")
-    size = sum(file.stat().st_size for name in policies for file in (agents / name).glob("*"))
-    whole = "all policies are whole" if not damaged else f"{len(damaged)} policies are changed"
-    typer.echo(f"{len(policies)} agents, {size / 1e6:.1f} MB; {whole}")
-    name_all("champions", (name for side in SIDES for name in _champions(side)))
-
-
-def _rows(of: Row, every: bool) -> list[Row]:
-    """Return one row for all training seeds of an algorithm, or one per seed if ``every``."""
-    suite = {"suite": of["suite"]}
-    if not every:
-        return [{**of, "seeds": len(of["seeds"]), **suite}]
-    unknown = {"low": None, "high": None, **suite}
-    return [
-        {"agent": f"{of['agent']}/{seed}", "steps": one["steps"], "score": one["score"], **unknown}
-        for seed, one in of["seeds"].items()
-    ]
-
-
 def players() -> None:
     """List the names of players, planners and flight paths.
 
     Example: fpg-bench players
     """
-    from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.names import PATHS
+    from fpg_bench.players.agent import agents_of
     from fpg_bench.players.player import SIDES
 
-    members = [member for member in load_zoo().members() if member.shipped]
     for side in SIDES:
         for group, names in _grouped(side, "group").items():
             if group != "oracle":
                 name_all(f"{group}, {side}", names)
-        name_all(f"agents, {side}", _agents(member for member in members if member.group.side == side))
-        name_all(f"champions, {side}", _champions(side))
+        name_all(f"agents, {side}", agents_of(side))
         name_all(f"populations, {side}", _populations(side))
     name_all("either side", ["oracle: sees the full state, so it is in no suite"])
     for tier, names in _grouped("planner", "tier").items():
         name_all(f"planners, tier {tier}", names)
     name_all("paths", PATHS)
-    print_wrapped("Your own: an agent's folder, or package.module:object. All agents' scores: fpg-bench zoo")
+    scores = " All agents' scores: fpg-bench zoo" if "zoo" in offered("verb") else ""
+    print_wrapped(f"Your own: an agent's folder, or package.module:object.{scores}")
     if "hf://" in offered("agent"):
         typer.echo("On the Hugging Face Hub: hf://owner/name, or hf://owner/name@revision")
 
@@ -206,26 +145,6 @@ def _described(suite: Suite) -> str:
     rounds = f" of {suite.rounds_per_match} rounds" if suite.rounds_per_match > 1 else ""
     met = f"{suite.matches} matches{rounds} per rival"
     return f"measures the {suite.side}, {met}\n    {suite.scale.description}"
-
-
-def _champions(side: str) -> list[str]:
-    """Return the names of the shipped champions of a side, which no group of the zoo holds."""
-    from fpg_bench.players.agent import baselines_folder
-
-    agents = baselines_folder() / "agents"
-    folders = sorted(agents.glob(f"{side}-*champion*/*/seed_*"))
-    return [folder.relative_to(agents).as_posix() for folder in folders]
-
-
-def _agents(members: Iterable[ZooAgent]) -> list[str]:
-    """Return the agents' names, with training seeds grouped."""
-    seeds: dict[str, list[str]] = {}
-    for member in members:
-        seeds.setdefault(f"{member.group.name}/{member.algorithm}", []).append(str(member.seed))
-    return [
-        f"{name}/seed_{{{','.join(of)}}}" if len(of) > 1 else f"{name}/seed_{of[0]}"
-        for name, of in seeds.items()
-    ]
 
 
 def _populations(side: str) -> list[str]:

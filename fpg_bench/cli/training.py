@@ -9,10 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fpg_bench.cli.completion import (
-    complete_algorithm,
-    complete_id,
-)
 from fpg_bench.cli.fields import Given, listed
 from fpg_bench.cli.options import (
     EVALUATION,
@@ -20,6 +16,8 @@ from fpg_bench.cli.options import (
     OUTPUT,
     TRAINING,
     WorkersOption,
+    complete_algorithm,
+    complete_id,
     game_options,
     llm_options,
     other_game_options,
@@ -106,13 +104,12 @@ def train(
     Example: fpg-bench train ppo FPG/AllyVsScripted-v0 --steps 2e6 --out runs/ppo_0
     """
     check_writable(out)  # before the seconds that the imports take
-    from fpg_bench.evaluation.zoo import load_zoo
     from fpg_bench.game.spec import GameSpec
 
     from_zoo = against == ZOO and not {"opponent", "ally"} & set(game)
     spec = GameSpec.of(env_id, against=None if from_zoo else listed(against), **game, **team)
     if from_zoo:
-        spec = load_zoo().mixture(spec)
+        spec = load("agent", ZOO)(spec)
     config = RunConfig(algorithm, spec, seed or 0, planner_options=planner_options, **run)
     if seeds is None and workers.backend != "loky":
         raise UserError("backend: needs several runs; list their --seeds")

@@ -6,10 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable
 
-_NEAR = 0.6  # of difflib's ratio
-_UNIT = 3  # letters of the longest unit that ends a name
 _MOST = 30  # names in a line
-_PART = re.compile("[_-]")
 _LONGEST = 80  # characters of a refused value in a message
 _LONGEST_WORD = 300  # of anything in a message; paths may be long
 _LAST = 20  # characters that are kept of its end
@@ -79,55 +76,21 @@ def first_line(error: BaseException) -> str:
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return the end of an error message on an unknown word: the nearest known word, its kin, or all of them.
+    """Return the end of an error message on an unknown word: the nearest known word, or all of them.
 
-    Kin are known names that share a part of a name such as ``jamming_power_dbm``. Of very many the first are
-    named, and how many more there are.
+    Of very many the first are named, and how many more there are.
     """
     known = sorted(set(known))
-    kin = _kin(word, known)
-    if (hint := meant(word, known)) or not kin:
-        more = f" and {len(known) - _MOST} more" if len(known) > _MOST else ""
-        return hint or f"; known: {', '.join(known[:_MOST])}{more}"
-    return f"; did you mean one of {', '.join(kin[:_MOST])}?"
+    more = f" and {len(known) - _MOST} more" if len(known) > _MOST else ""
+    return meant(word, known) or f"; known: {', '.join(known[:_MOST])}{more}"
 
 
 def meant(word: str, known: Iterable[str]) -> str:
     """Return the end of an error message on an unknown word: the nearest known word, or nothing.
 
-    Capitals do not matter. Of words as ``a/b`` the last parts must be near, too: all that lies in one
-    folder begins alike. Of names as ``a_power_dbm`` those that share a part are preferred, and each of the
-    word's parts must be near one of the name's.
+    Capitals do not matter.
     """
-    known = sorted(set(known))
-    near = {
-        name.lower(): name for name in _kin(word, known) or known if _ends_near(word.lower(), name.lower())
-    }
-    for close in difflib.get_close_matches(word.lower(), near, n=3, cutoff=_NEAR):
-        if _differs_little(word.lower(), close):
-            return f"; did you mean {near[close]!r}?"
-    return ""
-
-
-def _kin(word: str, known: Iterable[str]) -> list[str]:
-    """Return the known names that share a part with a name that has underscores."""
-    return [name for name in known if "_" in word and _parts(word) & _parts(name)]
-
-
-def _parts(name: str) -> set[str]:
-    """Return the parts of a name, without short ones such as units."""
-    return {part for part in _PART.split(name.lower()) if len(part) > _UNIT}
-
-
-def _differs_little(word: str, name: str) -> bool:
-    """Return True if each part of a word is near some part of a name: another part means something else."""
-    parts, own = _PART.split(name), _PART.split(word)
-    return "_" not in word or all(difflib.get_close_matches(part, parts, 1, _NEAR) for part in own)
-
-
-def _ends_near(word: str, name: str) -> bool:
-    """Return True if the last parts of two paths are similar, or the paths differ in depth."""
-    if word.count("/") != name.count("/"):
-        return True
-    last, end = (text.rpartition("/")[2] for text in (word, name))
-    return difflib.SequenceMatcher(None, last, end).ratio() >= _NEAR
+    near = {name.lower(): name for name in sorted(set(known))}
+    return "".join(
+        f"; did you mean {near[close]!r}?" for close in difflib.get_close_matches(word.lower(), near, 1)
+    )

@@ -7,6 +7,7 @@ The core plays the game: environments, scripts, shipped agents, ``play``. Everyt
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
@@ -54,3 +55,14 @@ def has(package: str) -> bool:
     if package in sys.modules:
         return sys.modules[package] is not None
     return find_spec(package) is not None
+
+
+# Read by onnxruntime and huggingface_hub when they are imported, by Ray when it is started. Otherwise
+# onnxruntime starts a thread, writes an id of the device into the user's cache and sends events.
+OFF = {"ORT_DISABLE_TELEMETRY": "1", "HF_HUB_DISABLE_TELEMETRY": "1", "RAY_USAGE_STATS_ENABLED": "0"}
+
+
+def turn_off_telemetry() -> None:
+    """Set the variables that turn telemetry off, in this process and in those that it starts."""
+    for name, value in OFF.items():
+        os.environ.setdefault(name, value)

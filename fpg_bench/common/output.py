@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import logging
@@ -9,11 +10,16 @@ import math
 import re
 import sys
 import textwrap
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable, Iterator
+from importlib import resources
+from importlib.metadata import metadata
+from pathlib import Path
 from typing import TextIO
 
 from fpg_bench.common.errors import printable
 
+LINE_EVERY_S = 30.0  # between two lines of progress without a terminal
 # What begins a spreadsheet's formula, also as a full-width sign; and cells that begin so, but are harmless.
 _FORMULA = re.compile(r"\s*[-=+@\uff0d\uff1d\uff0b\uff20]")
 _NUMBER = re.compile(r"[-+]?([\d.]+(e[-+]?\d+)?( ± [\d.]+)?( \[[-+\d.e, ]+\])?)?", re.ASCII)
@@ -83,3 +89,69 @@ def number(value: float | None, factor: float = 1, digits: int = 1) -> str:
     if value is None or not math.isfinite(value):
         return "-"
     return f"{round(value * factor, digits) + 0.0:.{digits}f}"  # never -0.0
+
+
+def page(name: str) -> str:
+    """Return where a page is: its address, else its file on this machine, else its file in the source.
+
+    Args:
+        name: folder and name without suffix, such as ``guides/datasets``.
+    """
+    if address := published().get("Documentation"):
+        return f"{address.rstrip('/')}/{name}.html"
+    file = docs_folder() / f"{name}.md"
+    return str(file) if file.is_file() else f"docs/{name}.md of the source of fpg-bench"
+
+
+def published() -> dict[str, str]:
+    """Return the addresses of ``[project.urls]`` by label, as the package's metadata holds them."""
+    lines = metadata("fpg-bench").get_all("Project-URL") or []
+    return dict(line.split(", ", 1) for line in lines)
+
+
+def docs_folder() -> Path:
+    """Return the folder of the documentation: some pages in an installed package, all in the repository."""
+    package = Path(str(resources.files("fpg_bench")))
+    installed = package / "docs"
+    return installed if installed.is_dir() else package.parent / "docs"
+
+
+@contextlib.contextmanager
+def shown_progress() -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a function that shows what is under way, and how much of it is done: ``show(what, done, total)``.
+
+    On a terminal it draws a bar with count, share and time left; elsewhere it prints a line each half minute.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.table import Column
+
+    last_line = time.monotonic()
+    columns = (
+        TextColumn("{task.description}", markup=False, table_column=Column(ratio=1, no_wrap=True)),
+        BarColumn(bar_width=16),
+        MofNCompleteColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    is_hidden = not is_terminal(sys.stderr)
+    with Progress(*columns, console=console, transient=True, expand=True, disable=is_hidden) as bar:
+        task = bar.add_task("", total=None)
+
+        def show(what: str, done: int, total: int) -> None:
+            nonlocal last_line
+            bar.update(task, description=printable(what), completed=done, total=total)
+            if bar.disable and time.monotonic() - last_line >= LINE_EVERY_S:
+                last_line = time.monotonic()
+                if sys.stderr is not None:
+                    print(printable(f"{what}: {done:,} of {total:,} rounds"), file=sys.stderr, flush=True)
+
+        yield show

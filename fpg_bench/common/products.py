@@ -116,10 +116,11 @@ class Manifest(Strict):
         algorithm: algorithms.
         game: games of another kind than the duel, by their ids: :class:`fpg_bench.game.spec.GameProduct`.
         agent: what fetches an agent by a scheme (``hf://``), makes one of a file by its suffix (``.zip``),
-            and plays agents of others (``untrusted``).
+            and plays agents of others (``untrusted``) and models of Stable-Baselines3 (``live``); and
+            what ``train --against zoo`` draws from.
         rendering: what draws rounds, or shows link budgets, by suffix or by name.
-        language_model: what records, replays and pays for language models, and options that it adds to
-            verbs.
+        language_model: what records, replays and pays for language models, the season in which they answer,
+            and options that they add to verbs.
     """
 
     model_config = ConfigDict(populate_by_name=True)

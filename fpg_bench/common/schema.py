@@ -171,51 +171,36 @@ def _at(path: Sequence[int | str], problem: str) -> str:
     return f"{text}: {problem}" if text else problem
 
 
+_WORDS = {
+    **dict.fromkeys(("expected", "literal_error", "enum"), "{expected}"),
+    **dict.fromkeys(("int_type", "int_from_float", "int_parsing", "int_parsing_size"), "a whole number"),
+    **dict.fromkeys(("float_type", "float_parsing"), "a number"),
+    "finite_number": "a finite number",
+    **dict.fromkeys(("bool_type", "bool_parsing"), "true or false"),
+    **dict.fromkeys(("string_type", "string_unicode"), "text"),
+    "none_required": "nothing",
+    **dict.fromkeys(("list_type", "tuple_type"), "a list"),
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type", "dataclass_type"), "a mapping"),
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "a number of at least {ge:g}",
+    "less_than": "a number below {lt:g}",
+    "less_than_equal": "a number of at most {le:g}",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "at most {max_length} items",
+    "string_too_long": "at most {max_length} characters",
+    "string_too_short": "at least {min_length} characters",
+    "string_pattern_mismatch": "text of the form {pattern}",
+    "union_tag_invalid": "{discriminator}: {expected_tags}",
+    "union_tag_not_found": "a mapping with {discriminator}",
+}
+
+
 def _expected(error: ErrorDetails) -> str:
     """Word what the value should have been."""
-    context = error.get("ctx", {})
-    match error["type"]:
-        case "expected" | "literal_error" | "enum":
-            return str(context["expected"]).replace("'", "")
-        case "int_type" | "int_from_float" | "int_parsing" | "int_parsing_size":
-            return "a whole number"
-        case "float_type" | "float_parsing":
-            return "a number"
-        case "finite_number":
-            return "a finite number"
-        case "bool_type" | "bool_parsing":
-            return "true or false"
-        case "string_type" | "string_unicode":
-            return "text"
-        case "none_required":
-            return "nothing"
-        case "list_type" | "tuple_type":
-            return "a list"
-        case "dict_type" | "model_type" | "model_attributes_type" | "dataclass_type" | "mapping_type":
-            return "a mapping"
-        case "greater_than":
-            return f"a number above {context['gt']:g}"
-        case "greater_than_equal":
-            return f"a number of at least {context['ge']:g}"
-        case "less_than":
-            return f"a number below {context['lt']:g}"
-        case "less_than_equal":
-            return f"a number of at most {context['le']:g}"
-        case "too_short":
-            return "a list" if context["min_length"] == 1 else f"at least {context['min_length']} items"
-        case "too_long":
-            return f"at most {context['max_length']} items"
-        case "string_too_long":
-            return f"at most {context['max_length']} characters"
-        case "string_too_short":
-            return f"at least {context['min_length']} characters"
-        case "string_pattern_mismatch":
-            return f"text of the form {context['pattern']}"
-        case "union_tag_invalid":
-            return f"{context['discriminator']}: {context['expected_tags']}".replace("'", "")
-        case "union_tag_not_found":
-            return f"a mapping with {context['discriminator']}".replace("'", "")
-    return str(error["msg"])
+    if error["type"] not in _WORDS:
+        return str(error["msg"])
+    text = _WORDS[error["type"]].format(**error.get("ctx", {}))
+    return text if error["type"] == "string_pattern_mismatch" else text.replace("'", "")
 
 
 def _hint(error: ErrorDetails) -> str:

@@ -21,10 +21,10 @@ from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.game.waterfall import HISTORY, Waterfall
+from fpg_bench.players.agent import expand_suites
 from fpg_bench.players.planner import Planner, as_planner, asks_language_model, planner_name
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
 from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.population import expand_suites
 from fpg_bench.players.registry import as_player, named_card, player_name
 
 Info = dict[str, Any]  # of a reset or a step, as Gymnasium has it

@@ -1,4 +1,4 @@
-"""Checkers for a player, planner or scenario of your own, for a test or a notebook.
+"""Checkers for a player or planner of your own, for a test or a notebook.
 
 Each prints one line if all is well, and raises :class:`AssertionError` with one line that names the first
 problem and how to fix it::
@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,6 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.products import offered
 from fpg_bench.envs.core import Core
 from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.suite import seated_player
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec, OtherGame, game_product, observation_size, other_game
@@ -34,7 +33,7 @@ from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import ModelPlayer, player_name, trained_game
 from fpg_bench.players.scripted import Scripted, player_seeds
 
-__all__ = ["check_planner", "check_player", "check_scenario"]
+__all__ = ["check_planner", "check_player"]
 
 _GAMES = 7
 _STEPS = 40
@@ -292,64 +291,7 @@ def _plan(
     return plans
 
 
-def check_scenario(scenario: Scenario | str | None) -> None:
-    """Check that a scenario can be played: complete rounds, valid numbers, equal games for equal seeds.
-
-    Args:
-        scenario: a scenario, a preset's name or a YAML file.
-
-    Raises:
-        AssertionError: the first problem, with its step.
-        UserError: no such scenario.
-    """
-    played = as_scenario(scenario)
-    for ally, opponent in (("random", "random"), ("expert-spread", "adaptive")):
-        batch, again = (_play_round(played, ally, opponent, seeds=range(11, 14)) for _ in range(2))
-        alone = _play_round(played, ally, opponent, seeds=[13])
-        for step, (x, y, z) in enumerate(zip(batch, again, alone, strict=True)):
-            _require((x == y).all(), f"scenario: the same seed gave another game at step {step}")
-            _require(
-                (x[2] == z[0]).all(),
-                f"scenario: a game of a batch is not the single game of its seed at step {step}",
-            )
-    print(f"scenario {played.hash[:12]}: can be played")
-
-
 def _duel_of(scenario: Scenario, games: int) -> TwoPlayerBatch:
     """Return a batch of games; an opponent whose path is planned flies random plans."""
     planner = as_planner("random", scenario) if "waypoints" in scenario.paths else None
     return TwoPlayerBatch(scenario, games, planner)
-
-
-def _play_round(scenario: Scenario, ally: str, opponent: str, seeds: Sequence[int]) -> list[np.ndarray]:
-    """Return the observations and rewards ``(games, ...)`` of each step of a round, checked."""
-    match = make_match(_duel_of(scenario, len(seeds)), ally, opponent)
-    steps: list[np.ndarray] = []
-
-    def check_step() -> None:
-        duel, index = match.duel, len(steps)
-        step = duel.present()
-        shown = {
-            "ally's observation": step.ally_observations,
-            "opponent's observation": step.opponent_observations,
-            "full state": duel.state(),
-        }
-        for name, numbers in shown.items():
-            bad = ~(np.abs(numbers) <= 1).all(axis=0)
-            _require(
-                not bad.any(),
-                f"scenario: index {bad.argmax()} of the {name} at step {index} lies outside [-1, 1] "
-                "or is NaN",
-            )
-        rewards = np.column_stack([step.ally_rewards, step.opponent_rewards])
-        _require(
-            np.isfinite(rewards).all(),
-            f"scenario: a reward at step {index} is NaN or infinite: {rewards.tolist()}",
-        )
-        length = scenario.steps_per_round
-        is_in_order = step.truncated.all() if index + 1 == length else not step.truncated.any()
-        _require(is_in_order, f"scenario: a round of {length} steps did not end with its last one ({index})")
-        steps.append(np.column_stack([step.ally_observations, step.opponent_observations, rewards]))
-
-    play_round(match, seeds=seeds, on_step=check_step)
-    return steps

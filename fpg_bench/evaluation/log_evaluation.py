@@ -10,9 +10,8 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.evaluation.curves import EVALUATIONS
 from fpg_bench.evaluation.policy_evaluator import MATCHES, PolicyEvaluator
-from fpg_bench.evaluation.run_description import FILE, RunDescription
+from fpg_bench.evaluation.run_description import EVALUATIONS, FILE, RunDescription
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.players.registry import player_name
 

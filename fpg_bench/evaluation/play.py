@@ -17,8 +17,14 @@ import numpy as np
 from fpg_bench.common.errors import UserError, printable
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.entry import EvaluatedPlayer
-from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
-from fpg_bench.evaluation.record import HASHED_TALLIES, Plans, Record
+from fpg_bench.evaluation.record import (
+    HASHED_TALLIES,
+    HOP_BITS,
+    HopCounts,
+    Plans,
+    Record,
+    conditional_entropy,
+)
 from fpg_bench.evaluation.rounds import MatchBatch, SidePolicy, make_match, play_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite

@@ -10,9 +10,8 @@ from typing import TypedDict
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.hops import HOP_BITS, HopCounts, conditional_entropy
 from fpg_bench.evaluation.play import match_of
-from fpg_bench.evaluation.record import Pooled
+from fpg_bench.evaluation.record import HOP_BITS, HopCounts, Pooled, conditional_entropy
 from fpg_bench.evaluation.rounds import MatchBatch, play_round
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import PLANNER, Scale, Suite, load_suite

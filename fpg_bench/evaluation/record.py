@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from fpg_bench.game.batch import GameBatch
+
 import dataclasses
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
 from pydantic import ConfigDict, Field, Strict
 
 from fpg_bench.common.checks import check_keys
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Expected, Word, parse
-from fpg_bench.evaluation.hops import HOP_BITS
 from fpg_bench.game.metrics import CLEAN, GREATEST, measures
 from fpg_bench.game.state import TALLY
 
 TALLIES = tuple(TALLY.names or ())
+HOP_BITS = "hop_bits"  # beside a tally: the entropy of a hop's destination, times the number of hops
 # Every record has the first sums, and the hash of its rounds covers them; older records lack later ones.
 HASHED_TALLIES = TALLIES[: TALLIES.index("opponent_return") + 1]
 LATER_TALLIES = (*TALLIES[len(HASHED_TALLIES) :], CLEAN, HOP_BITS)
@@ -227,3 +233,41 @@ def read_records(rows: Iterable[Row], where: str) -> list[Record]:
                 f"{where}: record {number} is of the same matchup as record {first}; remove one of them"
             )
     return records
+
+
+class HopCounts:
+    """Counts of the ally's hops from point to point in a batch of games; a round's first step is left out.
+
+    Args:
+        batch: the games.
+    """
+
+    def __init__(self, batch: GameBatch) -> None:
+        self._games = batch.games
+        points = batch.scenario.frequency_points
+        self.counts = np.zeros((points, points), np.int64)
+        self._before = np.zeros(batch.count, np.int64)
+
+    def count(self) -> None:
+        """Add the hops of the step just played."""
+        point = self._games["point"].copy()
+        hopped = self._games["hopped"] & (self._games["step"] > 1)
+        np.add.at(self.counts, (self._before[hopped], point[hopped]), 1)
+        self._before = point
+
+
+def conditional_entropy(counts: np.ndarray) -> float:
+    """Return the entropy of a destination given its origin, in bits; 0 without any count.
+
+    >>> conditional_entropy(np.array([[0, 4, 4], [8, 0, 0], [0, 0, 0]]))
+    0.5
+
+    Args:
+        counts: ``(origins, destinations)``.
+    """
+    total = counts.sum()
+    if not total:
+        return 0.0
+    of_origin = np.broadcast_to(counts.sum(axis=1, keepdims=True), counts.shape)
+    there = counts > 0
+    return float((counts[there] * np.log2(of_origin[there] / counts[there])).sum() / total)

@@ -16,6 +16,8 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.card import Game, OfflineData
 
 FILE = "run.json"
+EVALUATIONS = "evaluations.jsonl"  # scores during training, in a run's folder
+CURVE = "curve.png"  # their picture
 _Number = Annotated[float, pydantic.Field(strict=False)]
 # What runs, and their agents, of one entry have in common; they differ by their training seed alone.
 MADE_BY = (

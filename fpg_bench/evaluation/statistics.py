@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import require_extra
 
 require_extra("evaluate", "scipy", "matplotlib")  # here, so that nothing is played before
@@ -185,3 +187,47 @@ def correlation_interval(value: float, count: int, given: int = 0) -> Interval:
     half = 1.959963984540054 * math.sqrt((1 + value**2 / 2) / (count - given - 3))
     low, high = (math.tanh(math.atanh(value) + by) for by in (-half, half))
     return Interval(value, low, high, "units")
+
+
+class Nash(NamedTuple):
+    """Equilibrium of a zero-sum game: mixtures of rows and columns, and the value."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    value: float
+
+
+def nash(losses: np.ndarray) -> Nash:
+    """Return the Nash equilibrium of a zero-sum game by linear programming.
+
+    Args:
+        losses: ``(m, n)``, the losses of the side that chooses rows to the side that chooses columns.
+
+    Raises:
+        UserError: not a matrix of finite numbers, or the solver fails.
+    """
+    if losses.ndim != 2 or not losses.size or not np.isfinite(losses).all():
+        raise UserError(f"meta-game: expected a matrix of finite numbers, got shape {losses.shape}")
+    rows, columns = _minimax(losses), _minimax(-losses.T)
+    return Nash(rows, columns, float(rows @ losses @ columns))
+
+
+def _minimax(losses: np.ndarray) -> np.ndarray:
+    """Return the mixture of rows with the least greatest loss: min v, x @ losses <= v, x a distribution."""
+    from scipy.optimize import linprog
+
+    m, n = losses.shape
+    solution = linprog(
+        c=np.append(np.zeros(m), 1.0),
+        A_ub=np.hstack([losses.T, -np.ones((n, 1))]),
+        b_ub=np.zeros(n),
+        A_eq=np.append(np.ones(m), 0.0)[None],
+        b_eq=[1.0],
+        bounds=[(0, None)] * m + [(None, None)],
+        method="highs",
+    )
+    if not solution.success:
+        raise UserError(f"meta-game: the solver gives up: {solution.message}")
+    mixture = np.clip(solution.x[:m], 0, None)
+    normalized: np.ndarray = mixture / mixture.sum()
+    return normalized

@@ -22,7 +22,7 @@ from numba import config
 from numba.core import caching, event
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.folders import user_cache
+from fpg_bench.common.files import user_cache
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = ("game", "players")

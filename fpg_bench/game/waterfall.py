@@ -13,7 +13,6 @@ import numpy as np
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
-from fpg_bench.game.compiling import compiled
 from fpg_bench.game.elementary import DB, log
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
@@ -25,18 +24,17 @@ from fpg_bench.game.sensing import (
     SNR,
     SPREADING_TIME,
 )
-from fpg_bench.game.state import OBSERVATION_SIZE, TYPES
+from fpg_bench.game.state import TYPES
 
 HISTORY = 16  # rows
 RANGE_DB = 30.0  # from level 1 (all the jamming power in one bin) to level 0
 SPREAD_LEVEL = 0.25  # of the ally's signal while it spreads, outside its own bin
 MOST_BINS = 1000
-_SPREAD_LEVEL = np.float32(SPREAD_LEVEL)
 _TOLERANCE, _NO_TEETH = 1e-5, 1e9  # in halves of the band
 
 
 class Table(NamedTuple):
-    """Constants of a row in float32: arrays, or tensors. Frequencies are in halves of the band.
+    """Constants of a row in float32. Frequencies are in halves of the band.
 
     Attributes:
         edges: ``(bins + 1,)`` of the bins, -1 to 1.
@@ -129,10 +127,9 @@ class Waterfall:
 
     def push(self, windows: np.ndarray, seen: np.ndarray) -> None:
         """Add the rows of a step to windows in place; arguments as in :meth:`pushed`."""
-        numbers = np.require(seen, np.float32, ("C", "A", "W"))
-        if len(windows) != len(numbers) or numbers.shape[1:] != (OBSERVATION_SIZE,):
-            raise ValueError(f"windows of {len(windows)} games, observations {numbers.shape}")
-        _push(windows, numbers, self.table)
+        numbers = np.asarray(seen, np.float32)
+        windows[:, :-1] = windows[:, 1:]
+        windows[:, -1] = waterfall_rows(numbers, self.table)
 
     def empty(self, count: int) -> np.ndarray:
         """Return windows ``(count, history, bins)`` before any step: zeros."""
@@ -140,66 +137,28 @@ class Waterfall:
 
 
 def waterfall_rows(seen: Any, table: Table) -> Any:
-    """Return the rows ``(n, bins)`` of observations ``(n, 15)``; arrays or tensors, as those of the table.
+    """Return the rows ``(n, bins)`` of observations ``(n, 15)``, by operators that arrays and graphs share.
 
-    Only operators that NumPy and PyTorch share are used; exported agents compute them. Environments and
-    players have the same rows, bit by bit, from a compiled loop.
+    Environments and players compute them with NumPy; for agents they are written as ONNX.
     """
-    centre = seen[:, SENSED_CENTRE, None, None]
+    centre, frequency = (seen[:, k : k + 1] for k in (SENSED_CENTRE, OWN_FREQUENCY))
+    shares = seen[:, SENSED_TYPE : SENSED_TYPE + TYPES].reshape(-1, TYPES, 1)
+    centre = centre.reshape(-1, 1, 1)
     away = table.edges - centre
     first, last = -((centre + table.reach) / table.spacing // 1), (table.reach - centre) / table.spacing // 1
     tooth = ((away / table.spacing + 0.5) // 1).clip(first, last)
     below = 2 * table.half * tooth + (away - tooth * table.spacing).clip(-table.half, table.half)
     levels = (below[..., 1:] - below[..., :-1]) * table.level
-    jamming = (levels * seen[:, SENSED_TYPE : SENSED_TYPE + TYPES, None]).sum(1).clip(0, 1)
+    jamming = (levels * shares).sum(1).clip(0, 1)
 
-    frequency = seen[:, OWN_FREQUENCY, None]
     below = (table.edges - frequency).clip(-table.spread, table.spread)
     spread = (below[..., 1:] - below[..., :-1]) / (table.edges[1] - table.edges[0])
-    others = jamming - (seen[:, SPREADING_TIME, None] > 0) * spread * SPREAD_LEVEL
-    mark = (seen[:, SENSED_COVERS, None] - seen[:, SNR, None] - 2) / 4
-    is_own = (frequency >= table.low) & (frequency < table.high)
-    return is_own * mark + ~is_own * others
+    others = jamming - _is_positive(seen[:, SPREADING_TIME : SPREADING_TIME + 1]) * spread * SPREAD_LEVEL
+    mark = (seen[:, SENSED_COVERS : SENSED_COVERS + 1] - seen[:, SNR : SNR + 1] - 2) / 4
+    is_own = _is_positive(table.high - frequency) - _is_positive(table.low - frequency)
+    return is_own * mark + (1 - is_own) * others
 
 
-@compiled
-def _push(windows: np.ndarray, seen: np.ndarray, table: Table) -> None:
-    """Move the rows of all windows up, and write the newest: the float32 operations of `waterfall_rows`."""
-    zero, half, one, two, four = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(4)
-    spread, bins = table.spread[()], len(table.low)
-    bin_width = table.edges[1] - table.edges[0]
-    for game in range(len(windows)):
-        for age in range(windows.shape[1] - 1):
-            for k in range(bins):
-                windows[game, age, k] = windows[game, age + 1, k]
-        row, numbers = windows[game, windows.shape[1] - 1], seen[game]
-        row[:] = zero
-        centre, frequency = numbers[SENSED_CENTRE], numbers[OWN_FREQUENCY]
-        for kind in range(TYPES):
-            share = numbers[SENSED_TYPE + kind]
-            if share == zero:
-                continue
-            width, spacing, reach = table.half[kind, 0], table.spacing[kind, 0], table.reach[kind, 0]
-            level = table.level[kind, 0]
-            first, last = -np.floor((centre + reach) / spacing), np.floor((reach - centre) / spacing)
-            before = zero
-            for k in range(bins + 1):
-                away = table.edges[k] - centre
-                tooth = _clip(np.floor(away / spacing + half), first, last)
-                below = two * width * tooth + _clip(away - tooth * spacing, -width, width)
-                if k > 0:
-                    row[k - 1] += (below - before) * level * share
-                before = below
-        mark = (numbers[SENSED_COVERS] - numbers[SNR] - two) / four
-        spreads = np.float32(numbers[SPREADING_TIME] > zero)
-        before = _clip(table.edges[0] - frequency, -spread, spread)
-        for k in range(bins):
-            below = _clip(table.edges[k + 1] - frequency, -spread, spread)
-            others = _clip(row[k], zero, one) - spreads * ((below - before) / bin_width) * _SPREAD_LEVEL
-            before = below
-            row[k] = mark if frequency >= table.low[k] and frequency < table.high[k] else others
-
-
-@compiled
-def _clip(x: np.float32, low: np.float32, high: np.float32) -> np.float32:
-    return min(max(x, low), high)
+def _is_positive(values: Any) -> Any:
+    """Return 1 for values above 0, else 0; observations and edges differ by more than 1e-30."""
+    return (values * 1e30).clip(0, 1)

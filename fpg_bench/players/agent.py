@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from fpg_bench.common.errors import UserError, first_line, meant, one_line
+from fpg_bench.common.errors import UserError, first_line, meant, nearest, one_line
 from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.files import read_bounded, read_json
+from fpg_bench.common.imports import SUITE
 from fpg_bench.common.products import files_of_products, load
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.spec import GameSpec, OtherGame, kind_of, observation_size, option_names
 from fpg_bench.players.card import FILE, AgentCard
 from fpg_bench.players.onnx_file import check_signature, plain_model, read_form, unplayable
-from fpg_bench.players.player import SIDES, Memory, Player, Prediction
+from fpg_bench.players.player import SIDES, Memory, Player, PlayerSpec, Prediction
 from fpg_bench.players.remote import fetch, is_remote
 from fpg_bench.players.seeded import SeededPolicy
 from fpg_bench.players.trust import is_exported_here, remember_exported
@@ -28,6 +30,7 @@ from fpg_bench.players.trust import is_exported_here, remember_exported
 _MOST_POLICY = 2**28  # bytes
 _ROWS, _STEPS, _NEAR = 8, 4, 1e-4  # of observations that check an answer, and how far it may be off
 _SEED = re.compile(r"seed_(\d+)")
+_logger = logging.getLogger(__name__)
 
 
 class AgentPlayer(Player, Protocol):
@@ -47,7 +50,7 @@ class OnnxPlayer(SeededPolicy):
 
     The operators must show that games are independent of each other; see
     :mod:`fpg_bench.players.onnx_file`. Without ``onnx`` (extra ``evaluate``), which reads them, a file is
-    played as it is.
+    played as it is. A file of the user's own may have others, and is then played game by game.
 
     Inputs ``observation`` (n, 15), of a seat of a team as many as its game has, optional ``state`` (n, S),
     optional ``noise`` (n, k), standard normal numbers of the round's own stream; outputs ``action`` (n, 9)
@@ -57,21 +60,30 @@ class OnnxPlayer(SeededPolicy):
         model: the bytes of ``policy.onnx``.
         card: the agent's card; None for a policy without one.
         size: how many numbers it observes; None: as many as the card's game has.
+        is_own: whether the file is the user's own.
 
     Attributes:
         state_size, noise_size: 0 where the policy has none.
+        outside: why games are played one by one; None: they are not.
 
     Raises:
         UserError: not an ONNX file, one in another form or that onnxruntime cannot read, or one with other
             inputs or outputs.
     """
 
-    def __init__(self, model: bytes, card: AgentCard | None = None, size: int | None = None) -> None:
-        self.model, self.card = model, card
+    outside: UserError | None = None
+
+    def __init__(
+        self, model: bytes, card: AgentCard | None = None, size: int | None = None, is_own: bool = False
+    ) -> None:
+        self.model, self.card, self._is_own = model, card, is_own
         self.size = size or observation_size(None if card is None else card.game)
         if card is not None and isinstance(card.game, OtherGame):
             self.sees, self.skills = card.game.sees, card.skills
-        inputs, outputs = self._open(_read(model) if has("onnx") else model)
+        read, self.outside = _read(model) if has("onnx") else (model, None)
+        if self.outside is not None and not is_own:
+            raise self.outside
+        inputs, outputs = self._open(read)
         check_signature(inputs, outputs, self.size)
 
     def _open(self, model: bytes) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
@@ -111,8 +123,12 @@ class OnnxPlayer(SeededPolicy):
         return actions, (memory[0] if self.state_size else None, steps + 1)
 
     def run(self, feeds: dict[str, np.ndarray]) -> list[np.ndarray]:
-        """Return the outputs of one call of the policy by the names of its inputs."""
-        return list(self._session.run(self._outputs, feeds))
+        """Return the outputs of the policy by the names of its inputs."""
+        if self.outside is None:
+            return list(self._session.run(self._outputs, feeds))
+        rows = zip(*(np.split(of, len(of)) for of in feeds.values()), strict=True)
+        answers = (self._session.run(self._outputs, dict(zip(feeds, row, strict=True))) for row in rows)
+        return [np.concatenate(each) for each in zip(*answers, strict=True)]
 
     def check_answers(self) -> None:
         """Answer drawn observations in one batch and one by one, over a few steps.
@@ -128,7 +144,7 @@ class OnnxPlayer(SeededPolicy):
             if self.noise_size:
                 feeds["noise"] = rng.standard_normal((_ROWS, self.noise_size), np.float32)
             try:
-                together = self.run(feeds)
+                together = self._session.run(self._outputs, feeds)
                 alone = [self.run({name: of[k : k + 1] for name, of in feeds.items()}) for k in range(_ROWS)]
             except Exception as error:  # onnxruntime's, of any kind
                 raise UserError(f"policy.onnx: fails in play: {one_line(error)}") from error
@@ -144,8 +160,8 @@ class OnnxPlayer(SeededPolicy):
         fill_noise(noise, self.keys(len(steps)), steps)
         return noise
 
-    def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, AgentCard | None, int]]:
-        return type(self), (self.model, self.card, self.size)
+    def __reduce__(self) -> tuple[type[OnnxPlayer], tuple[bytes, AgentCard | None, int, bool]]:
+        return type(self), (self.model, self.card, self.size, self._is_own)
 
     def __repr__(self) -> str:
         return "OnnxPlayer()" if self.card is None else f"OnnxPlayer({self.card})"
@@ -187,7 +203,7 @@ def load_agent(
         )
     try:
         if trusted:
-            return OnnxPlayer(model, card)
+            return OnnxPlayer(model, card, is_own=True)
         sandboxed: AgentPlayer = load("agent", "untrusted")(model, card)
         return sandboxed
     except UserError as error:
@@ -241,6 +257,21 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
     seeds = [path.parent.relative_to(agents) for path in agents.glob(f"*/*/*/{FILE}")]
     near = meant(os.fspath(name), {path.as_posix() for seed in seeds for path in (seed, seed.parent)})
     raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder{near}")
+
+
+def agents_of(side: str) -> list[str]:
+    """Return the names of the shipped agents of a side, with training seeds grouped: ``seed_{0,1}``."""
+    agents = baselines_folder() / "agents"
+    groups = {
+        folder.parent
+        for pattern in (f"{side}-*", f"duel*-{side}")
+        for folder in agents.glob(f"{pattern}/*/seed_*")
+    }
+    names = []
+    for group in sorted(groups):
+        seeds = ",".join(folder.name.removeprefix("seed_") for folder in seed_folders(group))
+        names.append(f"{group.relative_to(agents).as_posix()}/seed_{{{seeds}}}")
+    return names
 
 
 def is_shipped(name: str | os.PathLike[str]) -> bool:
@@ -311,16 +342,20 @@ def suites_folder() -> Path:
     return baselines_folder() / "suites"
 
 
-def _read(model: bytes) -> bytes:
-    """Return the normalised model for a session."""
+def _read(model: bytes) -> tuple[bytes, UserError | None]:
+    """Return the normalised model for a session, and why it is not in the form of a policy."""
+    outside = None
     try:
         plain = plain_model(model)
         for line in unplayable(plain):
             raise UserError(line)
-        read_form(plain)
+        try:
+            read_form(plain)
+        except UserError as error:
+            outside = UserError(f"policy.onnx: {error}")
     except UserError as error:
         raise UserError(f"policy.onnx: {error}") from error
-    return bytes(plain.SerializeToString(deterministic=True))
+    return bytes(plain.SerializeToString(deterministic=True)), outside
 
 
 def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike[str], **about: Any) -> None:
@@ -367,9 +402,12 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
         content |= {"scenario": played.hash, "scenario_fields": played.to_dict()}
     card = AgentCard.parse(content, where)
     try:
-        OnnxPlayer(data, card).check_answers()
+        player = OnnxPlayer(data, card, is_own=True)
+        player.check_answers()
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
+    if player.outside is not None:
+        _logger.warning(f"{where}: {player.outside}; it plays here game by game, and no board takes it")
     remember_exported(card.policy_sha256)
     card.write(Path(folder), data)
 
@@ -404,3 +442,91 @@ def stripped(model: bytes, folder: Path | None = None) -> bytes:
         del item.metadata_props[:]
     del proto.graph.value_info[:]
     return bytes(proto.SerializeToString(deterministic=True))
+
+
+class SuiteMember(OnnxPlayer):
+    """An agent that flies as in its training: an opponent that never learned to fly pursues the ally.
+
+    Under the path ``learned`` such an opponent's rounds are bit-identical to those of the path
+    ``pursuit``, so one game can draw opponents of both kinds.
+    """
+
+    @property
+    def flies(self) -> str:
+        """``learned`` if the opponent flew itself in its training, otherwise ``pursuit``."""
+        assert self.card is not None
+        return self.card.flies
+
+
+def member_from_folder(folder: str | os.PathLike[str], side: str | None = None) -> SuiteMember:
+    """Load a member from its agent folder; raises as :func:`fpg_bench.players.agent.load_agent`."""
+    agent = load_agent(folder, side)
+    return SuiteMember(agent.model, agent.card)
+
+
+def expand_suites(specs: Iterable[PlayerSpec], side: str) -> list[PlayerSpec]:
+    """Replace each suite in a list of players by its members of a side.
+
+    Any other player is returned as it is, also one that does not exist; loading it raises.
+
+    Args:
+        specs: players as :func:`fpg_bench.players.registry.as_player` takes them, and suites: ``suite:NAME``,
+            a folder of ``baselines/suites`` or any other with ``ally/<member>/`` or ``opponent/<member>/``.
+        side: ``ally`` or ``opponent``.
+
+    Raises:
+        UserError: a suite has no members of this side.
+    """
+    players: list[PlayerSpec] = []
+    for spec in specs:
+        if isinstance(spec, str) and spec.startswith(SUITE) and _folder(spec.removeprefix(SUITE)):
+            players += _members(spec, side)
+        else:
+            players.append(spec)
+    return players
+
+
+def member_folder(spec: str, side: str) -> str:
+    """Return the name of a member's folder, ``NAME/SIDE/MEMBER``, and any other player's name as it is.
+
+    Raises:
+        UserError: no such suite or member, or a whole suite.
+    """
+    if not spec.startswith(SUITE):
+        return spec
+    name = spec.removeprefix(SUITE)
+    if _folder(name) is not None:
+        raise UserError(f"{spec}: names a whole suite; expected a single player")
+    suite, _, member = name.rpartition("/")
+    known = _members(SUITE + (suite or name), side)
+    if spec not in known:
+        raise UserError(f"{side} {spec!r}: the suite has no such member{nearest(spec, known)}")
+    return f"{suite}/{side}/{member}"
+
+
+def load_member(spec: str, side: str) -> SuiteMember:
+    """Load the player that ``suite:NAME/MEMBER`` names.
+
+    Raises:
+        UserError: no such suite or member, a whole suite, or an agent that cannot be loaded as this side.
+    """
+    return member_from_folder(member_folder(spec, side), side)
+
+
+def _members(spec: str, side: str) -> list[str]:
+    """Return the names of a suite's members of a side, in alphabetical order."""
+    name = spec.removeprefix(SUITE)
+    folder = _folder(name)
+    if folder is None:
+        shipped = [path.name for path in suites_folder().iterdir() if path.is_dir()]
+        raise UserError(f"{side} {spec!r}: no such suite{nearest(name, shipped)}")
+    members = sorted(path.name for path in (folder / side).glob("*/"))
+    if not members:
+        raise UserError(f"{spec}: has no members that play the {side}")
+    return [f"{SUITE}{name.rstrip('/')}/{member}" for member in members]
+
+
+def _folder(name: str) -> Path | None:
+    """Return the folder of a suite; None if there is no such suite."""
+    places = [suites_folder() / name, Path(name)] if name else []
+    return next((place for place in places if any((place / side).is_dir() for side in SIDES)), None)

@@ -5,6 +5,7 @@ Models of other spaces become players of the 15 numbers and nine floats.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 from functools import partial
@@ -78,7 +79,7 @@ def any_player(spec: PlayerSpec, side: str, scenario: Scenario) -> Player:
         offer: Player = ready(make, f"{side} {name!r}", ("predict",), scenario)
         return offer
     if name.startswith("suite:"):
-        from fpg_bench.players.population import load_member
+        from fpg_bench.players.agent import load_member
 
         return load_member(name, side)
     if _is_agent(name, side):
@@ -142,7 +143,7 @@ def named_card(spec: PlayerSpec, side: str) -> AgentCard | None:
         return card_of(spec)
     name = os.fspath(spec)
     if name.startswith("suite:"):
-        from fpg_bench.players.population import member_folder
+        from fpg_bench.players.agent import member_folder
 
         name = member_folder(name, side)
     elif not _is_agent(name, side):
@@ -202,7 +203,7 @@ class ModelPlayer(Seeded):
 
 
 def _adapted(player: Player, side: str, scenario: Scenario) -> Player:
-    """Return a player of the 15 numbers and nine floats: the player, or a wrapper of it."""
+    """Return a player of the 15 numbers and nine floats: a model's export, the player, or a wrapper of it."""
     choices = _choices(player, side, scenario)
     preprocessing = preprocessing_of(player, _waterfall(player, side, scenario))
     if preprocessing.size != OBSERVATION_SIZE:
@@ -212,6 +213,11 @@ def _adapted(player: Player, side: str, scenario: Scenario) -> Player:
         )
     if unknown(player):
         check_difference(player, _difference_in_own_games(player))
+    if callable(getattr(player, "get_env", None)):  # of Stable-Baselines3
+        own = choices if core_of(player) is None else None
+        with contextlib.suppress(UserError):  # not all are written, nor play as their networks alone
+            exported: Player = load("agent", "live")(player, own)
+            return exported
     if choices is None and not preprocessing.is_needed:
         return player
     return ModelPlayer(player, choices, preprocessing)

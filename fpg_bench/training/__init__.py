@@ -5,4 +5,4 @@ from fpg_bench.common.extras import require_extra
 
 def require_libraries() -> None:
     """Raise UserError if a library of training is missing; modules call it before they import one."""
-    require_extra("train", "torch", "stable_baselines3", "sb3_contrib", "onnx", "onnxscript", "tensorboard")
+    require_extra("train", "torch", "stable_baselines3", "sb3_contrib", "onnx", "tensorboard")

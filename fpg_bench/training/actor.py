@@ -1,8 +1,7 @@
-"""Policy of an SB3 model as one module: normalization, memory, networks, and squashing or sampling."""
+"""Parts of the policy of an SB3 model: normalization, memory, networks, and squashing or sampling."""
 
 from __future__ import annotations
 
-import copy
 import functools
 import math
 from typing import Any, cast
@@ -21,38 +20,29 @@ from torch import nn
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import action_space
-from fpg_bench.game.actions import PREFERENCE
-from fpg_bench.game.choices import PURSUIT_M, Choices
-from fpg_bench.game.sensing import RELATIVE_POSITION
+from fpg_bench.game.choices import Choices
 from fpg_bench.game.spec import OtherGame
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.game.waterfall import Table, Waterfall, waterfall_rows
-from fpg_bench.players.memory import MEMORY_SIZES, remember
+from fpg_bench.game.waterfall import Waterfall
+from fpg_bench.players.memory import MEMORY_SIZES
 from fpg_bench.players.preprocessing import core_of, preprocessing_of
 
 FORBIDDEN = np.float32(-1e30)  # value of a forbidden choice
-LEAST_SHARE = 1e-7  # of a draw, above the probability of a forbidden choice
 Networks = tuple[nn.Module, nn.LSTM | None, nn.Module]
 
 
-class Normalization(nn.Module):
-    """The computation of ``VecNormalize.normalize_obs``; its statistics are copied."""
+class Normalization:
+    """The numbers of ``VecNormalize.normalize_obs``, in float32."""
 
     def __init__(self, normalize: VecNormalize) -> None:
-        super().__init__()
         statistics = cast(RunningMeanStd, normalize.obs_rms)
-        scale = np.sqrt(statistics.var + normalize.epsilon)
-        self.mean = nn.Buffer(torch.as_tensor(statistics.mean, dtype=torch.float32))
-        self.scale = nn.Buffer(torch.as_tensor(scale, dtype=torch.float32))
+        self.mean = np.asarray(statistics.mean, np.float32).ravel()
+        self.scale = np.asarray(np.sqrt(statistics.var + normalize.epsilon), np.float32).ravel()
         self.clip = float(normalize.clip_obs)
 
-    def forward(self, obs: torch.Tensor) -> torch.Tensor:
-        """Return normalized observations."""
-        return ((obs - self.mean) / self.scale).clamp(-self.clip, self.clip)
 
-
-class Actor(nn.Module):
-    """The computation of ``predict``, from ``observation`` (n, size), a flat ``state`` (n, S) and ``noise``.
+class Actor:
+    """Parts of ``predict``, from ``observation`` (n, size), a flat ``state`` (n, S) and ``noise``.
 
     The state is zero at the start of a round. With stacked frames it holds the last k - 1 observations, or
     rows of a waterfall, oldest first; then come what :func:`fpg_bench.players.memory.remember` returns, and
@@ -61,7 +51,7 @@ class Actor(nn.Module):
     choice from its probabilities by one number, or the nine floats from their normal distributions.
 
     Args:
-        model: a trained model; its weights are copied.
+        model: a trained model; its weights are not copied.
         choices: the choices of a discrete model; None takes those of its games.
         samples: whether it draws its actions, as a seat of a team does; None: as the model's games say.
         game: the game of a model without games, if it is not the duel.
@@ -70,6 +60,7 @@ class Actor(nn.Module):
         choices: None where actions are continuous.
         waterfall: None where the policy sees the 15 numbers.
         before, after: normalizations, of each frame before it is stacked and of the whole stack.
+        features, lstm, networks: the networks before an LSTM, the LSTM or None, and those after it.
         memory: the side whose memory follows the frames; empty for none.
         frame_size, frames_size, past_size: size of one frame, of all frames in the state, and of these with
             the memory.
@@ -89,122 +80,31 @@ class Actor(nn.Module):
         samples: bool | None = None,
         game: OtherGame | None = None,
     ) -> None:
-        super().__init__()
         policy = model.policy
         self.choices = _choices(model, choices)
         if self.choices is not None:
-            penalty = np.where(self.choices.mask, np.float32(0), FORBIDDEN)
-            self.penalty = nn.Buffer(torch.as_tensor(penalty))
-            self.tables = [torch.from_numpy(each.rows) for each in self.choices.lists]
+            self.penalty = np.where(self.choices.mask, np.float32(0), FORBIDDEN)
         self.samples = getattr(core_of(model) or game, "samples", False) if samples is None else samples
         self.noise_size = int(self.choices is not None and self.choices.is_drawn)
         if self.samples:
             self.noise_size += ACTION_SIZE if self.choices is None else len(self.choices.sizes)
-            self.deviation = nn.Buffer(_deviation(policy))
-        self.features, self.lstm, self.networks = copy.deepcopy(_networks(policy))
+            self.deviation = _deviation(policy)
+        self.features, self.lstm, self.networks = _networks(policy)
         # TD3's networks already end in a tanh.
         has_tanh = not isinstance(policy, ActorCriticPolicy) and not hasattr(_actor(policy), "latent_pi")
         self.squash = self.choices is None and bool(policy.squash_output) and not has_tanh
         self.waterfall = waterfall_of(model)
         preprocessing = preprocessing_of(model, self.waterfall, game)
-        self.before = nn.Sequential(*map(Normalization, preprocessing.before))
-        self.after = nn.Sequential(*map(Normalization, preprocessing.after))
-        self.size = self.frame_size = preprocessing.size
-        if self.waterfall is not None:
-            self.frame_size = self.waterfall.shape[1]
-            self.table = Table(*map(torch.from_numpy, self.waterfall.table))
+        self.before = [Normalization(each) for each in preprocessing.before]
+        self.after = [Normalization(each) for each in preprocessing.after]
+        self.size = preprocessing.size
+        self.frame_size = self.size if self.waterfall is None else self.waterfall.shape[1]
         self.memory = preprocessing.memory
         self.past_size = math.prod(cast(tuple[int, ...], model.observation_space.shape)) - self.frame_size
         self.frames_size = self.past_size - MEMORY_SIZES.get(self.memory, 0)
         self.state_size = self.past_size
         if self.lstm is not None:
             self.state_size += 2 * self.lstm.num_layers * self.lstm.hidden_size
-        self.cpu().eval()
-
-    def forward(
-        self,
-        observation: torch.Tensor,
-        state: torch.Tensor | None = None,
-        noise: torch.Tensor | None = None,
-    ) -> Any:
-        """Return the action (n, 9), and the next state if a state is given."""
-        rows = observation if self.waterfall is None else waterfall_rows(observation, self.table)
-        frame = self.before(rows)
-        if state is None:
-            return self._action(self.features(self._shown(frame)), observation, noise)
-        past = state[:, self.frames_size : self.past_size]
-        obs = torch.cat((state[:, : self.frames_size], frame, *remember(self.memory, observation, past)), 1)
-        latent = self.features(self._shown(obs))
-        next_state = [obs[:, self.frame_size :]]
-        if self.lstm is not None:
-            latent, memory = self._forward_lstm(latent, state[:, self.past_size :])
-            next_state.append(memory)
-        return self._action(latent, observation, noise), torch.cat(next_state, 1)
-
-    def _shown(self, obs: torch.Tensor) -> torch.Tensor:
-        if self.waterfall is not None:
-            obs = obs.reshape(-1, *self.waterfall.shape)
-        normalized: torch.Tensor = self.after(obs)
-        return normalized
-
-    def _forward_lstm(self, latent: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        assert self.lstm is not None
-        parts = memory.reshape(-1, 2, self.lstm.num_layers, self.lstm.hidden_size).permute(1, 2, 0, 3)
-        out, states = self.lstm(latent.unsqueeze(0), (parts[0].contiguous(), parts[1].contiguous()))
-        flat = torch.stack(states).permute(2, 0, 1, 3).flatten(1)
-        return out.squeeze(0), flat
-
-    def _action(
-        self, latent: torch.Tensor, observation: torch.Tensor, noise: torch.Tensor | None
-    ) -> torch.Tensor:
-        action: torch.Tensor = self.networks(latent)
-        if self.choices is not None:
-            return self._chosen(action + self.penalty, self.choices, observation, noise)
-        if self.samples:
-            assert noise is not None
-            action = action + self.deviation * noise
-        return torch.tanh(action) if self.squash else action.clamp(-1.0, 1.0)
-
-    def _chosen(
-        self,
-        values: torch.Tensor,
-        choices: Choices,
-        observation: torch.Tensor,
-        noise: torch.Tensor | None,
-    ) -> torch.Tensor:
-        """Return the actions of the choices with the highest values, or drawn ones, as ``Choices.decode``."""
-        parts = torch.split(values, list(choices.sizes), 1)
-        if self.samples:
-            assert noise is not None
-            draws = torch.split(noise[:, self.noise_size - len(parts) :], 1, 1)
-            best = [draw_choices(part, draw) for part, draw in zip(parts, draws, strict=True)]
-        else:
-            best = [part.argmax(1) for part in parts]
-        action = self.tables[0].index_select(0, best[0])
-        for table, chosen in zip(self.tables[1:], best[1:], strict=True):
-            action = action + table.index_select(0, chosen)
-        if choices.is_homing:
-            root = observation[:, RELATIVE_POSITION : RELATIVE_POSITION + 3]
-            away_m = root * root.abs() * torch.from_numpy(choices.box_m)
-            distance = away_m.square().sum(1, keepdim=True).sqrt()
-            homing = torch.from_numpy(choices.lists[-1].homing).index_select(0, best[-1])
-            velocity = homing.unsqueeze(1) * away_m / distance.clamp(min=PURSUIT_M)
-            action = action + velocity @ torch.eye(ACTION_SIZE)[-3:]
-        if choices.is_drawn:
-            assert noise is not None
-            below = noise[:, :1] < torch.from_numpy(choices.quantiles)  # ONNX 1.17 infers no shape of >=
-            point = len(choices.quantiles) - below.sum(1)
-            preference = torch.from_numpy(choices.preferences).index_select(0, point)
-            drawn = torch.from_numpy(choices.lists[0].drawn).index_select(0, best[0])
-            action = action + (drawn * preference).unsqueeze(1) @ torch.eye(ACTION_SIZE)[[PREFERENCE]]
-        return action
-
-
-def draw_choices(values: torch.Tensor, noise: torch.Tensor) -> torch.Tensor:
-    """Return choices ``(n,)`` of the probabilities softmax(values), drawn by normal numbers ``(n, 1)``."""
-    reached = torch.softmax(values, 1) @ torch.ones(values.shape[1], values.shape[1]).triu()
-    share = (0.5 * (1 + torch.erf(noise * math.sqrt(0.5)))).clamp(min=LEAST_SHARE)
-    return (reached < share * reached[:, -1:]).sum(1)
 
 
 def _deviation(policy: BasePolicy) -> torch.Tensor:

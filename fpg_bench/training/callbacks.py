@@ -13,13 +13,12 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
-from fpg_bench.common.output import is_terminal
-from fpg_bench.common.parallel import LINE_EVERY_S
+from fpg_bench.common.output import LINE_EVERY_S, is_terminal
+from fpg_bench.common.parallel import StopRequest
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.export import exported_player
-from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.models import by_side
 
 _OF_MONITOR = ("r", "l", "t")  # in an episode's information beside its measures

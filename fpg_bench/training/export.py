@@ -1,7 +1,7 @@
 """Export of a trained SB3 model as an agent folder, with normalization and memory folded in.
 
-The usual layers are written operator by operator. PyTorch's exporter reads any network, but takes 1.6 s for
-the first one in a process, and its output depends on its version.
+Layers are written operator by operator, in a millisecond: training evaluates what it will ship. A module that
+is made of these layers, such as a features extractor of the user's own, is traced by :mod:`torch.fx`.
 """
 # ruff: noqa: E402
 
@@ -11,28 +11,22 @@ from fpg_bench.training import require_libraries
 
 require_libraries()
 
-import contextlib
 import hashlib
-import logging
 import math
+import operator
 import os
-import tempfile
-import threading
-import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+import torch.fx
 from numpy.typing import ArrayLike
 from onnx import TensorProto, helper, numpy_helper
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
-from torch.distributions import Distribution
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.imports import reason
@@ -43,7 +37,8 @@ from fpg_bench.game.choices import PURSUIT_M, Choices, action_choices
 from fpg_bench.game.sensing import RELATIVE_POSITION
 from fpg_bench.game.spec import GameSpec, OtherGame, kind_of, observation_size, other_game
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.players.agent import OnnxPlayer, stripped
+from fpg_bench.game.waterfall import waterfall_rows
+from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.memory import remember
 from fpg_bench.players.player import Player
@@ -58,9 +53,10 @@ from fpg_bench.players.preprocessing import (
 )
 from fpg_bench.players.scripted import player_noise
 from fpg_bench.players.trust import remember_exported
-from fpg_bench.training.actor import LEAST_SHARE, Actor, Normalization, is_untouched, waterfall_of
+from fpg_bench.training.actor import Actor, Normalization, is_untouched, waterfall_of
 
 OPSET = 20
+LEAST_SHARE = 1e-7  # of a draw, above the probability of a forbidden choice
 
 
 def export_onnx(model: BaseAlgorithm) -> bytes:
@@ -69,69 +65,36 @@ def export_onnx(model: BaseAlgorithm) -> bytes:
     A policy with memory also has an input ``state`` (n, S) and an output ``next_state``. One that draws
     points has an input ``noise``, and so has that of a seat of a team, which draws its actions and observes
     more numbers; see :class:`fpg_bench.training.actor.Actor`. The file of a discrete policy includes its
-    list of choices. PyTorch's exporter writes custom layers and waterfalls.
+    list of choices.
 
     Args:
         model: a trained model.
 
     Raises:
-        UserError: an unsupported policy, or one that the installed versions cannot write as ONNX.
+        UserError: an unsupported policy, or one with a layer that is not written.
     """
-    return _onnx_of(Actor(model), model)
+    return plain_onnx(Actor(model))
 
 
-def _onnx_of(actor: Actor, model: BaseAlgorithm) -> bytes:
-    """Return the ONNX of a model's actor, from PyTorch's exporter if :func:`plain_onnx` cannot write it."""
-    plain = plain_onnx(actor)
-    return _torch_export(type(model.policy).__name__, actor) if plain is None else plain
+def exported_player(
+    model: BaseAlgorithm,
+    choices: Choices | None = None,
+    samples: bool | None = None,
+    game: OtherGame | None = None,
+) -> OnnxPlayer:
+    """Return the player of a model's export, as the model is now; arguments and errors as of ``Actor``."""
+    actor = Actor(model, choices, samples, game)
+    player = OnnxPlayer(plain_onnx(actor), size=actor.size)
+    if (core := core_of(model)) is not None and isinstance(core.game_spec, OtherGame):
+        player.sees, player.skills = core.game_spec.sees, core.game_spec.skills
+    return player
 
 
-def _torch_export(kind: str, actor: Actor) -> bytes:
-    """Return the ONNX of an actor from PyTorch's exporter; ``kind`` names the policy in errors."""
-    _use_thread_lock_in_tqdm()
-    examples = {"observation": torch.zeros(2, actor.size)}
-    if actor.state_size:
-        examples["state"] = torch.zeros(2, actor.state_size)
-    if actor.noise_size:
-        examples["noise"] = torch.zeros(2, actor.noise_size)
-    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
-        warnings.simplefilter("ignore")
-        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-        logging.getLogger("onnxscript").setLevel(logging.ERROR)
-        path = Path(folder) / "policy.onnx"
-        try:
-            torch.onnx.export(
-                actor,
-                (),
-                str(path),
-                kwargs=examples,
-                input_names=list(examples),
-                output_names=["action", "next_state"][: 1 + (actor.state_size > 0)],
-                dynamic_shapes={name: {0: torch.export.Dim("n")} for name in examples},
-                opset_version=OPSET,
-                dynamo=True,
-                external_data=False,
-                verbose=False,
-            )
-        except Exception as error:  # the exporters raise many undocumented types
-            versions = ", ".join(f"{name} {version(name)}" for name in ("torch", "onnx", "onnxscript"))
-            raise UserError(
-                f"export: {kind} can't be written as ONNX by {versions}: {reason(error)}"
-            ) from error
-        finally:
-            Distribution.set_default_validate_args(True)  # the exporter turns torch's checks off
-        return stripped(path.read_bytes())
-
-
-def _use_thread_lock_in_tqdm() -> None:
-    """Give tqdm a thread lock; its default process lock is leaked by a worker that is stopped.
-
-    The exporter makes a hidden progress bar if tqdm is installed.
-    """
-    with contextlib.suppress(ImportError):
-        from tqdm import tqdm
-
-        tqdm.set_lock(threading.RLock())
+def checked_player(model: BaseAlgorithm, choices: Choices | None = None) -> OnnxPlayer:
+    """Return :func:`exported_player`; raise UserError if it plays otherwise than the model's ``predict``."""
+    player = exported_player(model, choices)
+    check_close(model, largest_difference(model, player, choices, steps=20))
+    return player
 
 
 def export_agent(
@@ -147,8 +110,7 @@ def export_agent(
 
     Its ``VecNormalize`` and stacked frames are folded in; nothing is pickled.
 
-    >>> import tempfile
-    >>> import fpg_bench
+    >>>     >>> import fpg_bench
     >>> from stable_baselines3 import PPO
     >>> games = fpg_bench.make_sb3("FPG/AllyVsScripted-v0", n_envs=2)
     >>> model = PPO("MlpPolicy", games, n_steps=8, batch_size=16)
@@ -228,7 +190,7 @@ def write_exported(
         UserError: an unsupported policy, or one that plays differently once exported.
     """
     actor = Actor(model, choices, game=game)
-    data = _onnx_of(actor, model)
+    data = plain_onnx(actor)
     played = dict(about["game"])
     if actor.choices is not None:
         played.setdefault("actions", actor.choices.mode)
@@ -236,46 +198,31 @@ def write_exported(
     if actor.samples:
         content["sample"] = True
     card = AgentCard.parse(content, f"agent {folder}")
-    difference = _difference(actor, model, game=game)
+    mode = OnnxPlayer(data, size=actor.size)
+    if actor.samples:
+        mode = exported_player(model, actor.choices, False, game)
+    difference = largest_difference(model, mode, actor.choices, game=game)
+    check_close(model, difference)
     remember_exported(card.policy_sha256)
     card.model_copy(update={"largest_difference": difference}).write(folder, data)
     return difference
 
 
-def exported_player(model: BaseAlgorithm, samples: bool | None = None) -> OnnxPlayer:
-    """Return a player that plays as the exported agent of a model; ``samples`` as of :class:`Actor`."""
-    actor = Actor(model, samples=samples)
-    player = OnnxPlayer(_onnx_of(actor, model), size=actor.size)
-    if (core := core_of(model)) is not None and isinstance(core.game_spec, OtherGame):
-        player.sees, player.skills = core.game_spec.sees, core.game_spec.skills
-    return player
-
-
-def sampling_player(model: BaseAlgorithm) -> Player | None:
-    """Return a player that draws a model's actions as its training does; None if it has no distribution."""
-    try:
-        return exported_player(model, samples=True)
-    except UserError:
-        return None
-
-
 def check_exportable(model: BaseAlgorithm) -> None:
     """Raise UserError if the model's policy cannot be exported."""
-    _difference(Actor(model), model, steps=20)
+    actor = Actor(model)
+    plain_onnx(actor)  # what it draws must be written, too
+    mode = exported_player(model, actor.choices, False)
+    check_close(model, largest_difference(model, mode, actor.choices, steps=20))
 
 
-def _difference(actor: Actor, model: BaseAlgorithm, steps: int = 200, game: OtherGame | None = None) -> float:
-    """Return how far the export of an actor, playing its mode, plays from the model; refuse too far."""
-    mode = Actor(model, actor.choices, samples=False, game=game) if actor.samples else actor
-    player = OnnxPlayer(_onnx_of(mode, model), size=mode.size)
-    difference = largest_difference(model, player, mode.choices, steps, game)
+def check_close(model: BaseAlgorithm, difference: float) -> None:
+    """Raise UserError if the largest difference of an export from its model is too large, or NaN."""
     if not difference <= GREATEST_DIFFERENCE:
-        kind = type(model.policy).__name__
         raise UserError(
             f"export: the exported policy differs from predict by {difference:g}, more than "
-            f"{GREATEST_DIFFERENCE:g}: {kind} computes more than its networks do"
+            f"{GREATEST_DIFFERENCE:g}: {type(model.policy).__name__} computes more than its networks do"
         )
-    return difference
 
 
 def largest_difference(
@@ -326,18 +273,22 @@ def largest_difference(
     return largest(differences, choices)
 
 
-def plain_onnx(actor: Actor) -> bytes | None:
+def plain_onnx(actor: Actor) -> bytes:
     """Return an actor as ONNX, with the inputs and outputs of :func:`export_onnx`.
 
-    Returns:
-        The bytes of the file; None for a waterfall, an unknown layer, or one that is changed by a hook.
+    Raises:
+        UserError: a layer that is not written, or one that is changed by a hook.
     """
-    if actor.waterfall is not None or not all(_is_plain(module) for module in actor.modules()):
-        return None
+    for module in (actor.features, actor.lstm or nn.Identity(), actor.networks):
+        if not all(map(is_untouched, module.modules())):
+            raise _not_written(module, "has hooks or replaced methods")
     graph = Graph()
     inputs = [rows_of("observation", actor.size)]
     outputs = [rows_of("action", ACTION_SIZE)]
-    obs, next_state = _layer(graph, actor.before, "observation"), []
+    obs, next_state, waterfall = "observation", [], actor.waterfall
+    if waterfall is not None:
+        obs = waterfall_rows(Value(graph, obs), waterfall.table).name
+    obs = _normalized(graph, actor.before, obs)
     if actor.past_size:
         parts = [graph.columns("state", 0, actor.frames_size)] if actor.frames_size else []
         parts.append(obs)
@@ -346,7 +297,10 @@ def plain_onnx(actor: Actor) -> bytes | None:
             parts += [each.name for each in remember(actor.memory, Value(graph, "observation"), past)]
         obs = graph.add("Concat", *parts, axis=1)
         next_state.append(graph.columns(obs, actor.frame_size, actor.frame_size + actor.past_size))
-    latent = _layer(graph, actor.features, _layer(graph, actor.after, obs))
+    latent = _normalized(graph, actor.after, obs)
+    if waterfall is not None and type(actor.features) is not FlattenExtractor:
+        latent = graph.add("Reshape", latent, graph.constant([-1, *waterfall.shape]))
+    latent = _layer(graph, actor.features, latent)
     if actor.lstm is not None:
         latent, memory = _lstm(graph, actor.lstm, latent, actor.past_size)
         next_state += memory
@@ -411,97 +365,103 @@ class Graph:
         return data
 
 
-@dataclass(frozen=True)
+def rows_of(name: str, size: int) -> Any:
+    """Return an input or output of a policy with so many numbers in each row."""
+    return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
+
+
+def _operator(kind: str) -> Callable[..., Value]:
+    return lambda self, *others: self.of(kind, *others)
+
+
 class Value:
-    """Values ``(n, k)`` in a graph, of which arithmetic and comparisons add operators to it."""
+    """A tensor in a graph, with operators and methods that it shares with NumPy's arrays and torch's tensors.
 
-    graph: Graph
-    name: str
+    >>> graph = Graph()
+    >>> ((Value(graph, "observation")[:, 2:3] + 1) / 2).name
+    'div_2'
+    """
 
-    def _with(self, kind: str, other: Value | float, is_swapped: bool = False) -> Value:
-        right = other if isinstance(other, Value) else self.number(other)
-        pair = (right.name, self.name) if is_swapped else (self.name, right.name)
-        return Value(self.graph, self.graph.add(kind, *pair))
+    __array_ufunc__ = None  # an array on the left leaves its operators to this class
+    __add__, __sub__, __mul__, __truediv__ = map(_operator, ("Add", "Sub", "Mul", "Div"))
+    __neg__, __abs__, __lt__, __invert__ = map(_operator, ("Neg", "Abs", "Less", "Not"))
+    __and__, __or__, equals = map(_operator, ("And", "Or", "Equal"))
+    __radd__, __rmul__ = __add__, __mul__
 
-    def number(self, value: float) -> Value:
-        """Return a constant of the same graph."""
-        return Value(self.graph, self.graph.constant(np.array([[value]], np.float32)))
+    def __init__(self, graph: Graph, name: str) -> None:
+        self.graph, self.name = graph, name
+
+    def of(self, kind: str, *others: Any, **attributes: Any) -> Value:
+        """Return an operator of this and of other values or constants, such as ``Abs``."""
+        names = [self.name, *(self._value(each).name for each in others)]
+        return Value(self.graph, self.graph.add(kind, *names, **attributes))
+
+    def _value(self, value: Any) -> Value:
+        """Return a value, or a constant of the same graph: a list as places or sizes."""
+        if isinstance(value, Value):
+            return value
+        if isinstance(value, torch.Tensor):
+            value = value.detach().numpy()
+        array = np.asarray(value, np.int64 if isinstance(value, list) else np.float32)
+        return Value(self.graph, self.graph.constant(array if array.ndim else array.reshape(1, 1)))
 
     def column(self, start: int, count: int = 1) -> Value:
         """Return columns."""
         return Value(self.graph, self.graph.columns(self.name, start, start + count))
 
-    def of(self, kind: str) -> Value:
-        """Return an operator of one input, such as ``Abs``."""
-        return Value(self.graph, self.graph.add(kind, self.name))
-
-    def where(self, one: Value | float, other: Value | float) -> Value:
+    def where(self, one: Any, other: Any) -> Value:
         """Return ``one`` where this condition holds, else ``other``."""
-        names = (each.name if isinstance(each, Value) else self.number(each).name for each in (one, other))
-        return Value(self.graph, self.graph.add("Where", self.name, *names))
+        return self.of("Where", one, other)
 
     def at_least(self, low: float) -> Value:
         """Return the greater of each value and a limit."""
-        return self._with("Max", low)
+        return self.of("Max", low)
 
     def dot(self, other: Value) -> Value:
         """Return the inner product ``(n, 1)`` of vectors of three, added in order."""
         product = self * other
         return product.column(0) + product.column(1) + product.column(2)
 
-    def __getitem__(self, key: tuple[slice, slice]) -> Value:
-        return self.column(key[1].start, key[1].stop - key[1].start)
+    def __rsub__(self, other: Any) -> Value:
+        return self._value(other) - self
 
-    def clip(self, low: float, high: float) -> Value:
+    def __gt__(self, other: Any) -> Value:
+        return self._value(other) < self
+
+    def __floordiv__(self, other: Any) -> Value:
+        return (self / other).of("Floor")
+
+    def __getitem__(self, key: tuple[Any, slice]) -> Value:
+        """Return a part of the last axis."""
+        end = 2**31 - 1 if key[-1].stop is None else key[-1].stop
+        return self.of("Slice", [key[-1].start or 0], [end], [-1])
+
+    def clip(self, low: Any, high: Any) -> Value:
         """Return the values within two limits."""
-        return Value(self.graph, self.graph.clip(self.name, low, high))
+        return self.of("Max", low).of("Min", high)
 
-    def __abs__(self) -> Value:
-        return self.of("Abs")
+    def sum(self, axis: int) -> Value:
+        """Return the sum along an axis."""
+        return self.of("ReduceSum", [axis], keepdims=0)
 
-    def __rsub__(self, other: float) -> Value:
-        return self._with("Sub", other, is_swapped=True)
+    def reshape(self, *shape: int) -> Value:
+        """Return another shape."""
+        return self.of("Reshape", list(shape))
 
-    def __add__(self, other: Value | float) -> Value:
-        return self._with("Add", other)
+    def unsqueeze(self, dim: int) -> Value:
+        """Return an axis of size 1 more."""
+        return self.of("Unsqueeze", [dim])
 
-    def __sub__(self, other: Value | float) -> Value:
-        return self._with("Sub", other)
-
-    def __mul__(self, other: Value | float) -> Value:
-        return self._with("Mul", other)
-
-    def __truediv__(self, other: Value | float) -> Value:
-        return self._with("Div", other)
-
-    def __lt__(self, other: Value | float) -> Value:
-        return self._with("Less", other)
-
-    def __gt__(self, other: Value | float) -> Value:
-        return self._with("Less", other, is_swapped=True)
-
-    def equals(self, other: Value) -> Value:
-        """Return where both are the same."""
-        return self._with("Equal", other)
-
-    def __and__(self, other: Value) -> Value:
-        return self._with("And", other)
-
-    def __or__(self, other: Value) -> Value:
-        return self._with("Or", other)
-
-    def __invert__(self) -> Value:
-        return self.of("Not")
+    def flatten(self, start_dim: int) -> Value:
+        """Return a matrix."""
+        return self.of("Flatten", axis=start_dim)
 
 
-def rows_of(name: str, size: int) -> Any:
-    """Return an input or output of a policy with so many numbers in each row."""
-    return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
-
-
-def _normalized(graph: Graph, layer: Normalization, x: str) -> str:
-    centred = graph.add("Sub", x, graph.constant(layer.mean))
-    return graph.clip(graph.add("Div", centred, graph.constant(layer.scale)), -layer.clip, layer.clip)
+def _normalized(graph: Graph, layers: Sequence[Normalization], x: str) -> str:
+    for layer in layers:
+        centred = graph.add("Sub", x, graph.constant(layer.mean))
+        x = graph.clip(graph.add("Div", centred, graph.constant(layer.scale)), -layer.clip, layer.clip)
+    return x
 
 
 def _chosen(graph: Graph, actor: Actor, choices: Choices, values: str) -> None:
@@ -516,7 +476,7 @@ def _chosen(graph: Graph, actor: Actor, choices: Choices, values: str) -> None:
     if actor.samples:
         first = actor.noise_size - len(parts)
         best = [
-            _drawn(graph, part, size, first + k)
+            draw_choices(graph, part, size, first + k)
             for k, (part, size) in enumerate(zip(parts, choices.sizes, strict=True))
         ]
     else:
@@ -533,8 +493,8 @@ def _chosen(graph: Graph, actor: Actor, choices: Choices, values: str) -> None:
     graph.add("Sum", *rows, to="action")
 
 
-def _drawn(graph: Graph, values: str, size: int, column: int) -> str:
-    """Add the choices that :func:`fpg_bench.training.actor.draw_choices` draws by a column of the noise."""
+def draw_choices(graph: Graph, values: str, size: int, column: int) -> str:
+    """Add the choices of the probabilities softmax(values), drawn by a column of normal noise."""
     sums = graph.constant(np.triu(np.ones((size, size), np.float32)))
     reached = graph.add("MatMul", graph.add("Softmax", values, axis=1), sums)
     normal = graph.columns("noise", column, column + 1)
@@ -584,34 +544,98 @@ def _sequential(graph: Graph, layers: nn.Sequential, x: str) -> str:
     return x
 
 
-# Layers whose attributes describe them completely, and the operators of each. Inputs are flat already.
+def _convolution(graph: Graph, layer: nn.Conv2d, x: str) -> str:
+    if isinstance(layer.padding, str) or layer.padding_mode != "zeros":
+        raise _not_written(layer, f"has padding {layer.padding!r} of {layer.padding_mode}")
+    parameters = (layer.weight,) if layer.bias is None else (layer.weight, layer.bias)
+    return graph.add(
+        "Conv",
+        x,
+        *map(graph.constant, parameters),
+        strides=layer.stride,
+        pads=2 * layer.padding,
+        dilations=layer.dilation,
+        group=layer.groups,
+    )
+
+
+# Layers whose attributes describe them completely, and the operators of each.
 _LAYERS: dict[type[nn.Module], Callable[[Graph, Any, str], str]] = {
     nn.Sequential: _sequential,
-    Normalization: _normalized,
     nn.Linear: _linear,
-    FlattenExtractor: lambda graph, layer, x: x,
-    nn.Flatten: lambda graph, layer, x: x,
+    nn.Conv2d: _convolution,
+    FlattenExtractor: lambda graph, layer, x: x,  # of observations that are flat
+    nn.Flatten: lambda graph, layer, x: graph.add("Flatten", x, axis=layer.start_dim),
     nn.Identity: lambda graph, layer, x: x,
+    nn.Dropout: lambda graph, layer, x: x,
     nn.ReLU: lambda graph, layer, x: graph.add("Relu", x),
     nn.Tanh: lambda graph, layer, x: graph.add("Tanh", x),
     nn.Sigmoid: lambda graph, layer, x: graph.add("Sigmoid", x),
     nn.SiLU: lambda graph, layer, x: graph.add("Mul", x, graph.add("Sigmoid", x)),
     nn.ELU: lambda graph, layer, x: graph.add("Elu", x, alpha=layer.alpha),
+    nn.CELU: lambda graph, layer, x: graph.add("Celu", x, alpha=layer.alpha),
+    nn.SELU: lambda graph, layer, x: graph.add("Selu", x),
     nn.GELU: lambda graph, layer, x: graph.add("Gelu", x, approximate=layer.approximate),
+    nn.Mish: lambda graph, layer, x: graph.add("Mish", x),
+    nn.Softplus: lambda graph, layer, x: graph.add("Softplus", x),
+    nn.Softsign: lambda graph, layer, x: graph.add("Softsign", x),
+    nn.Hardsigmoid: lambda graph, layer, x: graph.add("HardSigmoid", x, alpha=1 / 6),
+    nn.Hardswish: lambda graph, layer, x: graph.add("HardSwish", x),
     nn.Hardtanh: lambda graph, layer, x: graph.clip(x, layer.min_val, layer.max_val),
+    nn.ReLU6: lambda graph, layer, x: graph.clip(x, 0.0, 6.0),
+    nn.Hardshrink: lambda graph, layer, x: graph.add("Shrink", x, lambd=layer.lambd),
+    nn.Softshrink: lambda graph, layer, x: graph.add("Shrink", x, lambd=layer.lambd, bias=layer.lambd),
+    nn.Tanhshrink: lambda graph, layer, x: graph.add("Sub", x, graph.add("Tanh", x)),
     nn.LeakyReLU: lambda graph, layer, x: graph.add("LeakyRelu", x, alpha=layer.negative_slope),
+}
+# Functions of torch in the code of a module that is made of these layers, beside operators and methods.
+_FUNCTIONS: dict[Any, Callable[..., Value]] = {
+    torch.relu: lambda x: x.of("Relu"),
+    torch.tanh: lambda x: x.of("Tanh"),
+    torch.sigmoid: lambda x: x.of("Sigmoid"),
+    torch.flatten: Value.flatten,
+    torch.cat: lambda parts, dim=0: parts[0].of("Concat", *parts[1:], axis=dim),
+    nn.functional.relu: lambda x, inplace=False: x.of("Relu"),
 }
 
 
+class _Tracer(torch.fx.Tracer):
+    """Follows the code of a module down to the layers that are written."""
+
+    def is_leaf_module(self, m: nn.Module, module_qualified_name: str) -> bool:
+        return type(m) in _LAYERS
+
+
 def _layer(graph: Graph, layer: nn.Module, x: str) -> str:
-    """Add the operators of a layer; returns the name of the output."""
-    return _LAYERS[type(layer)](graph, layer, x)
+    """Add the operators of a layer, or of all in a module that is made of them; returns the output's name."""
+    if type(layer) in _LAYERS:
+        return _LAYERS[type(layer)](graph, layer, x)
+    values: dict[torch.fx.Node, Any] = {}
+    try:
+        for node in _Tracer().trace(layer).nodes:
+            args, words = torch.fx.map_arg((node.args, node.kwargs), values.__getitem__)
+            if node.op == "placeholder":
+                values[node] = Value(graph, x)
+            elif node.op == "get_attr":
+                values[node] = operator.attrgetter(node.target)(layer)
+            elif node.op == "call_module":
+                values[node] = Value(graph, _layer(graph, layer.get_submodule(node.target), args[0].name))
+            elif node.op == "call_method":
+                values[node] = getattr(args[0], node.target)(*args[1:], **words)
+            elif node.op == "call_function":
+                values[node] = _FUNCTIONS.get(node.target, node.target)(*args, **words)
+        return str(args[0].name)
+    except UserError:
+        raise
+    except Exception as error:  # of code of the user's own
+        raise _not_written(layer, reason(error)) from error
 
 
-def _is_plain(module: nn.Module) -> bool:
-    if isinstance(module, nn.Flatten) and module.start_dim != 1:
-        return False
-    return type(module) in (Actor, nn.LSTM, *_LAYERS) and is_untouched(module)
+def _not_written(layer: nn.Module, why: str) -> UserError:
+    return UserError(
+        f"export: {type(layer).__name__} cannot be written as ONNX ({why}); write the whole policy as ONNX "
+        "yourself, and make an agent of it with fpg_bench.write_agent"
+    )
 
 
 def _lstm(graph: Graph, lstm: nn.LSTM, x: str, start: int) -> tuple[str, list[str]]:

@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch.nn.functional import mse_loss
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.parallel import StopRequest
 from fpg_bench.envs.sb3_vec_env import FPGVecEnv
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.player import Player
@@ -21,7 +22,6 @@ from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.preprocessing import core_of
 from fpg_bench.players.registry import as_player
 from fpg_bench.training.hyperparameters import ImitationConfig
-from fpg_bench.training.interrupts import StopRequest
 
 _logger = logging.getLogger(__name__)
 

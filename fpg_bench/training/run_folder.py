@@ -18,8 +18,7 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.curves import CURVE, EVALUATIONS
-from fpg_bench.evaluation.run_description import FILE, RunDescription
+from fpg_bench.evaluation.run_description import CURVE, EVALUATIONS, FILE, RunDescription
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
 
 TRANSCRIPT = "transcript.jsonl"  # of a run with a language model

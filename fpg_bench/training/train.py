@@ -10,18 +10,15 @@ require_libraries()
 import dataclasses
 import json
 import logging
-import math
 import platform
 import re
 import shutil
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
-import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import TensorBoardOutputFormat, configure
@@ -33,20 +30,16 @@ from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, one_line
 from fpg_bench.common.files import naming
-from fpg_bench.common.parallel import Workers, check_all_done, folder_job, run_jobs
-from fpg_bench.common.products import load
+from fpg_bench.common.parallel import StopRequest, Workers, check_all_done, folder_job, run_jobs
+from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
-from fpg_bench.envs.core import first_seeds, policies_of
+from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
-from fpg_bench.evaluation.curves import CURVE, draw_curves, draw_run, levels_of, read_runs
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
-from fpg_bench.evaluation.run_description import RunDescription
+from fpg_bench.evaluation.run_description import CURVE, RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
-from fpg_bench.players.agent import load_agent
 from fpg_bench.players.card import OfflineData
 from fpg_bench.players.planner import CountsPlans, asks_language_model
-from fpg_bench.players.player import Player
-from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
@@ -62,18 +55,12 @@ from fpg_bench.training.checkpoint import (
     steps_of,
 )
 from fpg_bench.training.config import N_EVALS, RunConfig
-from fpg_bench.training.export import check_exportable, sampling_player, write_exported
+from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import as_option, load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
-from fpg_bench.training.interrupts import StopRequest
 from fpg_bench.training.models import by_side, is_finite, make_model, tells_divergence
 from fpg_bench.training.run_folder import RunFolder, command_line, revision
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_ROUNDS = 32  # that the exported agent plays in the training's games
-_BEYOND = 4  # standard errors that the training must earn more
 LOGS = 100  # at least, of a long run that learns from rollouts
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
 _logger = logging.getLogger(__name__)
@@ -160,17 +147,19 @@ def train(
             run.learn(evaluators, progress)
             run.finish()
         if curve and not run.folder.curve.exists():  # also where a finished run was killed before
-            _draw(run.folder.curve, lambda: draw_run(run.folder.path))
+            _draw(run.folder.path)
     return run.folder.agent
 
 
-def _draw(file: Path, draw: Callable[[], Figure | None]) -> None:
-    """Draw what decorates finished runs; an error is a warning, since everything is trained and kept."""
+def _draw(folder: Path) -> None:
+    """Draw the curve of finished runs; an error is a warning, since everything is trained and kept."""
+    if "curve" not in offered("rendering"):
+        return
     try:
-        if (figure := draw()) is not None:
-            write_figure(figure, file)
+        if (figure := load("rendering", "curve")(folder)) is not None:
+            write_figure(figure, folder / CURVE)
     except Exception as error:
-        _logger.warning(f"no {file.name}: {one_line(error)}")
+        _logger.warning(f"no {CURVE}: {one_line(error)}")
 
 
 def check_run(config: RunConfig) -> None:
@@ -234,7 +223,7 @@ def train_seeds(
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
     check_all_done(run_jobs(jobs, workers))
     if evaluations:
-        _draw(Path(out) / CURVE, lambda: draw_curves(read_runs([out]), levels=levels_of([out])))
+        _draw(Path(out))
 
 
 MOST_SEEDS = 1000  # of one list
@@ -486,64 +475,11 @@ class _Run:
             write_exported(player, self.folder.agent_of(side, self.sides), about.to_dict() | {"side": side})
             for side, player in by_side(self.model, self.sides).items()
         )
-        self._compare_play()
         save_model(self.model, self.folder.path)
         rate = round(steps / self.seconds)
         result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         about.model_copy(update=result).write(self.folder.path)
         shutil.rmtree(self.folder.checkpoints, ignore_errors=True)
-
-    def _compare_play(self) -> None:
-        """Warn if the exported agent earns less than the training did in the same games, beyond chance.
-
-        It takes at most 2 % of the CPU time so far, and is given up otherwise.
-        """
-        infos = getattr(self.model, "ep_info_buffer", None) or ()
-        steps = self.games.core.scenario.steps_per_round
-        earned = np.array([info["r"] / steps for info in infos if info["l"] == steps])
-        if len(earned) < _ROUNDS or asks_language_model(self.config.planner):
-            return
-        latest = 1.02 * time.process_time()
-        agents = [load_agent(self.folder.agent_of(side, self.sides)) for side in self.sides]
-        played = self._returns(agents, latest)
-        if played is None or not _is_less(played, earned):
-            return
-        models = by_side(self.model, self.sides).values()
-        drawn = self._returns(list(map(sampling_player, models)), latest)
-        reason = "it plays its policy's mode, and the training's random actions earn more"
-        if drawn is None:
-            reason = "it lacks something that the training had, or the training's random actions"
-        elif _is_less(drawn, earned):
-            reason = "it lacks something that the training had"
-        _logger.warning(
-            f"{self.folder.path}: in the training's games the agent earns {played.mean():.2f} a step, and "
-            f"the last {len(earned)} rounds of the training {earned.mean():.2f}: {reason}"
-        )
-
-    def _returns(self, players: Sequence[Player | None], latest: float) -> np.ndarray | None:
-        """Return what players earn per step in rounds of the training's games; None if it takes too long."""
-        game = dataclasses.replace(self.config.spec, actions=None, observation=None, history=None)
-        core = make_sb3(game, _ROUNDS).core
-        core.reset(seeds=first_seeds(training_seed(self.config.seed), core.count))
-        runners = [
-            PolicyRunner(side, [player], core.batch)
-            for side, player in zip(self.sides, players, strict=True)
-            if player is not None
-        ]
-        for runner in runners:
-            runner.begin(np.ones(core.count, bool))
-        while not core.truncated.all():
-            if time.process_time() > latest or len(runners) < len(players):
-                return None
-            core.step(np.concatenate([runner.act() for runner in runners], axis=1))
-        name = f"{core.side}_return"
-        return np.array([(core.measures(row)[name] or 0) / core.length(row) for row in range(core.count)])
-
-
-def _is_less(played: np.ndarray, earned: np.ndarray) -> bool:
-    """Return True if what was played earned less, by more than 1 % and than chance explains."""
-    error = math.hypot(*(each.std(ddof=1) / math.sqrt(len(each)) for each in (earned, played)))
-    return bool(earned.mean() - played.mean() > _BEYOND * error + abs(earned.mean()) / 100)
 
 
 def _log_interval(model: BaseAlgorithm, budget: int) -> int:

@@ -7,6 +7,7 @@ import warnings
 
 import gymnasium
 import numpy as np
+import onnxruntime
 import pytest
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
@@ -18,6 +19,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.game.scenario import STANDARD, as_scenario, preset
 from fpg_bench.game.waterfall import Waterfall, waterfall_rows
+from fpg_bench.training.export import Graph, Value, rows_of
 
 from .playing import ALLY, OPPONENT, SHORT
 
@@ -132,7 +134,7 @@ def test_a_window_holds_the_rows_of_the_last_steps(scenario):
 
 @pytest.mark.parametrize("bandwidth_mhz", [5.0, 12.0, 77.0])
 @pytest.mark.parametrize("name", ["standard", "paper", "link"])
-def test_the_compiled_rows_have_the_bits_of_array_operations(name, bandwidth_mhz):
+def test_a_graph_has_the_bits_of_arrays(name, bandwidth_mhz):
     """Any numbers, those of channels' centres, and types that are mixed, as no sensor reports them."""
     waterfall = Waterfall(dataclasses.replace(preset(name), bandwidth_mhz=bandwidth_mhz), history=3)
     rng = np.random.default_rng(0)
@@ -146,9 +148,11 @@ def test_the_compiled_rows_have_the_bits_of_array_operations(name, bandwidth_mhz
     pushed, rows = waterfall.pushed(windows, numbers, starts), waterfall_rows(numbers, waterfall.table)
     assert np.array_equal(pushed[:, -1].view(np.uint32), rows.view(np.uint32))
     assert np.array_equal(pushed[:, :-1], np.where(starts[:, None, None], 0, windows[:, 1:]))
-    windows[starts] = 0
-    waterfall.push(windows, numbers)
-    assert np.array_equal(windows, pushed)
+    graph = Graph()
+    graph.add("Identity", waterfall_rows(Value(graph, "observation"), waterfall.table).name, to="action")
+    data = graph.to_bytes([rows_of("observation", 15)], [rows_of("action", waterfall.shape[1])])
+    (written,) = onnxruntime.InferenceSession(data).run(None, {"observation": numbers})
+    assert np.array_equal(written.view(np.uint32), rows.view(np.uint32))
 
 
 def test_the_checkers_pass():

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.hops import HOP_BITS, conditional_entropy
 from fpg_bench.evaluation.play import match_of, play
-from fpg_bench.evaluation.record import pool, read_record
+from fpg_bench.evaluation.record import HOP_BITS, conditional_entropy, pool, read_record
 from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import load_suite

@@ -8,7 +8,7 @@ import pytest
 import fpg_bench
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation import evaluate as evaluating
-from fpg_bench.evaluation.curves import curves, read_runs
+from fpg_bench.products.rendering.curves import curves, read_runs
 
 
 class Still:

@@ -3,12 +3,12 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import (
     TUNING_START,
-    SeasonKey,
     dataset_seed,
     evaluation_seeds,
     training_seed,
     tuning_seeds,
 )
+from fpg_bench.products.leaderboard.season_keys import SeasonKey
 
 LAST_TRAINING = TUNING_START // 10**6 - 1
 

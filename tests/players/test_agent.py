@@ -1,5 +1,6 @@
 import hashlib
 import json
+import pickle
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import OnnxPlayer, load_agent, write_agent
 from fpg_bench.players.registry import as_player
@@ -153,7 +155,7 @@ def test_a_policy_that_fails_or_mixes_games_is_not_written(tmp_path):
     about = {"algorithm": "x", "id": "FPG/AllyVsScripted-v0", "training_seed": 0, "training_steps": 1}
     for data, message in (
         (contradictory(), "fails in play: .*LSTM"),
-        (over_rows(), "depends on no other games"),
+        (over_rows(), "its answer to one game depends on the batch"),
     ):
         with pytest.raises(UserError, match=message):
             write_agent(tmp_path / "agent", data, **about)
@@ -224,3 +226,38 @@ def test_playing_needs_no_torch(agent):
         "sys.exit(any(name in sys.modules for name in ('torch', 'stable_baselines3')))"
     )
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def tiled(mixes=False):
+    """A policy as torch often writes it, with a size computed in play; or one that mixes its games."""
+    nodes = [
+        helper.make_node("Shape", ["observation"], ["size"]),
+        helper.make_node("Gather", ["size", "zero"], ["games"]),
+        helper.make_node("Concat", ["games", "nine"], ["shape"], axis=0),
+        helper.make_node("ReduceMean", ["observation"], ["mean"], axes=[0, 1] if mixes else [1], keepdims=1),
+        helper.make_node("Expand", ["mean", "shape"], ["action"]),
+    ]
+    constants = [helper.make_tensor(n, TensorProto.INT64, [1], [k]) for n, k in (("zero", 0), ("nine", 9))]
+    ports = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
+        for name, size in (("observation", 15), ("action", 9))
+    ]
+    graph = helper.make_graph(nodes, "tiled", ports[:1], ports[1:], constants)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+    return model.SerializeToString()
+
+
+def test_a_file_of_ones_own_with_other_operators_plays_game_by_game(tmp_path, caplog):
+    with pytest.raises(UserError, match="operator 'Shape' is not played"):
+        OnnxPlayer(tiled())
+    write_agent(tmp_path / "agent", tiled(), **FIELDS)
+    assert "it plays here game by game, and no board takes it" in caplog.text
+    seen = np.random.default_rng(0).uniform(-1, 1, (4, 15)).astype(np.float32)
+    agent = pickle.loads(pickle.dumps(load_agent(tmp_path / "agent")))
+    assert np.allclose(agent.predict(seen)[0], np.tile(seen.mean(1, keepdims=True), 9), atol=1e-6)
+    (row,) = evaluate([str(tmp_path / "agent")], "ally-v2", matches=1)
+    assert np.isfinite(row.score.value)
+    with pytest.raises(UserError, match="'Shape' is not played"):
+        load_agent(tmp_path / "agent", trusted=False)
+    with pytest.raises(UserError, match="its answer to one game depends on the batch"):
+        write_agent(tmp_path / "other", tiled(mixes=True), **FIELDS)

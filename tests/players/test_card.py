@@ -10,10 +10,10 @@ import yaml
 from fpg_bench import GameSpec, Scenario, preset, write_agent
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
-from fpg_bench.evaluation.watching import watch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.players.card import AgentCard
+from fpg_bench.products.rendering.watching import watch
 from tests.policies import policy
 from tests.programs import fpg
 from tests.training.tiny import settings, train_tiny

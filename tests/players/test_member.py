@@ -7,9 +7,8 @@ import pickle
 import numpy as np
 
 from fpg_bench.envs.two_player import make_duel
-from fpg_bench.players.agent import load_agent
+from fpg_bench.players.agent import load_agent, member_from_folder
 from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.population import member_from_folder
 from fpg_bench.players.registry import as_player
 
 PURSUER = "opponent-pursuit/ppo/seed_0"

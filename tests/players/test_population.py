@@ -15,9 +15,8 @@ from fpg_bench.envs.core import SingleAgentGame, policies_of
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.agent import OnnxPlayer, baselines_folder
+from fpg_bench.players.agent import OnnxPlayer, baselines_folder, expand_suites
 from fpg_bench.players.policy_runner import PolicyRunner
-from fpg_bench.players.population import expand_suites
 from fpg_bench.players.registry import as_player, policy_hash
 
 from .test_agent import model_bytes

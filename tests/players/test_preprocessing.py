@@ -34,8 +34,8 @@ from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
-from fpg_bench.players.preprocessing import difference_in_own_games
-from fpg_bench.players.registry import as_player
+from fpg_bench.players.preprocessing import difference_in_own_games, preprocessing_of
+from fpg_bench.players.registry import ModelPlayer, as_player
 from tests.training.tiny import ALLY
 
 
@@ -86,7 +86,8 @@ def test_a_live_model_and_its_agent_play_as_the_model_does_in_its_own_games(chai
     model = a_model(learned(CHAINS[chain]()), kind)
     assert export_agent(model, tmp_path, training_seed=0) < 1e-4
     agent, live = load_agent(tmp_path), as_player(model, "ally", STANDARD)
-    for player in (agent, live):
+    by_predict = ModelPlayer(model, None, preprocessing_of(model))
+    for player in (agent, live, by_predict):
         assert difference_in_own_games(model, player) < 1e-4
     naked = a_model(sb3(), kind)
     if chain in ("normalized", "monitored"):
@@ -98,8 +99,10 @@ def test_a_live_model_scores_as_its_exported_agent(tmp_path):
     model = a_model(learned(normalized()))
     export_agent(model, tmp_path, training_seed=0)
     check_player(model, "ally")
-    scores = [row.score for row in evaluate({"live": model, "agent": str(tmp_path)}, "ally-v2", matches=1)]
-    assert scores[0].value == pytest.approx(scores[1].value, abs=0.01)
+    by_predict = ModelPlayer(model, None, preprocessing_of(model))
+    players = {"live": model, "agent": str(tmp_path), "predict": by_predict}
+    scores = {row.entry: row.score.value for row in evaluate(players, "ally-v2", matches=1)}
+    assert scores["live"] == scores["agent"] == pytest.approx(scores["predict"], abs=0.01)
 
 
 def test_the_self_check_leaves_the_models_games_as_they_were(tmp_path):

@@ -10,8 +10,8 @@ import train_zoo as script
 import zoo_page
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.zoo import Zoo, ZooAgent, load_zoo
 from fpg_bench.players.trust import remember_exported
+from fpg_bench.products.zoo.zoo import Zoo, ZooAgent, load_zoo
 from fpg_bench.training.config import RunConfig
 from tests.policies import policy
 

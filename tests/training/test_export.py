@@ -4,9 +4,10 @@ from functools import partial
 import numpy as np
 import onnx
 import pytest
+import torch
 from sb3_contrib import QRDQN, TQC, MaskablePPO, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
-from stable_baselines3.common.torch_layers import FlattenExtractor
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, FlattenExtractor
 from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 from torch import nn
 
@@ -15,18 +16,16 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players import agent
 from fpg_bench.players.agent import OnnxPlayer, load_agent
-from fpg_bench.training import export
-from fpg_bench.training.actor import Actor
+from fpg_bench.players.registry import as_player
 from fpg_bench.training.export import (
     export_agent,
     export_onnx,
     exported_player,
     largest_difference,
-    plain_onnx,
     write_exported,
 )
+from fpg_bench.training.models import ACTIVATIONS
 
 ABOUT = {
     "algorithm": "x",
@@ -106,11 +105,6 @@ def check_plays_alike(model, players, games, steps, frames=1):
     assert np.ptp(spread, axis=0).max() > 0.01
 
 
-def normed():
-    """Return layers that the exporter folds into the constants of a graph."""
-    return nn.Sequential(nn.BatchNorm1d(16, affine=False), nn.ReLU())
-
-
 def discrete_games(mode="discrete", **options):
     """Games of an opponent that flies itself and may not jam by broadband."""
     options = {"path": "learned", "jamming_types": ("tone", "narrowband", "comb"), **options}
@@ -127,9 +121,8 @@ def discrete_games(mode="discrete", **options):
         (QRDQN, "discrete", {"policy_kwargs": {"n_quantiles": 5}}),
         (MaskablePPO, "multi-discrete", {}),
         (RecurrentPPO, "discrete", {"policy_kwargs": {"lstm_hidden_size": 6}}),
-        (PPO, "discrete", {"policy_kwargs": {"activation_fn": normed}}),  # by PyTorch's exporter
     ],
-    ids=["ppo", "dqn", "qr-dqn", "maskable-ppo", "lstm", "ppo-torch"],
+    ids=["ppo", "dqn", "qr-dqn", "maskable-ppo", "lstm"],
 )
 def test_discrete_agents_play_the_choices_that_the_model_predicts(algorithm, mode, options, tmp_path):
     allowed = {} if algorithm is MaskablePPO else {"jamming_types": None}
@@ -153,11 +146,8 @@ def test_discrete_agents_play_the_choices_that_the_model_predicts(algorithm, mod
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("way", ["ours", pytest.param("torch's", marks=pytest.mark.slow)])
-def test_agents_hop_to_the_points_that_their_games_draw(way, tmp_path, monkeypatch):
-    """In games that end at different steps: exported, sandboxed, from memory and as the model itself."""
-    if way != "ours":
-        monkeypatch.setattr(export, "plain_onnx", lambda actor: None)
+def test_agents_hop_to_the_points_that_their_games_draw(tmp_path):
+    """In games that end at different steps: exported, sandboxed, by predict and as the model itself."""
     games = make_sb3("FPG/AllyVsScripted-v0", n_envs=4, seed=1, stagger=True, actions="uniform-hop")
     model = a_model(PPO, frames=2, games=games)
     assert export_agent(model, tmp_path, training_seed=0) < 1e-6
@@ -246,52 +236,56 @@ def test_an_export_that_plays_differently_is_refused(tmp_path, monkeypatch):
     assert not (tmp_path / "agent").exists()
 
 
-@pytest.mark.parametrize(
-    ("algorithm", "words"),
-    [
-        (RecurrentPPO, {"lstm_hidden_size": 6, "lstm_kwargs": {"bias": False}}),
-        *((PPO, {"activation_fn": kind}) for kind in (nn.ELU, nn.SiLU, nn.GELU, nn.Sigmoid)),
-        (PPO, {"activation_fn": partial(nn.GELU, approximate="tanh")}),
-        (PPO, {"activation_fn": partial(nn.LeakyReLU, 0.3)}),
-        (PPO, {"activation_fn": partial(nn.Hardtanh, -0.5, 0.7)}),
-    ],
+ACTIVATION_CHANGES = (
+    partial(nn.GELU, approximate="tanh"),
+    partial(nn.LeakyReLU, 0.3),
+    partial(nn.Hardtanh, -0.5, 0.7),
+    partial(nn.CELU, 0.7),
+    partial(nn.Softshrink, 0.2),
 )
-def test_the_usual_layers_need_no_exporter(algorithm, words, monkeypatch):
-    monkeypatch.setattr("torch.onnx.export", None)
-    model = a_model(algorithm, policy_kwargs=words)
-    player = OnnxPlayer(export_onnx(model))
-    assert largest_difference(model, player) < 1e-5
 
 
-@pytest.mark.full
-@pytest.mark.slow
-def test_our_own_onnx_equals_the_exporter_s_to_the_bit(monkeypatch):
-    model = a_model(RecurrentPPO, True, 3, policy_kwargs={"lstm_hidden_size": 6, "n_lstm_layers": 2})
-    written = plain_onnx(Actor(model))
-    check_no_paths(written)
-    monkeypatch.setattr(export, "plain_onnx", lambda actor: None)
-    monkeypatch.setattr(agent, "_read", lambda data: data)  # the exporter's file has sizes computed in play
-    players = [OnnxPlayer(data) for data in (written, export_onnx(model))]
-    chance, states, spread = np.random.default_rng(0), [None, None], []
-    for _ in range(12):
-        seen = chance.uniform(-1, 1, (5, 15)).astype(np.float32)
-        starts = chance.random(5) < 0.2
-        answers = [player.predict(seen, state, starts) for player, state in zip(players, states, strict=True)]
-        (one, other), states = zip(*answers, strict=True)
-        assert one.tobytes() == other.tobytes()
-        spread.append(one)
-    assert (np.abs(spread) < 1).mean() > 0.5
+@pytest.mark.parametrize("kind", [*ACTIVATIONS.values(), *ACTIVATION_CHANGES])
+def test_all_activations_are_written(kind):
+    model = a_model(PPO, policy_kwargs={"activation_fn": kind})
+    assert largest_difference(model, exported_player(model)) < 1e-5
 
 
-class Scaled(FlattenExtractor):
-    """Layers of a user's own, whose words do not say all that they do."""
+def test_an_lstm_without_biases_is_written():
+    words = {"lstm_hidden_size": 6, "lstm_kwargs": {"bias": False}}
+    model = a_model(RecurrentPPO, policy_kwargs=words)
+    assert largest_difference(model, exported_player(model)) < 1e-5
+
+
+class Mixed(BaseFeaturesExtractor):
+    """An extractor of the user's own, of known layers and operators."""
 
     def __init__(self, observation_space, scale=1.0):
-        super().__init__(observation_space)
+        super().__init__(observation_space, 21)
         self.scale = scale
+        self.shift = nn.Parameter(torch.linspace(-0.5, 0.5, 15))
+        self.layers = nn.Sequential(nn.Linear(5, 4), nn.SiLU())
+        self.windows = nn.Sequential(nn.Conv2d(1, 3, (2, 3), (1, 2), (1, 0), bias=False), nn.Flatten())
 
     def forward(self, observations):
-        return self.scale * super().forward(observations)
+        shifted = self.scale * (observations - self.shift) / 2
+        parts = [self.layers(shifted[:, 3:8]), torch.tanh(shifted[:, 13:]), 1 - shifted]
+        seen = torch.cat(parts, dim=1)
+        return seen + 0 * self.windows(seen.reshape(-1, 1, 3, 7)).sum(1).clip(-1, 1).unsqueeze(1)
+
+
+def test_an_extractor_of_known_layers_is_written_from_its_code(tmp_path):
+    options = {"features_extractor_class": Mixed, "features_extractor_kwargs": {"scale": 1.7}}
+    model = a_model(PPO, policy_kwargs=options)
+    assert write_exported(model, tmp_path, ABOUT) < 1e-5
+    assert load_agent(tmp_path, trusted=False).card.algorithm == "x"  # as the board takes it
+
+
+class Sorted(FlattenExtractor):
+    """Layers of a user's own, by a function that is not written."""
+
+    def forward(self, observations):
+        return super().forward(observations).sort(1).values
 
 
 def hooked(model):
@@ -299,16 +293,38 @@ def hooked(model):
 
 
 @pytest.mark.parametrize(
-    ("options", "change"),
+    ("options", "change", "message"),
     [
-        ({"features_extractor_class": Scaled, "features_extractor_kwargs": {"scale": 2.0}}, None),
-        ({"activation_fn": nn.PReLU}, None),
-        ({}, hooked),
+        ({"features_extractor_class": Sorted}, None, r"Sorted cannot be written as ONNX \(AttributeError"),
+        ({"activation_fn": nn.PReLU}, None, "PReLU cannot be written"),
+        ({}, hooked, "has hooks or replaced methods"),
     ],
     ids=["own", "prelu", "hooked"],
 )
-def test_layers_that_are_not_described_by_their_attributes_are_left_to_the_exporter(options, change):
+def test_networks_that_are_not_written_are_refused_and_play_by_their_predict(options, change, message):
     model = a_model(PPO, policy_kwargs=options)
     if change:
         change(model)
-    assert plain_onnx(Actor(model)) is None
+    with pytest.raises(UserError, match=f"{message}.*agent of it with fpg_bench.write_agent"):
+        export_onnx(model)
+    (row,) = evaluate({"mine": model}, "ally-v2", matches=1)
+    assert np.isfinite(row.score.value)
+
+
+class Shy(PPO):
+    """A model that does not play what its network says."""
+
+    def predict(self, *args, **kwargs):
+        actions, state = super().predict(*args, **kwargs)
+        return 0 * actions, state
+
+
+def test_a_live_model_plays_as_its_export_unless_its_predict_says_otherwise(tmp_path):
+    model = a_model(PPO, True, 2)
+    export_agent(model, tmp_path, training_seed=0)
+    assert isinstance(as_player(model, "ally", STANDARD), OnnxPlayer)
+    rows = evaluate({"live": model, "agent": str(tmp_path)}, "ally-v2", matches=1)
+    assert len({row.score.value for row in rows}) == 1
+    shy = a_model(Shy)
+    assert not isinstance(player := as_player(shy, "ally", STANDARD), OnnxPlayer)
+    assert not player.predict(np.ones((1, 15), np.float32))[0].any()

@@ -15,9 +15,9 @@ from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.verdicts import RECORD
+from fpg_bench.products.zoo.zoo import load_zoo
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
 from tests.training.making import (

@@ -17,7 +17,9 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.registry import as_player
+from fpg_bench.players.preprocessing import preprocessing_of
+from fpg_bench.players.registry import ModelPlayer, as_player
+from fpg_bench.training.export import exported_player
 from fpg_bench.training.waterfall_cnn import WaterfallCNN
 from tests.training.test_export import check_plays_alike
 from tests.training.tiny import ALLY, settings, train_tiny
@@ -56,15 +58,15 @@ def make_model(algorithm, policy="MlpPolicy", norm_obs=False, policy_kwargs=None
     ids=["dqn", "dqn-link", "ppo-cnn", "ppo-continuous", "masked", "lstm"],
 )
 def test_agents_play_as_the_model_does_in_its_own_games(algorithm, options, tmp_path):
-    """Over rounds that end at different steps; through onnxruntime and as the model itself."""
+    """Over rounds that end at different steps; through onnxruntime, live, and by predict."""
     model = make_model(algorithm, **options)
     assert export_agent(model, tmp_path, training_seed=0) < 1e-4
     agent = load_agent(tmp_path)
     words = {name: options[name] for name in ("scenario", "actions", "history") if name in options}
     games = make_sb3(ALLY, 4, seed=5, stagger=True, **(WATERFALL | words))
-    players = [agent]
+    players = [agent, exported_player(model)]
     if not options.get("norm_obs"):  # predict itself does not normalize
-        players.append(as_player(model, "ally", games.core.scenario))
+        players.append(ModelPlayer(model, games.core.choices, preprocessing_of(model, games.core.waterfall)))
     check_plays_alike(model, players, games, 160)
 
 

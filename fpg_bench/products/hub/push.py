@@ -12,16 +12,15 @@ import numpy as np
 
 from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.curves import CURVE, draw_run
 from fpg_bench.evaluation.evaluate import read_results
 from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.rounds import begin_round, finish_round
+from fpg_bench.evaluation.run_description import CURVE
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import TrainingCost, summarise
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.recording import Recording
 from fpg_bench.players.agent import agent_folder, load_agent
 from fpg_bench.players.card import AgentCard
@@ -36,8 +35,10 @@ from fpg_bench.products.hub.download import (
     split_name,
 )
 from fpg_bench.products.hub.pull import copy_checked
+from fpg_bench.products.rendering.curves import draw_run
 from fpg_bench.products.rendering.replay import write_replay
 from fpg_bench.products.sandbox.client import AGENT_FILES
+from fpg_bench.products.zoo.zoo import load_zoo
 
 
 def push(

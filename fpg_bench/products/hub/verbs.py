@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.completion import complete_player
+from fpg_bench.cli.options import complete_player
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.output import print_line
 

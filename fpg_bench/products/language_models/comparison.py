@@ -11,9 +11,9 @@ from typing import Any
 
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import PACKED, read_json, write_json, write_whole
+from fpg_bench.common.products import load, offered
 from fpg_bench.common.schema import parse
 from fpg_bench.evaluation.entry import EvaluatedPlayer
-from fpg_bench.evaluation.seeds import current_season
 from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.planner import PLANNERS
@@ -38,7 +38,7 @@ def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, 
     """
     llm = LLMOptions.of(options)
     control, endpoint = LLM_CONTROLS[name], endpoint_from_environment(llm.server)
-    prompt, season = llm.prompt or endpoint.server.prompt, current_season()
+    prompt, season = llm.prompt or endpoint.server.prompt, _current_season()
     content = {
         "model": endpoint.model,
         "server": endpoint.server.name,
@@ -103,6 +103,11 @@ def _replayed_entry(folder: Path, suite: Suite) -> EvaluatedPlayer:
         return replaying(suite.scenario, prompt, about, transcript_file(folder, ally.name))
 
     return EvaluatedPlayer(folder.name, None, _fingerprint(about), make)
+
+
+def _current_season() -> Any:
+    """Return the newest season's number and seed, where seasons are; otherwise None."""
+    return load("language_model", "season")() if "season" in offered("language_model") else None
 
 
 def nonce_of(about: RunHeader, season_seed: str) -> str:

@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from fpg_bench.common.ids import other_side
-from fpg_bench.evaluation.payoffs import nash
-from fpg_bench.evaluation.seeds import PROTOCOL, SeasonKey
+from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.statistics import (
     MATCHES,
     Interval,
     mean_interval,
+    nash,
     pair_error,
     probability_of_improvement,
     student_half,
@@ -33,6 +33,7 @@ from fpg_bench.products.leaderboard.crossplay import Pair, Pairs, fully_played, 
 from fpg_bench.products.leaderboard.entries import Entries
 from fpg_bench.products.leaderboard.exploited import Attack, Exploited
 from fpg_bench.products.leaderboard.result import PlannerFacts, round_finite
+from fpg_bench.products.leaderboard.season_keys import SeasonKey
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import (
     PUBLIC,

@@ -12,8 +12,7 @@ from itertools import islice
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, nearest, shown
-from fpg_bench.common.files import folder_beside, write_whole
-from fpg_bench.common.folders import user_cache
+from fpg_bench.common.files import folder_beside, user_cache, write_whole
 from fpg_bench.common.locks import locked
 from fpg_bench.players.agent import baselines_folder
 

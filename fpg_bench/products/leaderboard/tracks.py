@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
-from fpg_bench.evaluation.seeds import SeasonKey, current_seasons
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_names
+from fpg_bench.products.leaderboard.season_keys import SeasonKey, current_seasons
 
 PUBLIC, UNSEEN, SHIFTED, RESPONSES = "public", "unseen", "shifted", "responses"
 TRANSCRIPT_MATCHES = 4  # of each ally: 200 plans in all, which a small or paid model can be asked for

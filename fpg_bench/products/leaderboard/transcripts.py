@@ -13,7 +13,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import PACKED, read_json
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import parse
-from fpg_bench.evaluation.seeds import current_season, evaluation_seeds, season_seed
+from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.players.planner import Limits
 from fpg_bench.products.language_models.comparison import (
@@ -34,6 +34,7 @@ from fpg_bench.products.language_models.transcript import (
     packed_rows,
 )
 from fpg_bench.products.leaderboard.folders import folder_problem, list_names
+from fpg_bench.products.leaderboard.season_keys import current_season, season_seed
 
 FOLDER = "transcripts"
 LARGEST_FOLDER = 10_000_000  # bytes, as it lies in the repository; a terse model's is 0.1 MB

@@ -9,11 +9,10 @@ import typer
 
 from fpg_bench.cli.fields import with_fields
 from fpg_bench.cli.options import WorkersOption, print_wrapped, share
-from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.locks import locked
-from fpg_bench.common.output import print_line
+from fpg_bench.common.output import page, print_line
 from fpg_bench.common.parallel import Workers
 
 submit = typer.Typer(help="Check a submission and play it.", no_args_is_help=True)

@@ -18,11 +18,10 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from fpg_bench.common.differences import first_difference
+from fpg_bench.common.checks import first_difference
 from fpg_bench.common.errors import UserError, printable, shown
 from fpg_bench.common.ids import NAMED
-from fpg_bench.evaluation.hops import HOP_BITS
-from fpg_bench.evaluation.record import Plans, Record
+from fpg_bench.evaluation.record import HOP_BITS, Plans, Record
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.game.metrics import CLEAN, GREATEST
 

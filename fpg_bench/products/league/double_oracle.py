@@ -24,13 +24,12 @@ from fpg_bench.common.ids import SCRIPTED, find_env, other_side, policy_env
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.store import RECORDS, Pairing, Store
 from fpg_bench.evaluation.suite import Rival, Suite, side_suite
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.population import expand_suites, member_folder
+from fpg_bench.players.agent import expand_suites, member_folder
 from fpg_bench.products.league.best_responses import RESPONSE_REWARDS
 from fpg_bench.products.league.config import DoubleOracleConfig
 from fpg_bench.products.league.evaluation import MATCHES
@@ -42,6 +41,7 @@ from fpg_bench.products.league.folder import (
     search_folder,
     settings_of,
 )
+from fpg_bench.products.league.payoffs import Payoffs
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder

@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from fpg_bench.common.differences import first_difference
+from fpg_bench.common.checks import first_difference
 from fpg_bench.common.errors import UserError, other_content, shown
 from fpg_bench.common.files import read_json
 from fpg_bench.common.locks import own_folder

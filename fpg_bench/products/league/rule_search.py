@@ -15,9 +15,8 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import parse
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.agent import write_agent
+from fpg_bench.players.agent import expand_suites, write_agent
 from fpg_bench.players.player import Player
-from fpg_bench.players.population import expand_suites
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.products.league.candidates import Candidates, earnings
 from fpg_bench.products.league.categorical import CategoricalSearch, Generation

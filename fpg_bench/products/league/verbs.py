@@ -9,9 +9,16 @@ from typing import Annotated, Any
 
 import typer
 
-from fpg_bench.cli.completion import complete_player
 from fpg_bench.cli.fields import Fields, Given
-from fpg_bench.cli.options import EVALUATION, GAME, TRAINING, TRUST, game_options, whole_number
+from fpg_bench.cli.options import (
+    EVALUATION,
+    GAME,
+    TRAINING,
+    TRUST,
+    complete_player,
+    game_options,
+    whole_number,
+)
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable

@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.completion import complete_dataset, complete_offline
-from fpg_bench.cli.evaluation import shown_progress
 from fpg_bench.cli.fields import Given, with_fields
 from fpg_bench.cli.options import (
     LocalWorkersOption,
+    complete_dataset,
+    complete_offline,
     name_all,
     run_options,
     share,
@@ -27,10 +27,9 @@ from fpg_bench.cli.training import (
     SeedsOption,
     train_runs,
 )
-from fpg_bench.common.documentation import page
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import check_writable
-from fpg_bench.common.output import print_line
+from fpg_bench.common.output import page, print_line, shown_progress
 from fpg_bench.common.parallel import Workers
 from fpg_bench.training.algorithms import OFFLINE
 from fpg_bench.training.config import RunConfig

@@ -14,7 +14,7 @@ from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 
-from fpg_bench.evaluation.payoffs import nash
+from fpg_bench.evaluation.statistics import nash
 
 Strategies = tuple[np.ndarray, np.ndarray]  # of rows and of columns
 

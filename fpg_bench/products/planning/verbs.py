@@ -9,6 +9,8 @@ import typer
 
 from fpg_bench.cli.fields import Given, with_fields
 from fpg_bench.cli.options import AllowOption, ReuseOption, SuiteOption, WideOption, llm_options
+from fpg_bench.common.output import shown_progress
+from fpg_bench.common.products import load
 
 app = typer.Typer()
 
@@ -46,7 +48,6 @@ def compare(
 
     Example: fpg-bench plan compare circle hill-climb interceptor --matches 10 --out results/planners
     """
-    from fpg_bench.cli.evaluation import shown_progress, table
     from fpg_bench.products.planning.compare import compare as compare_planners
 
     with shown_progress() as show:
@@ -61,4 +62,4 @@ def compare(
             allow=allow or (),
             reuse=reuse,
         )
-    table(out, wide)
+    load("verb", "table")(out, wide)

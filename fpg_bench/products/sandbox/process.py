@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.telemetry import OFF
+from fpg_bench.common.extras import OFF
 from fpg_bench.products.sandbox.isolation import UNPROTECTED, Layer, missing, refusal
 
 # Environment variables that the process gets: nothing that could be a secret.

@@ -12,7 +12,7 @@ from fpg_bench.envs.core import action_space
 from fpg_bench.game.batch import ActionError, Seeds, described
 from fpg_bench.game.choices import action_choices
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.players.population import expand_suites
+from fpg_bench.players.agent import expand_suites
 from fpg_bench.players.scripted import player_noise, player_seeds
 from fpg_bench.products.teams.batch import TeamBatch
 from fpg_bench.products.teams.rules import SIDES, TEAM_ID, TEAM_OBSERVATION_SIZE

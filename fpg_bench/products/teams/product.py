@@ -50,7 +50,7 @@ class _Teams:
         game: TeamSpec,
         **options: Any,
     ) -> dict[str, float | None]:
-        from fpg_bench.evaluation.watching import shown_measures
+        from fpg_bench.products.rendering.watching import shown_measures
         from fpg_bench.products.teams.watching import print_team, watch_team
 
         options |= {"scenario": game.resolve(), "team": game.team}

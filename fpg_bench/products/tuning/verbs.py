@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
-from fpg_bench.cli.completion import complete_algorithm, complete_id
 from fpg_bench.cli.fields import Given, with_fields
 from fpg_bench.cli.options import (
     AllowOption,
     WorkersOption,
+    complete_algorithm,
+    complete_id,
     game_options,
     steps_option,
 )

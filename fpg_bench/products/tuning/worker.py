@@ -12,8 +12,8 @@ from optuna.study import MaxTrialsCallback
 from optuna.trial import FrozenTrial, TrialState
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.parallel import StopRequest
 from fpg_bench.products.tuning.study import FINISHED, Storage, count_finished, finished_text, retry, state_of
-from fpg_bench.training.interrupts import StopRequest
 
 MAX_FAILURES = 5  # in a row, after which the search space is considered wrong
 

@@ -9,7 +9,7 @@ import threading
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.watching import watch
+from fpg_bench.products.rendering.watching import watch
 from tests.products.language_models.fault_server import FaultServer, late, ok, status
 from tests.products.language_models.playing import KEY, SHORT, path_text
 from tests.programs import fpg, held_elsewhere, python

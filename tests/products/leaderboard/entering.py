@@ -12,12 +12,13 @@ import yaml
 
 from fpg_bench.common.rows import SEAL, sealed
 from fpg_bench.evaluation.record import Record
-from fpg_bench.evaluation.seeds import PROTOCOL, seed_from
+from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.players.agent import OnnxPlayer, baselines_folder
 from fpg_bench.products.leaderboard.cases import Case, board_reader, make_case
 from fpg_bench.products.leaderboard.crossplay import verify_pairs
 from fpg_bench.products.leaderboard.encounters import Verification
 from fpg_bench.products.leaderboard.result import Result, write_result
+from fpg_bench.products.leaderboard.season_keys import seed_from
 from fpg_bench.products.leaderboard.submission import Reader, admit
 from fpg_bench.products.leaderboard.verification import verify
 from fpg_bench.products.sandbox.client import PolicyFailed

@@ -16,7 +16,6 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import load_agent
 from fpg_bench.products.leaderboard.about import name_skeleton
 from fpg_bench.products.leaderboard.board import make_board
@@ -28,6 +27,7 @@ from fpg_bench.products.leaderboard.submission import admit
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SCENARIOS
 from fpg_bench.products.leaderboard.verbs import build
 from fpg_bench.products.sandbox.client import check_policies, check_policy
+from fpg_bench.products.zoo.zoo import load_zoo
 from tests.products.leaderboard.entering import case_of
 from tests.products.leaderboard.making import problems
 from tests.programs import python

@@ -21,7 +21,6 @@ from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.statistics import Interval
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game import actions, sensing
 from fpg_bench.game.metrics import measures
 from fpg_bench.game.names import CHOSEN, JAMMING_TYPES, OBSERVED
@@ -35,6 +34,7 @@ from fpg_bench.products.leaderboard.site.page_data import agent_file, zoo_polici
 from fpg_bench.products.leaderboard.site.replays import Replay
 from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
 from fpg_bench.products.league.champions import load_champions
+from fpg_bench.products.zoo.zoo import load_zoo
 from tests.products.leaderboard.example_board import (
     HOSTILE,
     example_board,
@@ -333,7 +333,7 @@ def test_every_header_leads_to_docs_source_and_paper_where_their_address_is_know
     message = Message()
     for url in urls:
         message["Project-URL"] = url
-    monkeypatch.setattr("fpg_bench.common.documentation.metadata", lambda name: message)
+    monkeypatch.setattr("fpg_bench.common.output.metadata", lambda name: message)
     build_site(example_board(2), tmp_path)
     published = {"Docs": "https://docs.example.org/index.html", "Source": "https://git.example.org/fpg"}
     assert software(tmp_path / "index.html") == published | known

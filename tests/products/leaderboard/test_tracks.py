@@ -9,19 +9,13 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.seeds import (
-    PROTOCOL,
-    SEASON,
-    SeasonKey,
-    current_season,
-    evaluation_seeds,
-    seed_from,
-)
+from fpg_bench.evaluation.seeds import PROTOCOL, SEASON, evaluation_seeds
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.products.leaderboard import tracks
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
+from fpg_bench.products.leaderboard.season_keys import SeasonKey, current_season, seed_from
 from fpg_bench.products.leaderboard.tracks import (
     TRACKS,
     TRANSCRIPT_MATCHES,

@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from fpg_bench import make_sb3
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.payoffs import nash
+from fpg_bench.evaluation.statistics import nash
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.products.papers import ali_2023, firouzbakht_2013, liu_2018, verbs
 from fpg_bench.products.papers.firouzbakht_2013 import RateGame

@@ -10,8 +10,8 @@ from measure_team_payoffs import Results, payoff_table, without_bounds
 from train_teams import Teams
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.payoffs import Payoffs
 from fpg_bench.game.actions import SPREAD_GATE
+from fpg_bench.products.league.payoffs import Payoffs
 
 JAMMERS = {"tone": "tone"}
 

@@ -6,6 +6,7 @@ import json
 import re
 
 import numpy as np
+import onnxruntime
 import pytest
 import torch
 from stable_baselines3 import PPO
@@ -15,11 +16,11 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.suite import Scale
-from fpg_bench.evaluation.watching import watch
 from fpg_bench.game.scenario import as_scenario, preset
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent, read_card, write_agent
 from fpg_bench.players.scripted import player_noise
+from fpg_bench.products.rendering.watching import watch
 from fpg_bench.products.teams.core import make_team
 from fpg_bench.products.teams.match import play_teams
 from fpg_bench.products.teams.pettingzoo_env import TeamParallelEnv
@@ -27,7 +28,7 @@ from fpg_bench.products.teams.rules import TEAM_SCRIPTS, TeamRules
 from fpg_bench.products.teams.sb3_vec_env import make_sb3_team
 from fpg_bench.products.teams.scripts import as_team_player
 from fpg_bench.products.teams.spec import TeamSpec
-from fpg_bench.training.actor import Actor, draw_choices
+from fpg_bench.training.export import Graph, draw_choices, rows_of
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
 from fpg_bench.training.run import Run
@@ -227,25 +228,50 @@ def test_an_exported_agent_draws_what_the_model_draws(actions, tmp_path):
     parameters = load_hyperparameters("ppo-stack2", game, settings("ppo"))
     model = make_model("ppo-stack2", fpg_bench.make_sb3(game, 4, 0), parameters, 0)
     assert fpg_bench.export_agent(model, tmp_path, training_seed=0) < 1e-4
-    actor, agent = Actor(model), load_agent(tmp_path)
-    seen = np.random.default_rng(0).uniform(-1, 1, (200, 67)).astype(np.float32)
-    keys = np.arange(200)
-    actions, _ = _seated(agent, keys).predict(seen)
-    noise = player_noise(agent.keys(200), np.zeros(200, np.int64), actor.noise_size)
+    agent, choices = load_agent(tmp_path), model.get_env().get_attr("core")[0].choices
+    seen, keys = np.random.default_rng(0).uniform(-1, 1, (200, 67)).astype(np.float32), np.arange(200)
+    noise = torch.from_numpy(player_noise(keys.astype(np.uint64), 0 * keys, agent.noise_size))
+    stacked = torch.from_numpy(np.concatenate([0 * seen, seen], 1))
     with torch.no_grad():
-        drawn, _ = actor(*map(torch.from_numpy, (seen, np.zeros((200, actor.state_size), np.float32), noise)))
-    alike = np.isclose(drawn, actions, atol=1e-5).all(axis=1)
+        drawn = model.policy.get_distribution(stacked).distribution
+        if choices is None:
+            expected = (drawn.mean + drawn.stddev * noise).clamp(-1, 1).numpy()
+        else:
+            parts = drawn if isinstance(drawn, list) else [drawn]
+            shares = torch.distributions.Normal(0, 1).cdf(noise[:, -len(parts) :])
+            chosen = [
+                (part.probs.cumsum(1) < share[:, None]).sum(1)
+                for part, share in zip(parts, shares.T, strict=True)
+            ]
+            chosen = torch.stack(chosen, 1).numpy()
+            point = noise[:, :1].numpy() if choices.is_drawn else None
+            expected = choices.decode(chosen if choices.is_multi else chosen[:, 0], seen, noise=point)
+    answers, _ = _seated(agent, keys).predict(seen)
+    alike = np.isclose(expected, answers, atol=1e-5).all(axis=1)
     assert alike.mean() > 0.98  # rounding decides where a draw lies between two choices
-    assert len(np.unique(np.round(actions, 3), axis=0)) > 5
+    assert len(np.unique(np.round(answers, 3), axis=0)) > 5
 
 
 def test_choices_are_drawn_by_their_probabilities_and_forbidden_ones_never():
-    values = torch.tensor([[-1e30, 0.0, 1.0, -1e30, 2.0, -1e30]])
-    noise = torch.randn(20_000, 1, generator=torch.Generator().manual_seed(0))
-    counts = torch.bincount(draw_choices(values.expand(20_000, 6), noise), minlength=6) / 20_000
-    assert torch.allclose(counts, torch.softmax(values[0], 0), atol=0.015)
-    extreme = torch.tensor([[-9.0], [9.0]])
-    assert draw_choices(values.expand(2, 6), extreme).tolist() == [1, 4]
+    values = np.array([[-1e30, 0.0, 1.0, -1e30, 2.0, -1e30]], np.float32)
+    graph = Graph()
+    graph.add(
+        "Gather",
+        graph.constant(np.eye(6, dtype=np.float32)),
+        draw_choices(graph, "observation", 6, 0),
+        to="action",
+    )
+    inputs = [rows_of("observation", 6), rows_of("noise", 1)]
+    session = onnxruntime.InferenceSession(graph.to_bytes(inputs, [rows_of("action", 6)]))
+
+    def draw(noise):
+        feeds = {"observation": np.tile(values, (len(noise), 1)), "noise": noise}
+        return session.run(None, feeds)[0].argmax(1)
+
+    noise = np.random.default_rng(0).standard_normal((20_000, 1), np.float32)
+    counts = np.bincount(draw(noise), minlength=6) / 20_000
+    assert np.allclose(counts, torch.softmax(torch.from_numpy(values[0]), 0), atol=0.015)
+    assert draw(np.array([[-9.0], [9.0]], np.float32)).tolist() == [1, 4]
 
 
 @pytest.mark.parametrize(

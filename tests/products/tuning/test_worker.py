@@ -9,8 +9,8 @@ import pytest
 from optuna.trial import TrialState
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.parallel import StopRequest
 from fpg_bench.products.tuning.worker import run_worker
-from fpg_bench.training.interrupts import StopRequest
 from tests.products.tuning.fake import highest_x, miss_heartbeats, open_fake, work
 
 

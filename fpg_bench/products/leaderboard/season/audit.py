@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.seeds import PROTOCOL, season_label
+from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.products.leaderboard.season.entries import SeasonEntry, read_entries, season_seed
 from fpg_bench.products.leaderboard.season.season import Season, load_season
+from fpg_bench.products.leaderboard.season_keys import season_label
 
 _TITLES = {"opponent": "Opponents, rivals of allies", "ally": "Allies, rivals of opponents"}
 

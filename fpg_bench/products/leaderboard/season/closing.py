@@ -22,7 +22,7 @@ from fpg_bench.common.ids import ALL_TACTICS, SCRIPTED, SCRIPTS, other_side
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.evaluation.run_description import RunDescription
-from fpg_bench.evaluation.seeds import PROTOCOL, season_label
+from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.store import Pairing, Store
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.agent import read_card
@@ -57,6 +57,7 @@ from fpg_bench.products.leaderboard.season.selection import (
     select_diverse,
     select_representative,
 )
+from fpg_bench.products.leaderboard.season_keys import season_label
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
 from fpg_bench.training.run_folder import RunFolder
 

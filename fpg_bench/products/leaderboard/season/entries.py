@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.seeds import seed_from
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.cases import board_reader
 from fpg_bench.products.leaderboard.folders import submission_folders
+from fpg_bench.products.leaderboard.season_keys import seed_from
 from fpg_bench.products.leaderboard.submission import Reader, Refusal, admit
 
 

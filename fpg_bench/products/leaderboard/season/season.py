@@ -18,13 +18,13 @@ from fpg_bench.common.imports import SUITE
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.seeds import SeasonKey
 from fpg_bench.evaluation.suite import PLANNER, read_suite
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.season.entries import SeasonEntry, entries_of_side
 from fpg_bench.products.leaderboard.season.recipes import REWARD, Recipe
+from fpg_bench.products.leaderboard.season_keys import SeasonKey
 from fpg_bench.products.leaderboard.tracks import TRACKS
 
 FILE = "season.yml"

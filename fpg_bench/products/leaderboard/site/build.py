@@ -8,9 +8,9 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fpg_bench.common.documentation import published
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.output import published
 from fpg_bench.products.leaderboard.board import Board
 from fpg_bench.products.leaderboard.site import views
 from fpg_bench.products.leaderboard.site.entry_page import badge_file, badge_text, entry_view

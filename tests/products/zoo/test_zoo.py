@@ -1,8 +1,8 @@
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.spec import GameSpec
+from fpg_bench.products.zoo.zoo import load_zoo, mixture
 from tests.training.making import ZOO, make_agent
 
 
@@ -42,15 +42,15 @@ def test_the_mixture_of_rivals_is_that_of_the_agents_of_an_id():
     groups = {group.name: group for group in load_zoo().groups}
     for name in ("ally-scripted", "ally-population", "opponent-pursuit", "opponent-discrete"):
         game = groups[name].game
-        assert load_zoo().mixture(GameSpec(game.id, actions=game.actions)) == game
+        assert mixture(GameSpec(game.id, actions=game.actions)) == game
     learned, link = groups["opponent-learned"].game, groups["opponent-link"].game
-    assert load_zoo().mixture(GameSpec(learned.id, path="learned")) == learned
-    assert load_zoo().mixture(GameSpec(link.id, scenario="link")).ally == link.ally
+    assert mixture(GameSpec(learned.id, path="learned")) == learned
+    assert mixture(GameSpec(link.id, scenario="link")).ally == link.ally
     game = groups["ally-scripted"].game
-    assert load_zoo().mixture(GameSpec(game.id, scenario="paper")) == GameSpec.of(game, scenario="paper")
-    assert load_zoo().mixture(GameSpec(game.id, path="circle")) == GameSpec.of(game, path="circle")
+    assert mixture(GameSpec(game.id, scenario="paper")) == GameSpec.of(game, scenario="paper")
+    assert mixture(GameSpec(game.id, path="circle")) == GameSpec.of(game, path="circle")
     with pytest.raises(UserError, match="no mixture for FPG/AllyVsPlanner-v0, but for FPG/AllyVsScripted-v0"):
-        load_zoo().mixture(GameSpec("FPG/AllyVsPlanner-v0"))
+        mixture(GameSpec("FPG/AllyVsPlanner-v0"))
 
 
 def test_learners_of_papers_play_the_games_of_ally_link():

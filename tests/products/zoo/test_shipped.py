@@ -12,18 +12,18 @@ from pathlib import Path
 import pytest
 import zoo_page
 
-from fpg_bench.cli.listing import zoo as list_zoo
 from fpg_bench.common.output import csv_text
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.players.agent import load_agent
 from fpg_bench.products.league.champions import load_champions
+from fpg_bench.products.zoo.verbs import zoo as list_zoo
+from fpg_bench.products.zoo.zoo import load_zoo
 from tests.programs import python
 from tests.training.making import add_missing_records, make_agent, make_zoo, page, write_scores
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[3]
 SHIPPED = load_zoo()
 LARGEST_MB = 40
 TINY = """\

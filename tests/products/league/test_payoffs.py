@@ -9,11 +9,11 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
-from fpg_bench.evaluation.payoffs import Payoffs, nash
-from fpg_bench.evaluation.statistics import student_t
+from fpg_bench.evaluation.statistics import nash, student_t
 from fpg_bench.evaluation.store import Pairing, Store, pairings
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summarise
+from fpg_bench.products.league.payoffs import Payoffs
 
 HAND = Payoffs(
     ("seeds", "script"),

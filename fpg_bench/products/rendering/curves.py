@@ -14,20 +14,18 @@ from fpg_bench.common import canvas
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.entry import distinct_names
-from fpg_bench.evaluation.run_description import MADE_BY, RunDescription
+from fpg_bench.evaluation.record import read_records
+from fpg_bench.evaluation.run_description import EVALUATIONS, FILE, MADE_BY, RunDescription
 from fpg_bench.evaluation.statistics import student_t
 from fpg_bench.evaluation.suite import Scale, read_suite
 from fpg_bench.evaluation.summary import summarise
-from fpg_bench.evaluation.zoo import load_zoo
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.agent import seed_folders
+from fpg_bench.players.agent import baselines_folder, seed_folders
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-EVALUATIONS = "evaluations.jsonl"  # scores during training, in a run's folder
-CURVE = "curve.png"  # their picture
 _POINTS = 200
 _LOWEST = -100.0  # of the axis; early policies may score far below
 _MARGIN = 0.15  # of the axis beyond the means, on either side; a band over two seeds is cut there
@@ -189,7 +187,8 @@ def score_levels(suites: Iterable[str], scenario: Scenario | None = None) -> dic
             continue
         if suite.scale != Scale():
             levels["random"] = 0.0
-        for best in summarise(load_zoo().read_script_records(suite), suite)[:1]:
+        file = baselines_folder() / "scores" / "scripts" / f"{suite.name}.jsonl"
+        for best in summarise(read_records(RowFile(file).read(), str(file)), suite)[:1]:
             levels[best.entry] = best.score.value
     return levels
 
@@ -237,6 +236,13 @@ def draw_curves(rows: Sequence[Row], *, levels: Mapping[str, float], band: str =
     both[0].set_ylabel("score")
     figure.legend(*both[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
+
+
+def draw_training(folder: Path) -> Figure | None:
+    """Draw one run, or the mean of the runs of a folder with ``seed_0``, ``seed_1``, ..."""
+    if (folder / FILE).exists():
+        return draw_run(folder)
+    return draw_curves(read_runs([folder]), levels=levels_of([folder]))
 
 
 @canvas.styled

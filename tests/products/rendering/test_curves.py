@@ -9,14 +9,14 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 
-from fpg_bench.cli.evaluation import curves as verb
 from fpg_bench.common import canvas
 from fpg_bench.common.canvas import styles_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
-from fpg_bench.evaluation.curves import curves, draw_curves, levels_of, read_runs
 from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.products.rendering.curves import curves, draw_curves, levels_of, read_runs
+from fpg_bench.products.rendering.verbs import curves as verb
 
 
 def write_run(folder, algorithm="ppo", seed=0, slope=1.0, suite="ally-v2", steps=(0, 100, 200, 400)):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpg_bench.common.errors import UserError, nearest
-from fpg_bench.evaluation.statistics import MATCHES, Interval, mean_interval
+from fpg_bench.evaluation.statistics import MATCHES, Interval, mean_interval, nash
 from fpg_bench.evaluation.store import Pairing, Store
 
 
@@ -104,47 +104,3 @@ def _index(name: str, names: Sequence[str], what: str) -> int:
     if name not in names:
         raise UserError(f"pay-offs: no {what} {name!r}{nearest(name, names)}")
     return names.index(name)
-
-
-class Nash(NamedTuple):
-    """Equilibrium of a zero-sum game: mixtures of rows and columns, and the value."""
-
-    rows: np.ndarray
-    columns: np.ndarray
-    value: float
-
-
-def nash(losses: np.ndarray) -> Nash:
-    """Return the Nash equilibrium of a zero-sum game by linear programming.
-
-    Args:
-        losses: ``(m, n)``, the losses of the side that chooses rows to the side that chooses columns.
-
-    Raises:
-        UserError: not a matrix of finite numbers, or the solver fails.
-    """
-    if losses.ndim != 2 or not losses.size or not np.isfinite(losses).all():
-        raise UserError(f"meta-game: expected a matrix of finite numbers, got shape {losses.shape}")
-    rows, columns = _minimax(losses), _minimax(-losses.T)
-    return Nash(rows, columns, float(rows @ losses @ columns))
-
-
-def _minimax(losses: np.ndarray) -> np.ndarray:
-    """Return the mixture of rows with the least greatest loss: min v, x @ losses <= v, x a distribution."""
-    from scipy.optimize import linprog
-
-    m, n = losses.shape
-    solution = linprog(
-        c=np.append(np.zeros(m), 1.0),
-        A_ub=np.hstack([losses.T, -np.ones((n, 1))]),
-        b_ub=np.zeros(n),
-        A_eq=np.append(np.ones(m), 0.0)[None],
-        b_eq=[1.0],
-        bounds=[(0, None)] * m + [(None, None)],
-        method="highs",
-    )
-    if not solution.success:
-        raise UserError(f"meta-game: the solver gives up: {solution.message}")
-    mixture = np.clip(solution.x[:m], 0, None)
-    normalized: np.ndarray = mixture / mixture.sum()
-    return normalized

@@ -158,26 +158,6 @@ class Zoo:
             raise UserError(f"the zoo has no {only!r}{nearest(only, known)}")
         return named
 
-    def mixture(self, game: GameSpec) -> GameSpec:
-        """Return a game with the rivals and paths that the zoo's agents of its id were trained against.
-
-        Args:
-            game: the game; a path that it names is kept and chooses among groups. A scenario without agents
-                of its own has the mixture of ``standard``.
-
-        Raises:
-            UserError: the zoo has no mixture for this id.
-        """
-        groups = [group for group in self.groups if group.id == game.id and _draws(group)]
-        if not groups:
-            known = dict.fromkeys(group.id for group in self.groups if _draws(group))
-            raise UserError(f"against zoo: the zoo has no mixture for {game.id}, but for {', '.join(known)}")
-        own = [group for group in groups if group.game.scenario == game.scenario]
-        groups = own or [group for group in groups if group.game.scenario is None]
-        mixed = next((g.game for g in groups if g.game.path == game.path), groups[0].game)
-        other = game.config.other_side
-        return GameSpec.of(game, **{other: getattr(mixed, other), "path": game.path or mixed.path})
-
     def read_records(self, group: ZooGroup, suite: Suite) -> list[Record]:
         """Return the records of a group and of the scripts on a suite, those of the present players only."""
         agents = self._fingerprints(group)
@@ -251,3 +231,25 @@ def load_zoo(folder: Path | None = None) -> Zoo:
         side = sides[0] if len(sides) == 1 else read_suite(entry.suites[0]).side
         groups.append(ZooGroup(name=name, side=side, **dict(entry)))
     return Zoo(folder, content.seeds, tuple(groups))
+
+
+def mixture(game: GameSpec) -> GameSpec:
+    """Return a game with the rivals and paths that the zoo's agents of its id were trained against.
+
+    Args:
+        game: the game; a path that it names is kept and chooses among groups. A scenario without agents
+            of its own has the mixture of ``standard``.
+
+    Raises:
+        UserError: the zoo has no mixture for this id.
+    """
+    mixtures = [group for group in load_zoo().groups if _draws(group)]
+    groups = [group for group in mixtures if group.id == game.id]
+    if not groups:
+        known = dict.fromkeys(group.id for group in mixtures)
+        raise UserError(f"against zoo: the zoo has no mixture for {game.id}, but for {', '.join(known)}")
+    own = [group for group in groups if group.game.scenario == game.scenario]
+    groups = own or [group for group in groups if group.game.scenario is None]
+    mixed = next((g.game for g in groups if g.game.path == game.path), groups[0].game)
+    other = game.config.other_side
+    return GameSpec.of(game, **{other: getattr(mixed, other), "path": game.path or mixed.path})

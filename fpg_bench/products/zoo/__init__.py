@@ -1,0 +1,1 @@
+"""The zoo: the shipped agents, their records and scores."""
