@@ -13,11 +13,11 @@ from command import run
 from PIL import Image
 
 from fpg_bench import make_duel
-from fpg_bench.game.recording import Recording
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
 from fpg_bench.products.rendering.film import write_gif
 from fpg_bench.products.rendering.picture import Picture
+from fpg_bench.products.rendering.recording import Recording
 
 STEPS, SEED = 170, 12
 EVERY = 3  # steps per frame

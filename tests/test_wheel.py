@@ -27,7 +27,7 @@ import gymnasium, pettingzoo
 import fpg_bench
 from gymnasium.utils.env_checker import check_env
 from fpg_bench.players.agent import baselines_folder
-from fpg_bench.evaluation.checkers import check_player
+from fpg_bench.products.checkers import check_player
 
 assert pathlib.Path(fpg_bench.__file__).is_relative_to(sys.prefix), fpg_bench.__file__
 assert baselines_folder().is_relative_to(sys.prefix) and (baselines_folder() / "hyperparams/ppo.yml").exists()

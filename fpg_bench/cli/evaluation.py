@@ -20,6 +20,7 @@ from fpg_bench.cli.options import (
 from fpg_bench.common.files import check_target
 from fpg_bench.common.output import shown_progress
 from fpg_bench.common.parallel import Workers
+from fpg_bench.common.products import load
 
 
 def evaluate(
@@ -82,7 +83,7 @@ def table(
         check_target(out)
     summaries, suite = read_results(folder)
     if out is not None:
-        tables.picture(summaries, suite, out)
+        load("rendering", "table")(summaries, suite, out)
         typer.echo(f"written: {out}")
         return
     if as_json:

@@ -118,7 +118,8 @@ class Manifest(Strict):
         agent: what fetches an agent by a scheme (``hf://``), makes one of a file by its suffix (``.zip``),
             and plays agents of others (``untrusted``) and models of Stable-Baselines3 (``live``); and
             what ``train --against zoo`` draws from.
-        rendering: what draws rounds, or shows link budgets, by suffix or by name.
+        rendering: what draws rounds, scores and curves, shows link budgets, and has the columns of planners'
+            tables, by suffix or by name.
         language_model: what records, replays and pays for language models, the season in which they answer,
             and options that they add to verbs.
     """

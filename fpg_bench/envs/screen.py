@@ -11,7 +11,6 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.extras import has, require_extra
 from fpg_bench.common.products import load, offered
 from fpg_bench.game.batch import GameBatch
-from fpg_bench.game.recording import Recording
 
 FRAMES_PER_SECOND = 10  # of windows and videos
 RENDER_MODES = ("rgb_array",)
@@ -34,7 +33,7 @@ class Screen:
         UserError: another mode, or the extra ``video`` is not installed.
     """
 
-    _recording: Recording | None = None
+    _recording: Any = None
     _picture: Any = None
 
     def __init__(self, batch: GameBatch, mode: str | None) -> None:
@@ -49,7 +48,7 @@ class Screen:
         if self._mode is None:
             return
         if begin or self._recording is None:
-            self._recording, self._picture = Recording(self._batch), None
+            self._recording, self._picture = load("rendering", "recording")(self._batch), None
         else:
             self._recording.add()
 

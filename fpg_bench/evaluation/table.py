@@ -1,4 +1,4 @@
-"""Results tables: columns, Markdown, CSV, a figure, and a pandas DataFrame."""
+"""Results tables: columns, Markdown, CSV, LaTeX, and a pandas DataFrame."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpg_bench.common import canvas
 from fpg_bench.common.extras import require_extra
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text, number, wrapped
+from fpg_bench.common.products import load, offered
 from fpg_bench.evaluation.statistics import (
     ENOUGH_SEEDS,
     MATCHES,
@@ -31,11 +31,10 @@ from fpg_bench.evaluation.suite import PLANNER, Scale, Suite
 from fpg_bench.evaluation.summary import Summary
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from rich.table import Table
 
-MOST_DRAWN, MOST_RANKED = 100, 1000  # entries of the picture, and of a table whose pairs are compared
-_INTERVAL = "95 % interval"
+MOST_RANKED = 1000  # entries of a table whose pairs are compared
+INTERVAL = "95 % interval"
 _PAGE_WIDTH = 92  # of a LaTeX table, in characters
 _LATEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
     "\\": r"\textbackslash{}",
@@ -45,10 +44,6 @@ _LATEX = {character: f"\\{character}" for character in "&%$#_{}"} | {
     "\N{EN DASH}": "--",
 }
 _COSTS = "Steps and minutes: played in training, per seed. "
-_KINDS: canvas.Styles = {  # of players that are no planners
-    "trained": {"color": canvas.ALLY, "marker": "o"},
-    "not trained": {"color": canvas.GREY, "marker": "s"},
-}
 Line = dict[str, str | float | None]  # of a flat table; the names stand for columns
 
 
@@ -216,58 +211,13 @@ def _ends(name: str, interval: Interval) -> Line:
     return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
-@canvas.styled
-def picture(summaries: Sequence[Summary], suite: Suite, path: Path) -> None:
-    """Draw the best scores with their intervals, best on top, and a small mark for each rival.
-
-    For planners, the score by round is drawn beside it.
-    """
-    planned, count = suite.side == PLANNER, len(summaries)
-    summaries = summaries[:MOST_DRAWN]
-    height = max(2.0, 1.1 + 0.19 * len(summaries))
-    figure = canvas.blank_figure(canvas.PAGE if planned else canvas.COLUMN, height)
-    styles = [_KINDS["trained" if s.trained else "not trained"] for s in summaries]
-    if planned:
-        styles = list(canvas.styles_of(s.entry for s in summaries).values())
-        by_round, axes = figure.subplots(1, 2, width_ratios=(4, 3))
-        _draw_curves(by_round, summaries, styles)
-    else:
-        axes = figure.subplots()
-    for line, (s, style) in enumerate(zip(reversed(summaries), reversed(styles), strict=True)):
-        each = [suite.scale.score(reward.value) for reward in s.by_rival.values()]
-        axes.plot(each, [line] * len(each), "|", color=style["color"], alpha=0.5, ms=6)
-        axes.errorbar(s.score.value, line, xerr=s.score.half, **style)
-    axes.set_yticks(range(len(summaries)), [canvas.literal(s.entry) for s in reversed(summaries)])
-    label = "score" if planned else textwrap.fill(suite.scale.description, 48)
-    axes.set(ylim=(-0.6, len(summaries) - 0.4), xlabel=label)
-    first = "" if count == len(summaries) else f", the first {len(summaries)} of {count:,}"
-    title = f"{suite.name}, {suite.matches} matches per rival{first}; 95 % intervals"
-    figure.suptitle(canvas.literal(textwrap.fill(title, 54)))
-    marks = {"mean": {"color": canvas.GREY, "marker": "o"}} if planned else _KINDS
-    for label, style in marks.items():
-        axes.errorbar([], [], xerr=[], label=label, ls="", **style)
-    axes.plot([], [], "|", color=canvas.GREY, ms=6, label="one rival")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    canvas.write_figure(figure, path)
-
-
-def _draw_curves(axes: Axes, summaries: Sequence[Summary], styles: Iterable[canvas.Style]) -> None:
-    rounds = range(1, summaries[0].suite.rounds_per_match + 1)
-    for s, style in zip(summaries, styles, strict=True):
-        curve = learning_curve(s)
-        axes.plot(rounds, [score.value for score in curve], **style)
-        low, high = ([getattr(score, end) for score in curve] for end in ("low", "high"))
-        axes.fill_between(rounds, low, high, color=style["color"], alpha=0.15, lw=0)
-    scale = textwrap.fill(summaries[0].suite.scale.description, 40)
-    axes.set(xlabel="round of the match; marks as on the right", ylabel=scale, xticks=rounds)
-
-
 def write_table(summaries: Sequence[Summary], suite: Suite, folder: Path) -> None:
-    """Write ``table.md``, ``table.csv``, ``table.tex`` and ``table.png`` into a folder."""
+    """Write ``table.md``, ``table.csv``, ``table.tex`` and, with pictures, ``table.png`` into a folder."""
     write_whole(folder / "table.md", markdown(summaries, suite))
     write_whole(folder / "table.csv", as_csv(summaries))
     write_whole(folder / "table.tex", latex(summaries, suite))
-    picture(summaries, suite, folder / "table.png")
+    if "table" in offered("rendering"):
+        load("rendering", "table")(summaries, suite, folder / "table.png")
 
 
 def text_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> Table:
@@ -359,8 +309,8 @@ def columns(suite: Suite, placed: Mapping[str, Standing]) -> list[Column]:
         Column(heading, _measure(name, factor), spare)
         for spare, (heading, name, factor) in enumerate(_MEASURES, _FIRST_MEASURE)
     ]
-    own = _of_planners(suite) if suite.side == PLANNER else _OF_PLAYERS
-    after = 1 + next(k for k, column in enumerate(own) if column.heading == _INTERVAL)
+    own = load("rendering", "planners")(suite) if suite.side == PLANNER else _OF_PLAYERS
+    after = 1 + next(k for k, column in enumerate(own) if column.heading == INTERVAL)
     jamming = [Column(heading, _measure(name, 100)) for heading, name in _JAMMING]
     return [*own[:after], *_of_standings(placed), *jamming, *own[after:], *measures]
 
@@ -419,36 +369,8 @@ _OF_PLAYERS = (
     Column("steps", lambda s: short(s.training.steps), spare=3),
     Column("minutes", lambda s: number(s.training.seconds, 1 / 60), spare=4),
     Column("score", lambda s: number(s.score.value)),
-    Column(_INTERVAL, lambda s: bounds(s.score)),
+    Column(INTERVAL, lambda s: bounds(s.score)),
     Column("return", lambda s: number(s.reward.value, digits=2), spare=2),
     Column("worst", _worst, spare=1),
     Column("against", lambda s: s.worst, spare=4),
 )
-
-
-def _of_planners(suite: Suite) -> list[Column]:
-    last, everything = suite.counted_rounds, slice(None)
-    return [
-        Column("planner", lambda s: s.entry),
-        Column(f"score last {suite.last_rounds or suite.rounds_per_match}", lambda s: number(s.score.value)),
-        Column(_INTERVAL, lambda s: bounds(over_rounds(s, last))),
-        Column("score all", lambda s: number(over_rounds(s, everything).value)),
-        Column(_INTERVAL, lambda s: bounds(over_rounds(s, everything)), spare=4),
-        Column("return", lambda s: number(s.reward.value, digits=2), spare=2),
-        Column("worst", _worst, spare=3),
-        Column("against", lambda s: s.worst, spare=5),
-        Column("valid %", lambda s: number(_plans(s, "valid"), 100), spare=1),
-        Column("useless %", lambda s: number(_plans(s, "valid_but_useless"), 100), spare=3),
-        Column("tokens", lambda s: number(_per_plan(s, "tokens"), digits=0), spare=4),
-        Column("s per plan", lambda s: f"{_per_plan(s, 'seconds') or 0:.2g}", spare=6),
-    ]
-
-
-def _plans(s: Summary, what: str) -> float | None:
-    plans = s.pooled.plans
-    return None if plans is None else getattr(plans, what)
-
-
-def _per_plan(s: Summary, what: str) -> float | None:
-    total, plans = _plans(s, what), s.pooled.plans
-    return None if total is None or plans is None else total / sum(plans.statuses.values())

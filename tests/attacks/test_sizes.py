@@ -11,13 +11,14 @@ from fpg_bench.common.files import read_bounded, read_json, read_yaml
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.suite import load_suite, read_suite
 from fpg_bench.evaluation.summary import summarise
-from fpg_bench.evaluation.table import MOST_DRAWN, MOST_RANKED, picture, standings
+from fpg_bench.evaluation.table import MOST_RANKED, standings
 from fpg_bench.game.knowledge import load_knowledge
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.agent import baselines_folder, load_agent
 from fpg_bench.products.offline.read import iterate_rounds
 from fpg_bench.products.offline.spec import load_spec
 from fpg_bench.products.offline.storage import part_digests
+from fpg_bench.products.rendering.scores import MOST_DRAWN, draw_scores
 from fpg_bench.training.checkpoint import _read
 from tests.evaluation.test_summary import records_of
 
@@ -89,7 +90,7 @@ def test_a_table_of_many_entries_draws_the_first_and_ranks_none(tmp_path):
     many = summarise(records, suite)
     assert all(standing.rank is None for standing in standings(many).values())
     assert all(standing.rank is not None for standing in standings(many[:MOST_RANKED]).values())
-    picture(many, suite, tmp_path / "all.svg")
+    draw_scores(many, suite, tmp_path / "all.svg")
     drawn = (tmp_path / "all.svg").read_text()
     assert f"the first {MOST_DRAWN} of {len(many):,}" in drawn
     assert drawn.count("entry ") == MOST_DRAWN

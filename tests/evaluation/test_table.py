@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from fpg_bench.cli.evaluation import print_table
-from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.statistics import difference, pair_error
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import TrainingCost, summarise
@@ -20,7 +19,6 @@ from fpg_bench.evaluation.table import (
     latex,
     lines_of_table,
     markdown,
-    picture,
     standings,
     write_table,
 )
@@ -187,11 +185,3 @@ def test_a_table_of_nobody_and_names_with_bars(summaries, suite):
     assert len(lines_of_table([], suite, 80)) == 1
     barred = dataclasses.replace(summaries[0], entry="a|b")
     assert markdown([barred], suite).splitlines()[2].startswith(r"| a\|b | ")
-
-
-def test_a_figure_is_written_by_its_suffix(summaries, suite, tmp_path):
-    for suffix, begins in (("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")):
-        picture(summaries, suite, tmp_path / f"table.{suffix}")
-        assert (tmp_path / f"table.{suffix}").read_bytes().startswith(begins)
-    with pytest.raises(UserError, match=r"a figure is written as \.png, \.svg, \.pdf"):
-        picture(summaries, suite, tmp_path / "table.gif")

@@ -30,12 +30,12 @@ import fpg_bench
 from fpg_bench import evaluate, export_agent, make_sb3, supersuit_vec_env
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.sb3_vec_env import VecMemory
-from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent
 from fpg_bench.players.preprocessing import difference_in_own_games, preprocessing_of
 from fpg_bench.players.registry import ModelPlayer, as_player
+from fpg_bench.products.checkers import check_player
 from tests.training.tiny import ALLY
 
 

@@ -14,11 +14,11 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from fpg_bench import evaluate, export_agent, load_agent, make_sb3
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.preprocessing import preprocessing_of
 from fpg_bench.players.registry import ModelPlayer, as_player
+from fpg_bench.products.checkers import check_player
 from fpg_bench.training.export import exported_player
 from fpg_bench.training.waterfall_cnn import WaterfallCNN
 from tests.training.test_export import check_plays_alike

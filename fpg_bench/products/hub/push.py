@@ -21,7 +21,6 @@ from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import TrainingCost, summarise
-from fpg_bench.game.recording import Recording
 from fpg_bench.players.agent import agent_folder, load_agent
 from fpg_bench.players.card import AgentCard
 from fpg_bench.players.player import Player
@@ -36,6 +35,7 @@ from fpg_bench.products.hub.download import (
 )
 from fpg_bench.products.hub.pull import copy_checked
 from fpg_bench.products.rendering.curves import draw_run
+from fpg_bench.products.rendering.recording import Recording
 from fpg_bench.products.rendering.replay import write_replay
 from fpg_bench.products.sandbox.client import AGENT_FILES
 from fpg_bench.products.zoo.zoo import load_zoo

@@ -18,8 +18,8 @@ from fpg_bench.common.canvas import (
     styled,
     write_figure,
 )
-from fpg_bench.game.recording import Recording
 from fpg_bench.products.rendering.picture import GREY, INK, PALE, bezier_curve
+from fpg_bench.products.rendering.recording import Recording
 
 MOST = 40  # panels; of a longer match evenly spaced rounds are drawn
 _ACROSS = 5

@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike
 
 from fpg_bench.common.canvas import ALLY, OPPONENT, SIDE_COLOURS, Style, literal
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.products.rendering.recording import Recording
 
 SPREADING = "#56B4E9"
 INK, GREY, PALE, GROUND = "#1b1f24", "#5f6773", "#cdd3db", "#f1f4f8"

@@ -15,8 +15,8 @@ import numpy as np
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.products.rendering.recording import Recording
 
 FORMAT = "fpg-replay/1"
 _CODE = ("events", "pen", "arena", "times", "hands", "player")  # each uses those before it

@@ -21,12 +21,12 @@ from fpg_bench.common.products import load, offered
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import MatchBatch, begin_round, finish_round, make_match
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.game.spec import GameSpec, game_product, other_game
 from fpg_bench.players.planner import Plan, asks_language_model
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.players.registry import named_card, player_name, trained_game
+from fpg_bench.products.rendering.recording import Recording
 
 _logger = logging.getLogger(__name__)
 FILMS = (".gif", ".mp4")

@@ -15,11 +15,11 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.products import load
 from fpg_bench.game.jamming import covers
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.recording import FIELDS, FRAME
 from fpg_bench.game.rules import radio_record, rules_record
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.players.registry import player_name
+from fpg_bench.products.rendering.recording import FIELDS, FRAME
 from fpg_bench.products.rendering.watching import checked_target, shown_measures
 from fpg_bench.products.teams.batch import TeamBatch
 from fpg_bench.products.teams.match import play_teams

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.checkers import check_planner
+from fpg_bench.products.checkers import check_planner
 from fpg_bench.products.language_models.llm_planner import server_seed
 
 from .fault_server import (

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fpg_bench.evaluation.checkers import check_planner
 from fpg_bench.players.planner import Limits
+from fpg_bench.products.checkers import check_planner
 from fpg_bench.products.planning.search import CMAES, HillClimb, waypoints_through
 from tests.products.planning.playing import LIMITS, SMALL
 

@@ -12,11 +12,11 @@ from fpg_bench.envs.gymnasium_env import FPGEnv
 from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.game.jamming import covers
-from fpg_bench.game.recording import Recording
 from fpg_bench.game.rules import rules_record
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.products.rendering.film import write_gif, write_mp4
 from fpg_bench.products.rendering.picture import Picture, footprints
+from fpg_bench.products.rendering.recording import Recording
 from fpg_bench.products.rendering.watching import watch
 
 SHORT = Scenario(steps_per_round=24, waypoints=4)

@@ -11,8 +11,8 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.names import JAMMING_TYPES
-from fpg_bench.game.recording import Recording
 from fpg_bench.game.scenario import Scenario
+from fpg_bench.products.rendering.recording import Recording
 from fpg_bench.products.rendering.replay import FORMAT, write_replay
 from fpg_bench.products.rendering.watching import watch
 

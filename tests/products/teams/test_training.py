@@ -13,13 +13,13 @@ from stable_baselines3 import PPO
 
 import fpg_bench
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.game.scenario import as_scenario, preset
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import load_agent, read_card, write_agent
 from fpg_bench.players.scripted import player_noise
+from fpg_bench.products.checkers import check_player
 from fpg_bench.products.rendering.watching import watch
 from fpg_bench.products.teams.core import make_team
 from fpg_bench.products.teams.match import play_teams

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.checkers import check_player
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.registry import as_player
+from fpg_bench.products.checkers import check_player
 from fpg_bench.products.theory.learners import (
     LEARNERS,
 )

@@ -18,7 +18,6 @@ from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.suite import PLANNER, Rival, Suite
-from fpg_bench.game.recording import Recording
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.products.leaderboard.about import board_name
 from fpg_bench.products.leaderboard.cases import Case
@@ -28,6 +27,7 @@ from fpg_bench.products.leaderboard.result import round_finite
 from fpg_bench.products.leaderboard.site.views import ROLES, format_number
 from fpg_bench.products.leaderboard.submission import Submission
 from fpg_bench.products.leaderboard.tracks import PUBLIC, RESPONSES, UNSEEN
+from fpg_bench.products.rendering.recording import Recording
 from fpg_bench.products.rendering.replay import FORMAT, replay_data, script_json
 from fpg_bench.products.sandbox.client import Policy, check_policy
 from fpg_bench.products.sandbox.process import PolicyFailed

@@ -7,11 +7,11 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
-from fpg_bench.evaluation.checkers import _duel_of, check_planner, check_player
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.game.names import PATHS
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.planner import Plan
+from fpg_bench.products.checkers import _duel_of, check_planner, check_player
 
 
 @pytest.mark.parametrize("side", SCRIPTED)

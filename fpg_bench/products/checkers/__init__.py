@@ -3,7 +3,7 @@
 Each prints one line if all is well, and raises :class:`AssertionError` with one line that names the first
 problem and how to fix it::
 
-    from fpg_bench.evaluation.checkers import check_player
+    from fpg_bench.products.checkers import check_player
 
     check_player(MyAlly(), "ally")
 """
