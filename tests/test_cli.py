@@ -13,9 +13,10 @@ import typer
 
 import fpg_bench.cli.main
 from fpg_bench import __version__
-from fpg_bench.cli import evaluation, options, training
+from fpg_bench.cli import options, training
 from fpg_bench.cli.main import app
 from fpg_bench.cli.options import whole_number
+from fpg_bench.common import output
 from fpg_bench.common.ids import ENVS, SCRIPTED
 from fpg_bench.common.rows import RowFile
 from fpg_bench.game.compiling import cache_folder
@@ -296,8 +297,8 @@ def test_ctrl_c_in_a_librarys_call_back_is_heard_all_the_same():
 
 def test_where_no_bar_can_be_drawn_a_line_says_what_is_under_way(monkeypatch, capsys):
     now = iter(range(0, 1000, 20))
-    monkeypatch.setattr(evaluation, "time", SimpleNamespace(monotonic=lambda: next(now)))
-    with evaluation.shown_progress() as show:
+    monkeypatch.setattr(output, "time", SimpleNamespace(monotonic=lambda: next(now)))
+    with output.shown_progress() as show:
         for k in range(4):
             show(f"meeting {k}", 1000 * k, 4000)
     assert capsys.readouterr().err.split("\n") == [
@@ -316,7 +317,7 @@ def test_a_bar_has_the_count_the_share_and_the_time_left_at_80_columns(monkeypat
     monkeypatch.setattr("sys.stderr", terminal)
     for name, value in {"COLUMNS": "80", "TERM": "xterm", "NO_COLOR": "1"}.items():
         monkeypatch.setenv(name, value)
-    with evaluation.shown_progress() as show:
+    with output.shown_progress() as show:
         show("ally-link-population/ppo-stack8 - narrowband/pursuit", 1000, 4000)
         wait_for(lambda: "4000" in terminal.getvalue())
     drawn = re.sub(r"\x1b\[[^A-Za-z]*[A-Za-z]", "", terminal.getvalue())

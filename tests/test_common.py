@@ -68,27 +68,6 @@ def test_a_hint_names_what_is_near_in_all_parts_or_else_everything_once(word, hi
 
 
 @pytest.mark.parametrize(
-    ("word", "hint"),
-    [
-        ("hop_kost", "; did you mean 'hop_cost'?"),
-        ("opponent_power", "; did you mean 'opponent_power_dbm'?"),
-        ("jamming_power_dbm", "; did you mean one of base_power_dbm, jamming_types, opponent_power_dbm?"),
-        ("n_points", "; did you mean one of frequency_points?"),
-    ],
-)
-def test_another_word_in_the_place_of_a_part_is_no_misspelling(word, hint):
-    names = [
-        "hop_cost",
-        "opponent_power_dbm",
-        "base_power_dbm",
-        "jamming_types",
-        "frequency_points",
-        "waypoints",
-    ]
-    assert nearest(word, names) == hint
-
-
-@pytest.mark.parametrize(
     ("origin", "command"),
     [
         (None, 'pip install "fpg-bench[train]"'),

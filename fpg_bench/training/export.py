@@ -403,7 +403,7 @@ class Value:
         if isinstance(value, torch.Tensor):
             value = value.detach().numpy()
         array = np.asarray(value, np.int64 if isinstance(value, list) else np.float32)
-        return Value(self.graph, self.graph.constant(array if array.ndim else array.reshape(1, 1)))
+        return Value(self.graph, self.graph.constant(array))
 
     def column(self, start: int, count: int = 1) -> Value:
         """Return columns."""

@@ -412,7 +412,7 @@ def stochastic_table_onnx(probabilities: np.ndarray, scenario: Scenario) -> byte
     hopped = is_same.where(remembered[_HOPPED] + 1, 1)
     former = is_same.where(remembered[_FORMER], remembered[_OWN])
     hits = is_hit.where(remembered[_HITS] + 1, 0)
-    clock = hits.equals(hits.number(1)).where(0, remembered[_CLOCK] + 1)
+    clock = hits.equals(1).where(0, remembered[_CLOCK] + 1)
     types = seen.column(SENSED_TYPE, TYPES)
     is_narrow = (types.column(TONE) > 0) | (types.column(NARROWBAND) > 0)
     is_former = is_narrow & (abs(seen.column(SENSED_CENTRE) - former) < float(_NEAR)) & ~is_hit
