@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-if TYPE_CHECKING:
-    from fpg_bench.game.batch import GameBatch
-
 import dataclasses
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 from pydantic import ConfigDict, Field, Strict
 
 from fpg_bench.common.checks import check_keys
@@ -23,6 +17,9 @@ from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Expected, Word, parse
 from fpg_bench.game.metrics import CLEAN, GREATEST, measures
 from fpg_bench.game.state import TALLY
+
+if TYPE_CHECKING:
+    from fpg_bench.game.batch import GameBatch
 
 TALLIES = tuple(TALLY.names or ())
 HOP_BITS = "hop_bits"  # beside a tally: the entropy of a hop's destination, times the number of hops

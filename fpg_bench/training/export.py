@@ -419,17 +419,17 @@ class Value:
 
     def dot(self, other: Value) -> Value:
         """Return the inner product ``(n, 1)`` of vectors of three, added in order."""
-        product = self * other
-        return product.column(0) + product.column(1) + product.column(2)
+        product = self.of("Mul", other)
+        return product.column(0).of("Add", product.column(1)).of("Add", product.column(2))
 
     def __rsub__(self, other: Any) -> Value:
-        return self._value(other) - self
+        return self._value(other).of("Sub", self)
 
     def __gt__(self, other: Any) -> Value:
-        return self._value(other) < self
+        return self._value(other).of("Less", self)
 
     def __floordiv__(self, other: Any) -> Value:
-        return (self / other).of("Floor")
+        return self.of("Div", other).of("Floor")
 
     def __getitem__(self, key: tuple[Any, slice]) -> Value:
         """Return a part of the last axis."""
