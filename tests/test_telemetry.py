@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from fpg_bench.common.extras import TELEMETRY_OFF, turn_off_telemetry
+from fpg_bench.common.extras import NO_TELEMETRY, turn_off_telemetry
 from fpg_bench.game.compiling import cache_folder
 from fpg_bench.products.sandbox import process
 
@@ -39,10 +39,8 @@ def test_an_agent_plays_without_threads_and_leaves_nothing_in_the_users_cache(tm
 
 def test_what_the_user_chose_stays_but_not_in_a_sandbox(monkeypatch):
     monkeypatch.setenv("ORT_DISABLE_TELEMETRY", "0")
-    for name in TELEMETRY_OFF.keys() - {"ORT_DISABLE_TELEMETRY"}:
+    for name in NO_TELEMETRY.keys() - {"ORT_DISABLE_TELEMETRY"}:
         monkeypatch.delenv(name, raising=False)
     turn_off_telemetry()
-    assert {name: os.environ[name] for name in TELEMETRY_OFF} == TELEMETRY_OFF | {
-        "ORT_DISABLE_TELEMETRY": "0"
-    }
-    assert process._environment().items() >= TELEMETRY_OFF.items()
+    assert {name: os.environ[name] for name in NO_TELEMETRY} == NO_TELEMETRY | {"ORT_DISABLE_TELEMETRY": "0"}
+    assert process._environment().items() >= NO_TELEMETRY.items()

@@ -59,7 +59,7 @@ def has(package: str) -> bool:
 
 # Read by onnxruntime and huggingface_hub when they are imported, by Ray when it is started. Otherwise
 # onnxruntime starts a thread, writes an id of the device into the user's cache and sends events.
-TELEMETRY_OFF = {
+NO_TELEMETRY = {
     "ORT_DISABLE_TELEMETRY": "1",
     "HF_HUB_DISABLE_TELEMETRY": "1",
     "RAY_USAGE_STATS_ENABLED": "0",
@@ -68,5 +68,5 @@ TELEMETRY_OFF = {
 
 def turn_off_telemetry() -> None:
     """Set the variables that turn telemetry off, in this process and in those that it starts."""
-    for name, value in TELEMETRY_OFF.items():
+    for name, value in NO_TELEMETRY.items():
         os.environ.setdefault(name, value)

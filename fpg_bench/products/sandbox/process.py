@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.extras import TELEMETRY_OFF
+from fpg_bench.common.extras import NO_TELEMETRY
 from fpg_bench.products.sandbox.isolation import UNPROTECTED, Layer, missing, refusal
 
 # Environment variables that the process gets: nothing that could be a secret.
@@ -239,7 +239,7 @@ def _environment() -> dict[str, str]:
     kept = {name: os.environ[name] for name in (*_KEPT, UNPROTECTED) if name in os.environ}
     return (
         kept
-        | TELEMETRY_OFF
+        | NO_TELEMETRY
         | dict.fromkeys(_ONES, "1")
         | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
     )
