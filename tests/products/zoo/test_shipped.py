@@ -144,7 +144,7 @@ def test_the_list_tells_scores_and_what_has_changed(tmp_path, monkeypatch, capsy
     assert bad == "CHANGED: small/ppo/seed_1: not the policy that was scored"
     assert last.startswith("3 agents, ")
     assert last.endswith("1 policies are changed")
-    assert "opponent-champion/ppo/seed_0" in "".join(champions)
+    assert "opponent-champion/ppo/seed_{0,1,2}" in "".join(champions)
     list_zoo(every=True)
     _, _, one, two, three, *_ = capsys.readouterr().out.splitlines()
     assert one.split()[:2] == ["small/ppo/seed_0", "2,000"]
