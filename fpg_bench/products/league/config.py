@@ -15,7 +15,7 @@ from fpg_bench.training.config import Hyperparams
 
 GAME = ("scenario", "path", "knowledge", "jamming_types")  # options of a game that both sides share
 META_SOLVERS = ("weights", "nash")
-GOALS = ("mean", "lowest")
+GOALS, REWARDS = ("mean", "lowest"), ("zero_sum", "own")  # of searches without a network
 # Known words, and least values, of fields
 WORDS = {"side": SIDES, "meta_solver": META_SOLVERS}
 LEAST = dict.fromkeys(("seed", "n_evals"), 0) | dict.fromkeys(
@@ -155,6 +155,7 @@ class RuleSearchConfig:
         against: its rivals; None: all scripts of the other side. ``suite:NAME`` stands for all members of a
             suite.
         goal: what is raised: the ``mean`` return over the rivals, or the ``lowest`` of them.
+        reward: ``own``, or ``zero_sum``, what the rivals lose.
         budget: CPU seconds of the search, over all calls; the generation that it ends in is finished.
         seed: training seed.
         allow: the ``package.module:object`` and agents of the Hub that files may name.
@@ -167,6 +168,7 @@ class RuleSearchConfig:
     side: str = "ally"
     against: str | Sequence[str] | None = None
     goal: str = "mean"
+    reward: str = "own"
     budget: float = 40.0
     seed: int = 0
     allow: Collection[str] = ()
@@ -176,6 +178,7 @@ class RuleSearchConfig:
         check_keys(self.game, GAME, "game")
         one_of(self.side, "side", SIDES)
         one_of(self.goal, "goal", GOALS)
+        one_of(self.reward, "reward", REWARDS)
         integer(self.seed, "seed", 0)
         check_budget(self.budget)
 

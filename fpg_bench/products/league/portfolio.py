@@ -1,4 +1,4 @@
-"""Portfolio of responses to a player within a budget of CPU seconds: scripts, tables, PPO, and pupils.
+"""Portfolio of responses to a player within a budget of CPU seconds: scripts, rules, tables, PPO, and pupils.
 
 A pupil is PPO that first imitates the strongest of the others.
 
@@ -30,12 +30,12 @@ from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.tactics import draw_variants
 from fpg_bench.products.league.best_responses import RESPONSE_REWARDS, ResponseTarget, find_target
-from fpg_bench.products.league.config import check_budget
+from fpg_bench.products.league.config import GAME, REWARDS, RuleSearchConfig, check_budget
 from fpg_bench.products.league.evaluation import MATCHES
 from fpg_bench.products.league.folder import check_same
+from fpg_bench.products.league.rule_search import rule_search
 from fpg_bench.products.league.tabular import (
     DEFAULT_FEATURES,
-    REWARDS,
     Kept,
     Settings,
     count_cells,
@@ -50,9 +50,10 @@ from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
 
 ROWS, RESULT = "portfolio.jsonl", "portfolio.json"
-METHODS = ("tabular", "pupil", "ppo")  # in turn, after the scripts
+METHODS = ("rule", "tabular", "pupil", "ppo")  # in turn, after the scripts
 MOST_DRAWN_CELLS = 120
-TABLE_BUDGET, N_SCRIPTS = 200.0, 40  # CPU seconds of a table, and scripts with random constants
+RULE_BUDGET, TABLE_BUDGET = 10.0, 200.0  # CPU seconds
+N_SCRIPTS = 40  # with random constants
 ALGORITHM, STEPS, IMITATION_STEPS = "ppo-stack8", 1_500_000, 400_000  # of PPO; pupils imitate in addition
 # Edges from which the features of all tables but the first are drawn.
 EDGES: Mapping[str, Mapping[str, Sequence[float]]] = {
@@ -84,7 +85,7 @@ class Found(Kept):
 
     Attributes:
         response: the script, or the folder of the agent.
-        method: how it was found: ``script``, ``tabular``, ``pupil`` or ``ppo``.
+        method: how it was found: ``script``, ``rule``, ``tabular``, ``pupil`` or ``ppo``.
         seconds: CPU seconds of this response alone.
         spent: CPU seconds of the search until it was found.
     """
@@ -117,7 +118,8 @@ def portfolio(
 ) -> PortfolioResult:
     """Search the strongest response to a fixed player by several methods, within a budget of CPU seconds.
 
-    First all scripts are played, and some with random constants. Then come in turn a table
+    First all scripts are played, and some with random constants. Then come in turn a short rule
+    (:func:`fpg_bench.products.league.rule_search.rule_search`), a table
     (:func:`fpg_bench.products.league.tabular.tabular_response`, with features that are drawn from the second
     on), a pupil, which is PPO that first imitates the strongest response that is no pupil, and PPO from
     nothing; each answers the next training seed of the player's group, and is played against all. What is
@@ -169,7 +171,9 @@ def portfolio(
             left = budget - search.spent
             if left <= 0:
                 break
-            if method == "tabular":
+            if method == "rule":
+                search.add_rule(number, min(RULE_BUDGET, left))
+            elif method == "tabular":
                 search.add_table(number, min(TABLE_BUDGET, left))
             elif search.estimate(method) <= left:
                 search.add_training(number, method, allow)
@@ -209,7 +213,7 @@ class _Response(Strict):
     """
 
     response: str
-    method: Literal["script", "tabular", "pupil", "ppo"]
+    method: Literal["script", "rule", "tabular", "pupil", "ppo"]
     answers: str | None = None
     steps: int | None = None
     seconds: float
@@ -302,6 +306,25 @@ class _Portfolio:
     def log(self, what: str, row: _Response) -> None:
         """Log what a row found, and the CPU seconds so far."""
         _logger.info(f"{what}: lowest {min(row.returns.values()):.2f} per step; spent {self.spent:.0f} CPU s")
+
+    def add_rule(self, number: int, budget: float) -> None:
+        """Add a rule."""
+        name, answered = f"rule_{number}", self._answered(number)
+        config = RuleSearchConfig(
+            side=other_side(self.target.side),
+            against=[answered],
+            reward=self.reward,
+            budget=budget,
+            seed=self.seed + number,
+            game={key: value for key, value in self.target.game.to_dict().items() if key in GAME},
+        )
+
+        def make() -> float:
+            began = time.process_time()
+            made = rule_search(config, self.folder / name, progress=False)
+            return max(made["seconds"] - (time.process_time() - began), 0.0)
+
+        self.add(f"{name}/agent", "rule", make, answers=answered)
 
     def add_table(self, number: int, budget: float) -> None:
         """Add a table."""

@@ -64,7 +64,8 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
     """
     other, folder = other_side(config.side), Path(out)
     asked = list(SCRIPTS[other]) if config.against is None else config.against
-    game = GameSpec.of(policy_env(config.side).id, against=asked, **config.game)
+    reward = None if config.reward == "own" else config.reward
+    game = GameSpec.of(policy_env(config.side).id, against=asked, reward=reward, **config.game)
     scenario, names = game.resolve(), cast("list[str]", expand_suites(getattr(game, other), other))
     rivals = [as_player(name, other, scenario) for name in names]
     about: Row = {
@@ -73,6 +74,7 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
         "scenario": scenario.hash,
         "path": game.to_dict().get("path"),
         "goal": config.goal,
+        "reward": config.reward,
         "seed": config.seed,
     }
     with search_folder(folder, RESULT, ROWS, "rule search"):
@@ -82,7 +84,7 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
             check_same(folder / RESULT, "a rule search", about)
         else:
             write_json(folder / RESULT, about)
-        search = RuleSearch(config.side, rivals, scenario, config.goal, config.seed)
+        search = RuleSearch(config.side, rivals, scenario, config.goal, config.seed, config.reward)
         for row in rows:
             search.take(row, ROWS)
         seconds = sum(row.seconds for row in rows)
@@ -121,6 +123,7 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
                 side=config.side,
                 against=config.against,
                 goal=config.goal,
+                reward=config.reward,
                 budget=config.budget,
                 seed=config.seed,
                 allow=config.allow,

@@ -50,7 +50,7 @@ from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.products.league.best_responses import RESPONSE_REWARDS, ResponseTarget, find_target
 from fpg_bench.products.league.candidates import Candidates, away_m, earnings
 from fpg_bench.products.league.categorical import CategoricalSearch, Generation
-from fpg_bench.products.league.config import check_budget
+from fpg_bench.products.league.config import REWARDS, check_budget
 from fpg_bench.products.league.evaluation import evaluate_against
 from fpg_bench.products.league.folder import check_same
 from fpg_bench.training.export import Graph, Value, counted, rows_of
@@ -289,7 +289,6 @@ DEFAULT_FEATURES: Mapping[str, Mapping[str, Sequence[float]]] = {
     "opponent": {"known_age_s": (1, 2, 3, 4, 5), "own_type": (1, 2, 3), "distance_m": (60,)},
 }
 FINAL_MATCHES = 300  # on evaluation seeds, after the choice
-REWARDS = ("zero_sum", "own")
 _logger = logging.getLogger(__name__)
 
 Kept = TypedDict("Kept", {"return": float, "low": float, "high": float})

@@ -63,7 +63,7 @@ def best_response(
     search: Annotated[
         str | None,
         typer.Option(
-            help="tabular: search a table of few features instead. portfolio: scripts, tables, "
+            help="tabular: search a table of few features instead. portfolio: scripts, rules, tables, "
             "PPO, and PPO that first imitates the strongest of these, in turn. Both play what they find "
             "against all training seeds of the agent.",
             rich_help_panel=TRAINING,

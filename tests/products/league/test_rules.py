@@ -235,6 +235,20 @@ def test_a_stopped_search_goes_on_and_its_agent_says_the_rule(short, tmp_path):
         search_rule(RuleSearchConfig(side="opponent", against=["expert", "idle"], seed=2), part)
 
 
+def test_a_search_may_be_paid_for_what_the_rivals_lose(tmp_path):
+    """Its own reward has a bonus for pursuit beside them."""
+    found = {}
+    for reward in ("own", "zero_sum"):
+        config = RuleSearchConfig(side="opponent", against=["expert"], reward=reward, budget=0.5)
+        found[reward] = search_rule(config, tmp_path / reward)["earned"]
+        card = load_agent(tmp_path / reward / "agent").card
+        assert (card.game.reward, f"--reward {reward}" in card.command) == (
+            {"own": None}.get(reward, reward),
+            True,
+        )
+    assert found["own"] > found["zero_sum"] + 10
+
+
 def test_a_rule_reads_as_a_sentence():
     ally = {name: grid[0] for name, grid in NUMBERS["ally"].items()}
     assert describe_rule("ally", ally) == ""

@@ -178,16 +178,16 @@ def test_another_search_needs_another_folder(tmp_path, local):
 def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, local, monkeypatch, caplog):
     caplog.set_level(logging.INFO)
     small = {"MATCHES": 5, "STEPS": 400, "IMITATION_STEPS": 400, "N_SCRIPTS": 2, "TABLE_BUDGET": 0.3}
-    for name, value in (small | {"ALGORITHM": "ppo"}).items():
+    for name, value in (small | {"ALGORITHM": "ppo", "RULE_BUDGET": 0.3}).items():
         monkeypatch.setattr(mixing, name, value)
     load = partial(mixing.load_hyperparameters, file=settings("ppo"))
     monkeypatch.setattr(mixing, "load_hyperparameters", load)
     first = portfolio("idle", tmp_path, side="ally", budget=0.5)
     begun = RowFile(tmp_path / mixing.ROWS).read()
-    result = portfolio("idle", tmp_path, side="ally", budget=first["seconds"] + 8)
+    result = portfolio("idle", tmp_path, side="ally", budget=first["seconds"] + 12)
     rows = RowFile(tmp_path / mixing.ROWS).read()
     assert rows[: len(begun)] == begun
-    assert {row["method"] for row in rows} == {"script", "tabular", "pupil", "ppo"}
+    assert {row["method"] for row in rows} == {"script", "rule", "tabular", "pupil", "ppo"}
     assert len({row["response"] for row in rows}) == len(rows)
     told = [line for line in caplog.messages if "spent" in line]  # a line for all scripts of a call
     assert len(told) == 2 + sum(row["method"] != "script" for row in rows)
