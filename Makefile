@@ -23,7 +23,7 @@ PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 benchmark: .venv/.train
 	$(BIN)/fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps $(STEPS) --out $(RESULTS)/ppo-fast --restart
-	$(BIN)/fpg-bench evaluate all-scripted $(RESULTS)/ppo-fast/agent --suite ally-v2 --out $(RESULTS)/ally-v2
+	$(BIN)/fpg-bench evaluate all-scripted ally-rule/rule/seed_0 $(RESULTS)/ppo-fast/agent --suite ally-v2 --out $(RESULTS)/ally-v2
 
 test: .venv/.dev
 	$(PYTEST) -m "not full" --durations=20 --durations-min=5

@@ -51,7 +51,9 @@ def zoo(
     size = sum(file.stat().st_size for name in policies for file in (agents / name).glob("*"))
     whole = "all policies are whole" if not damaged else f"{len(damaged)} policies are changed"
     typer.echo(f"{len(policies)} agents, {size / 1e6:.1f} MB; {whole}")
-    name_all("champions", (name for side in SIDES for name in agents_of(side) if "champion" in name))
+    every_name = [name for side in SIDES for name in agents_of(side)]
+    name_all("champions", (name for name in every_name if "champion" in name))
+    name_all("rules", (name for name in every_name if "/rule/" in name))
 
 
 def _rows(of: Row, every: bool) -> list[Row]:
