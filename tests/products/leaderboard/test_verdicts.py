@@ -16,6 +16,7 @@ from fpg_bench.products.leaderboard.verdicts import (
     Tolerances,
     Within,
     fields_of,
+    judge,
     replays_of,
 )
 from tests.evaluation.test_record import PLANS, record
@@ -82,7 +83,7 @@ def test_one_round_of_a_hundred_may_be_another(records, suites, span, count, agr
     returns = list(records[0].returns)
     for k in range(count):
         returns[k] += 0.01 * span * (-1) ** k
-    kept = changed(records, returns=tuple(returns), rounds_sha256="other")
+    kept = changed(records, returns=tuple(returns), rounds_sha256="")
     differing = disagreements(records, kept, suites)
     assert differing == ([] if agrees else ["1.5 % of 200 rounds return something else"])
 
@@ -142,11 +143,17 @@ def test_rounds_that_return_the_same_have_the_same_sums_whatever_their_hash_is(r
         assert name in line
 
 
-def test_an_outage_is_no_longer_than_a_round(records, suites):
+def test_an_outage_is_no_longer_than_a_round_and_one_of_a_hundred_may_be_lost(records, suites):
     then, steps = records[0], suites["public"].scenario.steps_per_round
     returns = tuple(x + 0.01 for x in then.returns)
-    for by, agrees in ((steps / 2, True), (2 * steps, False)):
-        kept = changed(records, rounds_sha256="other", returns=returns, tally=moved(then, longest_outage=by))
+    for values, agrees in (
+        ({"tally": moved(then, longest_outage=steps / 2)}, True),
+        ({"tally": moved(then, longest_outage=2 * steps)}, False),
+        ({"tally": moved(then, steps=1)}, False),
+        ({"lost": 1}, True),
+        ({"lost": 2}, False),
+    ):
+        kept = changed(records, rounds_sha256="other", returns=returns, **values)
         assert (disagreements(records, kept, suites) == []) is agrees
 
 
@@ -157,8 +164,9 @@ def test_a_record_of_another_player_is_told(records, suites):
 
 def test_rounds_between_scripts_are_the_same_to_the_bit(between_scripts, suites):
     assert disagreements(between_scripts, between_scripts, suites) == []
-    (line,) = disagreements(between_scripts, changed(between_scripts, rounds_sha256="other"), suites)
-    assert "other rounds, though scripts play the same to the bit on every machine" in line
+    for digest in ("", "other"):
+        (line,) = disagreements(between_scripts, changed(between_scripts, rounds_sha256=digest), suites)
+        assert "other rounds, though scripts play the same to the bit on every machine" in line
 
 
 def test_records_of_two_suites_are_kept_apart(records, suites):
@@ -237,8 +245,8 @@ def test_rounds_that_are_dealt_out_move_a_number_further_than_the_mean():
     class Row:
         rewards: tuple[float, ...]
 
-    def lines(*rewards, dealt=True):
-        replay = Replayed(Row(rewards), Row((10.0, 20.0)), {"ally": 100.0}, False, False)
+    def lines(*rewards, dealt=True, is_same=False):
+        replay = Replayed(Row(rewards), Row((10.0, 20.0)), {"ally": 100.0}, False, is_same)
         return list(Within(0.01, "ally", dealt=dealt).differences("rewards", [replay]))
 
     assert lines(11.9, 20.0) == []  # the mean moves by 0.95
@@ -249,3 +257,12 @@ def test_rounds_that_are_dealt_out_move_a_number_further_than_the_mean():
     assert line == "rewards of training seed 1 12.2, the result says 10"
     (line,) = lines(11.1, 20.0, dealt=False)
     assert line == "rewards of training seed 1 11.1, the result says 10"
+    assert lines(10.00005, 20.0, is_same=True) == []  # a mean of the same rounds is rounded once more
+    assert len(lines(10.0003, 20.0, is_same=True)) == 1
+
+
+def test_a_verdict_counts_what_differs():
+    assert judge(["a", "b", "c"], "text") == (False, "the result does not hold: a (and 2 more)")
+    assert judge(["a"], "text") == (False, "the result does not hold: a")
+    assert judge([], "text") == (True, "holds: text")
+    assert judge(["a"], "text", update=True) == judge(None, "text") == (True, "verified: text")
