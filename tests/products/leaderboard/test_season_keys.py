@@ -5,11 +5,26 @@ import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.products.leaderboard import season_keys
-from fpg_bench.products.leaderboard.season_keys import current_season, current_seasons, season_seed, seed_from
+from fpg_bench.products.leaderboard.season_keys import (
+    SeasonKey,
+    current_season,
+    current_seasons,
+    season_seed,
+    seed_from,
+)
 
 
 def test_seasons_whose_suites_are_gone_keep_their_seeds():
     assert [season_seed(number)[:8] for number in (1, 2)] == ["dec07a86", "c3ec4b3c"]
+
+
+def test_a_season_met_an_entry_with_just_these_policies():
+    key = SeasonKey(4, "seed", {"ally/mine": ("a", "b")})
+    assert key.met("ally/mine", ["a", "b"])
+    for policies in (["a"], ["a", "b", "c"], ["b", "a"], []):
+        assert not key.met("ally/mine", policies)
+    assert not key.met("ally/other", ["a", "b"])
+    assert key.met("ally/other", [])
 
 
 def test_the_newest_season_of_each_scenario_is_read_and_its_seed_follows_from_its_entries(
