@@ -1,7 +1,6 @@
 """Train every agent of the zoo that is missing, ship and evaluate it, and write the zoo's page.
 
 python scripts/train_zoo.py [--only ally-scripted/ppo] [--n-jobs 2]    trains; run it again to resume
-python scripts/train_zoo.py --check     evaluates every shipped agent again and compares the records
 python scripts/train_zoo.py --tables    adds missing records and drops those that are there twice, on the
                                         board, or of no suite; writes baselines/README.md and its pictures
 """
@@ -23,7 +22,6 @@ from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, run_jobs
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import EvaluatedPlayer, player_entry
-from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record, read_record
 from fpg_bench.evaluation.store import Store, pairings
 from fpg_bench.evaluation.suite import Rival, Suite, load_suite
@@ -155,46 +153,18 @@ def compact(zoo: Zoo, group: ZooGroup) -> None:
         file.path.unlink(missing_ok=True)
 
 
-def differences(zoo: Zoo, agent: ZooAgent) -> list[str]:
-    """Evaluate a shipped agent again, and return the differences from its records, one text per rival."""
-    from fpg_bench.products.leaderboard.verdicts import RECORD  # zoos are made without products, too
-
-    entry, problems = agent.entry(), []
-    for suite in map(load_suite, agent.group.suites):
-        records = zoo.read_records(agent.group, suite)
-        stored = {(record.entry, record.training_seed, record.rival): record for record in records}
-        for record in (play(entry, suite, rival) for rival in suite.rivals):
-            before = stored.get((record.entry, record.training_seed, record.rival))
-            if before is None:
-                problems.append(f"{suite.name}, {record.rival}: no record")
-            elif changed := RECORD.changed(record, before):
-                problems.append(f"{suite.name}, {record.rival}: other {', '.join(changed)}")
-    return problems
-
-
-def is_as_before(zoo: Zoo, agent: ZooAgent) -> bool:
-    """Evaluate a shipped agent again, and tell whether all its records are as before."""
-    problems = differences(zoo, agent)
-    print(f"{agent.name}: {'; '.join(problems) or 'as before'}", flush=True)
-    return not problems
-
-
 def main(
     only: str | None = None,
     n_jobs: int = 2,
     runs: Path = Path("runs/zoo"),
     zoo: Path | None = None,
-    check: bool = False,
     tables: bool = False,
 ) -> int:
-    """Train, check or write what is asked for; returns 0 if all went well.
+    """Train, or only write; returns 0 if all went well.
 
     One group, group/algorithm or group/algorithm/seed_k may be named; a zoo is a folder with a zoo.yml.
     """
     of, failed = load_zoo(zoo), False
-    if check:
-        same = [is_as_before(of, agent) for agent in of.members(only) if agent.shipped]
-        return int(not all(same))
     if not tables:
         failed = bool(train_zoo(of, runs, only, n_jobs))
     for group in of.groups:
