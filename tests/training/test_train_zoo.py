@@ -175,23 +175,12 @@ def test_a_replaced_agent_is_evaluated_again(tmp_path):
     make_agent(agent)
     add_missing_records(zoo, agent.group)
     before = records_of(zoo, "ppo")
-    assert script.differences(zoo, agent) == []
     shutil.rmtree(agent.folder)
     make_agent(agent, seed=77)
     assert records_of(zoo, "ppo") == []
-    missing = ["small-v1, adaptive/pursuit: no record", "small-v1, sweep/circle: no record"]
-    assert script.differences(zoo, agent) == missing
     add_missing_records(zoo, agent.group)
     after = records_of(zoo, "ppo")
     assert [record.returns for record in after] != [record.returns for record in before]
-    file = zoo.records_file(agent.group)
-    file.write_text(file.read_text().replace(after[0].rounds_sha256, "0" * 64))
-    assert script.differences(zoo, agent) == ["small-v1, adaptive/pursuit: other rounds_sha256"]
-    file.write_text(file.read_text().replace('"jammed":', '"jammed":1'))
-    assert script.differences(zoo, agent) == [
-        "small-v1, adaptive/pursuit: other rounds_sha256, tally",
-        "small-v1, sweep/circle: other tally",
-    ]
     (agent.folder / "policy.onnx").write_bytes(b"torn")
     with pytest.raises(UserError, match="sha256"):
         add_missing_records(zoo, agent.group)
