@@ -198,18 +198,6 @@ def test_the_hash_speaks_of_everything_that_decides():
     assert measured.lost == suite.scale.lost
 
 
-def test_an_agent_counts_by_its_policy_and_not_by_its_name(tmp_path, monkeypatch):
-    from tests.training.making import make_agent, make_zoo
-
-    member = make_zoo(tmp_path).members()[0]
-    hashes = set()
-    for folder, seed in (("one", 1), ("two", 1), ("three", 2)):
-        agent = make_agent(member, tmp_path / folder, seed=seed)
-        content = f"side: opponent\nscenario: standard\nmatches: 2\nrivals: [{{ally: {agent}, name: it}}]"
-        hashes.add((seed, load_suite(written(tmp_path, content)).hash))
-    assert len(hashes) == 2
-
-
 def test_committed_suites_stay_what_they_are():
     """Results name them by their hash."""
     known = {file.stem: load_suite(file.stem).hash for file in suites_folder().glob("*.yml")}

@@ -11,7 +11,9 @@ import pytest
 from fpg_bench import UserError, load_agent
 from fpg_bench.envs.core import SingleAgentGame
 from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.agent import write_agent
 from fpg_bench.products.sandbox.agent import SandboxedAgent
+from tests.players.test_agent import FIELDS, tiled
 from tests.policies import dividing_by_zero, through, write_seed
 from tests.products.leaderboard.making import write_submission
 
@@ -59,3 +61,9 @@ def test_its_process_ends_with_the_game_that_it_played_in(submission):
     assert caught == []
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+def test_a_file_with_a_size_computed_in_play_is_not_sandboxed(tmp_path):
+    write_agent(tmp_path / "agent", tiled(), **FIELDS)
+    with pytest.raises(UserError, match="'Shape' is not played"):
+        load_agent(tmp_path / "agent", trusted=False)

@@ -13,6 +13,7 @@ from stable_baselines3 import PPO
 
 import fpg_bench
 from fpg_bench.common.errors import UserError
+from fpg_bench.envs.sb3_vec_env import VecMemory
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.suite import Scale
 from fpg_bench.game.scenario import as_scenario, preset
@@ -301,3 +302,8 @@ def test_the_suite_of_a_training_has_the_sizes_of_its_teams():
     assert (suite.game.allies, suite.game.jammers) == (2, 1)
     assert suite.scale == Scale()
     assert PolicyEvaluator("team-opponent-link-v1", game=TeamSpec.of(side="opponent")).suite.scale != Scale()
+
+
+def test_a_team_has_no_memory():
+    with pytest.raises(UserError, match="memory: needs the 15 numbers"):
+        VecMemory(fpg_bench.make_sb3("FPG/team_v0", side="ally"))

@@ -1,6 +1,7 @@
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.products.zoo.zoo import load_zoo, mixture
 from tests.training.making import ZOO, make_agent
@@ -83,3 +84,15 @@ def test_bad_zoo_files(tmp_path):
     (tmp_path / "zoo.yml").unlink()
     with pytest.raises(UserError, match="cannot be read"):
         load_zoo(tmp_path)
+
+
+def test_an_agent_of_a_suite_counts_by_its_policy_and_not_by_its_name(tmp_path, zoo):
+    member = zoo.members()[0]
+    hashes = set()
+    for folder, seed in (("one", 1), ("two", 1), ("three", 2)):
+        agent = make_agent(member, tmp_path / folder, seed=seed)
+        content = f"side: opponent\nscenario: standard\nmatches: 2\nrivals: [{{ally: {agent}, name: it}}]"
+        file = tmp_path / "suite.yml"
+        file.write_text(content)
+        hashes.add((seed, load_suite(str(file)).hash))
+    assert len(hashes) == 2
