@@ -47,7 +47,7 @@ def test_it_stands_on_the_public_floor_alone():
 def test_its_player_algorithm_game_and_verb_play_train_and_evaluate(run):
     assert run("shout", "--word", "hello").strip() == "HELLO"
     assert "shy" in run("players")
-    assert "--gain-db" in run("train", "--help")
+    assert "--gain-db" in run("train", "--help-all")
     assert "a loud round:" in run("play", "--id", "Windy/loud_v0", "--ally", "shy", "--opponent", "tone")
     game = ("Windy/loud_v0", "--gain-db", 6)
     run("train", "loud-ppo", *game, "--steps", 256, "--n-evals", 1, "--out", "run")
