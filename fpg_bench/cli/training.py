@@ -21,6 +21,7 @@ from fpg_bench.cli.options import (
     game_options,
     llm_options,
     other_game_options,
+    print_wrapped,
     run_options,
 )
 from fpg_bench.common.errors import UserError
@@ -28,6 +29,7 @@ from fpg_bench.common.files import check_writable
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.products import load
+from fpg_bench.game.spec import other_game
 from fpg_bench.training.algorithms import ALGORITHMS, JOINT
 from fpg_bench.training.config import N_EVALS, RunConfig
 
@@ -135,6 +137,8 @@ def train_runs(
         raise UserError("seed, seeds: give only one of them")
     if resume and seeds is None and not (out / "run.json").exists():
         raise UserError(f"resume: {out} holds no run; omit --resume to start one there")
+    if n_evals:
+        print_unmet(config)
     if seeds is not None:
         listed_seeds = parse_seeds(seeds)
         train_seeds(
@@ -168,6 +172,24 @@ def train_runs(
     typer.echo(f"agent: {agent}\nall curves: tensorboard --logdir {shlex.quote(str(out))}")
 
 
+def print_unmet(config: RunConfig) -> None:
+    """Print which rivals of the suite that scores a training the training never meets."""
+    from fpg_bench.evaluation.suite import read_suite
+
+    if config.spec.is_duel or other_game(config.spec) is not None:
+        return
+    (name,) = config.suites()
+    paths, players = {*config.spec.resolve().paths}, {*map(str, config.spec.others)}
+    rivals = read_suite(name).rivals
+    unmet = [
+        each.name for each in rivals if not (paths & {*each.scenario.paths} and players & {*each.players})
+    ]
+    if unmet:
+        print_wrapped(
+            f"{name}: {len(unmet)} of its {len(rivals)} rivals are never met here: {', '.join(unmet)}"
+        )
+
+
 def print_scores(run: RunFolder, head: str = "") -> None:
     """Print the last score of each side's policy in a run; print nothing if it was never evaluated."""
     if not (scores := run.last_scores()):
@@ -176,10 +198,15 @@ def print_scores(run: RunFolder, head: str = "") -> None:
 
     about = run.read()
     suites = [read_suite(name) for name in (about.suite or "").split(", ")]
+    on = {suite.side: suite.name for suite in suites}
     other = {suite.side: suite.name for suite in suites if not suite.is_of(about.played)}
     for side, score in scores.items():
         shown = "none" if score is None else f"{score:.1f}"
-        what = f"return per step against {other[side]} in the run's scenario" if side in other else "score"
+        what = (
+            f"return per step against {other[side]} in the run's scenario"
+            if side in other
+            else f"score on {on[side]}"
+        )
         typer.echo(f"{head}{side}'s {what} at the end of training (few rounds, tuning seeds): {shown}")
 
 

@@ -108,7 +108,7 @@ class ProgressCallback(BaseCallback):
         if self.model.ep_info_buffer:
             (side,) = self.training_env.get_attr("side", 0)
             mean_return = np.mean([info["r"] for info in self.model.ep_info_buffer])
-            status += f", {side}'s return {mean_return:,.0f}"
+            status += f", {side}'s return {mean_return:,.0f} (sampled actions)"
         return status
 
     def _log(self) -> None:

@@ -20,7 +20,9 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import TALLY
 from fpg_bench.players.agent import load_agent
 from fpg_bench.training import callbacks
+from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.config import RunConfig
+from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import parse_seeds, train_seeds
 from tests.logged import logged
@@ -138,7 +140,7 @@ def test_a_figure_that_cannot_be_drawn_is_a_warning_and_the_run_is_finished(tmp_
     def broken(run):
         raise KeyError("a level that is lacking")
 
-    monkeypatch.setattr("fpg_bench.training.train.draw_run", broken)
+    monkeypatch.setattr("fpg_bench.products.rendering.curves.draw_training", broken)
     agent = train_tiny("ppo", tmp_path / "run", steps=400, evaluations=1)
     assert load_agent(agent).card.training_steps == 400
     assert [line for line in caplog.messages if "curve" in line] == [
@@ -358,3 +360,14 @@ def test_a_line_is_logged_for_each_tenth_and_every_thirty_seconds(algorithm, sec
     else:
         assert len(lines) >= 1200 // 4  # four games a step: a line for each
         assert lines[0].startswith("training: 4 of 1,200 steps, ")
+
+
+@pytest.mark.parametrize(("algorithm", "is_told"), [("ppo-fast", False), ("tests.training.own:Losing", True)])
+def test_an_agent_that_earns_less_than_its_training_is_told(
+    tmp_path, caplog, monkeypatch, algorithm, is_told
+):
+    monkeypatch.setattr("time.process_time", lambda: 0.0)  # it is never given up for its time
+    values = load_hyperparameters(find_algorithm("ppo-fast"), GameSpec(ALLY), None)
+    train(algorithm, ALLY, tmp_path / "run", steps=150_000, hyperparams=values.entry())
+    told = [record.message for record in caplog.records if "in the training's games" in record.message]
+    assert ["it lacks something that the training had" in line for line in told] == [True] * is_told
