@@ -21,4 +21,4 @@ WORKDIR /home/fpg
 RUN fpg-bench play --ally idle --opponent tone --seed 1 --every 300
 
 # As `make benchmark`.
-CMD ["sh", "-c", "fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps 2000000 --out results/ppo-fast --restart && fpg-bench evaluate all-scripted results/ppo-fast/agent --suite ally-v2 --out results/ally-v2"]
+CMD ["sh", "-c", "fpg-bench train ppo-fast FPG/AllyVsScripted-v0 --steps 2000000 --out results/ppo-fast --restart && fpg-bench evaluate all-scripted ally-rule/rule/seed_0 results/ppo-fast/agent --suite ally-v2 --out results/ally-v2"]

@@ -78,7 +78,8 @@ def champions() -> dict[str, str]:
     for slug, (name, role, saw, key) in SAID["champions"].items():
         track = TRACKS[key]
         for folder in sorted((baselines_folder() / "agents" / name).glob("*")):
-            text = f"Made to be hard to beat; trained by python scripts/train_champions.py --only {name}."
+            made = "Found" if folder.name == "rule" else "Made to be hard to beat; trained"
+            text = f"{made} by python scripts/train_champions.py --only {name}."
             entries[f"{track.side}/{slug}"] = trained(folder, track, role, saw, text)
     return entries
 
@@ -93,7 +94,7 @@ def trained(folder: Path, track: Track, role: str, saw: str, description: str) -
         f"{title} ({role})",
         title,
         track,
-        reference=f"https://arxiv.org/abs/{paper}",
+        reference=paper and f"https://arxiv.org/abs/{paper}",
         training={
             "steps": max(card.training_steps for card in cards),
             "hours": round(sum(hours) / len(hours), 3),

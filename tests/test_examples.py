@@ -77,7 +77,7 @@ def test_an_example_trains_and_leaves_an_agent(name, needs, tmp_path):
 
 def test_all_examples_are_run_and_short():
     files = {file.stem: file for file in (ROOT / "examples").glob("*.py")}
-    assert files.keys() == NEEDS.keys()
+    assert files.keys() == NEEDS.keys() | {"llama_server"}  # tests of language models ask that one
     assert all(len(file.read_text().splitlines()) <= 100 for file in files.values())
 
 

@@ -176,7 +176,7 @@ def print_unmet(config: RunConfig) -> None:
     """Print which rivals of the suite that scores a training the training never meets."""
     from fpg_bench.evaluation.suite import read_suite
 
-    if config.spec.is_duel or other_game(config.spec) is not None:
+    if config.dataset is not None or config.spec.is_duel or other_game(config.spec) is not None:
         return
     (name,) = config.suites()
     paths, players = {*config.spec.resolve().paths}, {*map(str, config.spec.others)}

@@ -110,7 +110,7 @@ def export_agent(
 
     Its ``VecNormalize`` and stacked frames are folded in; nothing is pickled.
 
-    >>>     >>> import fpg_bench
+    >>> import fpg_bench, tempfile
     >>> from stable_baselines3 import PPO
     >>> games = fpg_bench.make_sb3("FPG/AllyVsScripted-v0", n_envs=2)
     >>> model = PPO("MlpPolicy", games, n_steps=8, batch_size=16)
@@ -443,6 +443,10 @@ class Value:
     def sum(self, axis: int) -> Value:
         """Return the sum along an axis."""
         return self.of("ReduceSum", [axis], keepdims=0)
+
+    def mean(self, dim: int, keepdim: bool = False) -> Value:
+        """Return the mean along an axis."""
+        return self.of("ReduceMean", [dim], keepdims=int(keepdim))
 
     def reshape(self, *shape: int) -> Value:
         """Return another shape."""

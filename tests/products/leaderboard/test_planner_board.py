@@ -29,7 +29,7 @@ NAMES = ["planner/hold", "planner/pursuit", "planner/toy"]
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "planner-v1.yml").write_text(recording.PLANNER_SUITE)
-    with mock.patch.object(language_models, "current_season", return_value=None):  # as on this board
+    with mock.patch.object(language_models, "_current_season", return_value=None):  # as on this board
         recording.record(folder, folder / "planner-v1.yml")
     return folder
 

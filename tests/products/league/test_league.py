@@ -352,7 +352,7 @@ def test_an_invalid_champion_is_refused_in_one_line(tmp_path):
     for changes, message in (
         ({"step": 3}, "unknown key 'step'; did you mean 'steps'"),
         ({"game": {"pth": "circle"}}, "game: unknown key 'pth'; did you mean 'path'"),
-        ({"verb": "oracle"}, "verb: expected one of double-oracle, tabular-self-play, got 'oracle'"),
+        ({"verb": "oracle"}, "expected one of double-oracle, rule-search, tabular-self-play, got 'oracle'"),
         ({"verb": "tabular-self-play"}, "unknown key 'side'"),
     ):
         with pytest.raises(UserError, match=message) as caught:

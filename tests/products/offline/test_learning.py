@@ -238,7 +238,7 @@ def test_the_verb_learns_several_seeds_and_scores_them(mixed, tmp_path, monkeypa
         *("--hyperparams", str(file), "--n-evals", "1", "--n-jobs", "1"),
     ]
     output = CliRunner().invoke(app, words, catch_exceptions=False).output
-    assert "seed 1: ally's score at the end of training" in output
+    assert "seed 1: ally's score on ally-v2 at the end of training" in output
     assert load_agent(tmp_path / "runs/seed_1/agent").card.training_seed == 1
     monkeypatch.setattr(BC, "_update", None)
     assert CliRunner().invoke(app, words, catch_exceptions=False).exit_code == 0  # nothing is repeated
