@@ -17,7 +17,14 @@ from lineage import ROOT, fill
 from fpg_bench.common.output import number
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.statistics import MATCHES, Interval, correlation_interval, differences, pair_error
+from fpg_bench.evaluation.statistics import (
+    ENOUGH_SEEDS,
+    MATCHES,
+    Interval,
+    correlation_interval,
+    differences,
+    pair_error,
+)
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import Summary, summary_of
 from fpg_bench.evaluation.table import bounds, markdown_table
@@ -106,9 +113,11 @@ def headline() -> str:
     """Return the table of the front page: who leads by what, between an oracle and random play."""
     entries, oracle = verified("ally"), list(board()[1].values())
     of_slug = {each[0].slug: each for each in entries}
-    first = entries[0]
+    learner = next(each for each in entries if each[1].training_seeds >= ENOUGH_SEEDS)
+    first = entries[0][0].algorithm
     rows = {
-        f"{first[0].algorithm}, first by held-out score": first,
+        f"{first[0].lower()}{first[1:]}, first by held-out score": entries[0],
+        f"{learner[0].algorithm}, the best learner by held-out score": learner,
         "the champion, first by lowest known return": attacked("ally")[0],
         "the best script by held-out score": next(each for each in entries if each[0].kind == "script"),
         "stays on its frequency": of_slug["idle"],
