@@ -291,7 +291,7 @@ def test_names_and_shares_are_checked(board, tmp_path):
     for name, rest in (
         ("ally/wide", "did you mean 'ally/wise'"),
         ("opponent/wise", "did you mean 'ally/wise'"),
-        ("ally/tone", "; known: ally/wise$"),
+        ("opponent/tone", "; known: ally/wise$"),
     ):
         with pytest.raises(UserError, match=f"no submission '{name}'.*{rest}"):
             verdicts_of(board, name)
