@@ -171,7 +171,7 @@ def commands(track: BoardTrack, entry: BoardEntry) -> list[tuple[str, str]]:
     rows = [("Play it again and compare", f"fpg-bench leaderboard verify {track.side}/{entry.slug}")]
     if entry.kind == "zoo" and entry.plays is not None:
         group = entry.plays.partition("/")[0]
-        is_champion = "champion" in group.split("-")
+        is_champion = not {"champion", "rule"}.isdisjoint(group.split("-"))  # of champions.yml
         script = f"train_champions.py --only {group}" if is_champion else f"train_zoo.py --only {entry.plays}"
         rows.append(("Train it again", f"python scripts/{script}"))
     return rows
