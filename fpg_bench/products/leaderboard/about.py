@@ -48,7 +48,7 @@ def board_name(about: SubmissionFile, slug: str) -> str:
     if about.zoo is None:
         return about.name
     group, _, algorithm = about.zoo.partition("/")
-    variant = [word for word in group.split("-") if word not in SIDES]
+    variant = [word for word in group.split("-") if word not in (*SIDES, algorithm)]
     rest = slug.removeprefix(group).removeprefix(f"-{algorithm}").strip("-")  # of one in a second table
     title = re.sub(r", (\d+) stacked frames", r"-stack\1", about.algorithm)
     return " ".join([title, *variant, *([f"({rest})"] if rest else [])])

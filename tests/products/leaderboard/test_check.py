@@ -1,5 +1,6 @@
 import os
 import subprocess
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -274,6 +275,8 @@ def test_names_of_the_package_s_agents_on_the_board_are_short_and_taken(tmp_path
     shipped = admit(write_submission(board / "ally-champion", (), **about))
     assert board_name(shipped, shipped.slug) == "PPO-stack8 champion"
     assert board_name(shipped, "ally-champion-ppo-stack8-again") == "PPO-stack8 champion (again)"
+    rule = SimpleNamespace(algorithm="Rule", zoo="ally-link-rule/rule")
+    assert board_name(rule, "ally-link-rule") == "Rule link"
     other = write_submission(board / "other", name="PPO-stack8  Champi0n")
     assert "is the name of 'ally-champion', too" in problems(other)[0]
     assert problems(board / "ally-champion") == []
