@@ -52,7 +52,7 @@ def test_the_page_s_snippets_make_a_sound_submission(entered):
     assert output.count("from the model's own predict") == 1
     assert "largest difference from predict(): " in output
     assert f"\n{ENTRY}: nothing is wrong\n" in output
-    assert "\n1 entries, 2 rounds to watch" in output  # it stands on the board that is built
+    assert "\n1 entries, " in output  # it stands on the board that is built
 
 
 def test_every_key_is_told_of():
