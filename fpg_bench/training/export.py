@@ -432,9 +432,12 @@ class Value:
         return self.of("Div", other).of("Floor")
 
     def __getitem__(self, key: tuple[Any, slice]) -> Value:
-        """Return a part of the last axis."""
-        end = 2**31 - 1 if key[-1].stop is None else key[-1].stop
-        return self.of("Slice", [key[-1].start or 0], [end], [-1])
+        """Return a part of the last axis; raise IndexError for what cuts another one, or leaves gaps."""
+        *others, last = key
+        if last.step not in (None, 1) or any(each not in (..., slice(None)) for each in others):
+            raise IndexError(f"{key}: only the last axis is cut, without gaps")
+        end = 2**31 - 1 if last.stop is None else last.stop
+        return self.of("Slice", [last.start or 0], [end], [-1])
 
     def clip(self, low: Any, high: Any) -> Value:
         """Return the values within two limits."""
@@ -563,13 +566,25 @@ def _convolution(graph: Graph, layer: nn.Conv2d, x: str) -> str:
     )
 
 
+def _softplus(graph: Graph, layer: nn.Softplus, x: str) -> str:
+    if layer.beta != 1:
+        raise _not_written(layer, f"has beta {layer.beta:g}")
+    return graph.add("Softplus", x)
+
+
+def _flatten(graph: Graph, layer: nn.Flatten, x: str) -> str:
+    if (layer.start_dim, layer.end_dim) != (1, -1):
+        raise _not_written(layer, f"flattens {layer.start_dim} to {layer.end_dim}")
+    return graph.add("Flatten", x, axis=1)
+
+
 # Layers whose attributes describe them completely, and the operators of each.
 _LAYERS: dict[type[nn.Module], Callable[[Graph, Any, str], str]] = {
     nn.Sequential: _sequential,
     nn.Linear: _linear,
     nn.Conv2d: _convolution,
     FlattenExtractor: lambda graph, layer, x: x,  # of observations that are flat
-    nn.Flatten: lambda graph, layer, x: graph.add("Flatten", x, axis=layer.start_dim),
+    nn.Flatten: _flatten,
     nn.Identity: lambda graph, layer, x: x,
     nn.Dropout: lambda graph, layer, x: x,
     nn.ReLU: lambda graph, layer, x: graph.add("Relu", x),
@@ -581,7 +596,7 @@ _LAYERS: dict[type[nn.Module], Callable[[Graph, Any, str], str]] = {
     nn.SELU: lambda graph, layer, x: graph.add("Selu", x),
     nn.GELU: lambda graph, layer, x: graph.add("Gelu", x, approximate=layer.approximate),
     nn.Mish: lambda graph, layer, x: graph.add("Mish", x),
-    nn.Softplus: lambda graph, layer, x: graph.add("Softplus", x),
+    nn.Softplus: _softplus,
     nn.Softsign: lambda graph, layer, x: graph.add("Softsign", x),
     nn.Hardsigmoid: lambda graph, layer, x: graph.add("HardSigmoid", x, alpha=1 / 6),
     nn.Hardswish: lambda graph, layer, x: graph.add("HardSwish", x),

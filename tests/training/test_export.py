@@ -288,6 +288,20 @@ class Sorted(FlattenExtractor):
         return super().forward(observations).sort(1).values
 
 
+class Gapped(FlattenExtractor):
+    """Takes every second number of the first fourteen, and stays as wide."""
+
+    def forward(self, observations):
+        return torch.cat([observations[:, :14:2], observations[:, 7:]], dim=1)
+
+
+def with_layer(layer):
+    def change(model):
+        model.policy.mlp_extractor.policy_net[1] = layer
+
+    return change
+
+
 def hooked(model):
     model.policy.action_net.register_forward_hook(lambda module, seen, output: 2 * output)
 
@@ -296,10 +310,13 @@ def hooked(model):
     ("options", "change", "message"),
     [
         ({"features_extractor_class": Sorted}, None, r"Sorted cannot be written as ONNX \(AttributeError"),
+        ({"features_extractor_class": Gapped}, None, "only the last axis is cut, without gaps"),
         ({"activation_fn": nn.PReLU}, None, "PReLU cannot be written"),
+        ({}, with_layer(nn.Softplus(beta=2)), r"Softplus cannot be written as ONNX \(has beta 2"),
+        ({}, with_layer(nn.Flatten(0, 0)), r"Flatten cannot be written as ONNX \(flattens 0 to 0"),
         ({}, hooked, "has hooks or replaced methods"),
     ],
-    ids=["own", "prelu", "hooked"],
+    ids=["own", "gapped", "prelu", "softplus", "flatten", "hooked"],
 )
 def test_networks_that_are_not_written_are_refused_and_play_by_their_predict(options, change, message):
     model = a_model(PPO, policy_kwargs=options)
