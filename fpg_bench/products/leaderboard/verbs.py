@@ -242,7 +242,7 @@ def build(
 @leaderboard.command()
 @with_fields
 def close_season(
-    name: Annotated[str, typer.Argument(help="The season's number, or the name of a training population.")],
+    number: Annotated[int, typer.Argument(min=1, help="The season's number.")],
     work: Annotated[Path, typer.Option(help="Folder of the candidates; a stopped closing resumes there.")],
     out: Annotated[
         Path | None, typer.Option(help="Folder of the suite. Default: baselines/suites/<name>.")
@@ -263,7 +263,7 @@ def close_season(
     from fpg_bench.players.player import SIDES
     from fpg_bench.products.leaderboard.season import closing as seasons
 
-    closing = seasons.make_closing(name, folder, work, scenario=scenario)
+    closing = seasons.make_closing(number, folder, work, scenario=scenario)
     season = seasons.close_season(
         closing,
         out or baselines_folder() / "suites" / closing.name,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import logging
-import re
 import shutil
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
@@ -52,11 +51,7 @@ from fpg_bench.products.leaderboard.season.season import (
     write_season,
     write_suites,
 )
-from fpg_bench.products.leaderboard.season.selection import (
-    limit_influence,
-    select_diverse,
-    select_representative,
-)
+from fpg_bench.products.leaderboard.season.selection import limit_influence, select_representative
 from fpg_bench.products.leaderboard.season_keys import season_label
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
 from fpg_bench.training.run_folder import RunFolder
@@ -71,7 +66,6 @@ class Numbers(NamedTuple):
     members: int
 
 
-POPULATION = Numbers(24, 12)
 # Fewer opponents than allies are competent, so more are trained.
 SEASON = {"ally": Numbers(24, 24), "opponent": Numbers(48, 24)}
 FEWEST = 12  # members of a side, unless fewer are asked
@@ -86,17 +80,15 @@ class Closing:
     """Settings of the closing of a season.
 
     Attributes:
-        name: name of the season suite, such as ``season-1``.
-        number: the season's number; None for a training population.
+        number: the season's number.
         entries: the entries that the season is closed over.
         work: folder of the candidates, which is kept so that an interrupted closing can be resumed.
         candidates, size: number of trained and of selected candidates of each side; None for those of
-            ``SEASON`` or ``POPULATION``.
+            ``SEASON``.
         scenario: the preset that entries and candidates play.
     """
 
-    name: str
-    number: int | None
+    number: int
     entries: tuple[SeasonEntry, ...]
     work: Path
     candidates: int | None = None
@@ -105,14 +97,23 @@ class Closing:
 
     def numbers(self, side: str) -> Numbers:
         """Return the numbers of a side."""
-        usual = POPULATION if self.number is None else SEASON[side]
+        usual = SEASON[side]
         return Numbers(self.candidates or usual.candidates, self.size or usual.members)
 
     @property
+    def label(self) -> str:
+        """The season's number, with the scenario unless that is the standard one."""
+        return season_label(self.number, self.scenario)
+
+    @property
+    def name(self) -> str:
+        """Name of the season's suite, such as ``season-1``."""
+        return f"season-{self.label}"
+
+    @property
     def seed(self) -> str:
-        """The season's seed; for a training population, it follows from the name instead of a number."""
-        label = self.name if self.number is None else season_label(self.number, self.scenario)
-        return season_seed(PROTOCOL, label, self.entries)
+        """The season's seed, which follows from its entries."""
+        return season_seed(PROTOCOL, self.label, self.entries)
 
     def rival_entries(self, side: str) -> list[SeasonEntry]:
         """Return the entries that play against the candidates of a side."""
@@ -123,11 +124,11 @@ class Closing:
         return _draw(self, side).candidates
 
     def strangers(self, side: str) -> Sequence[Recipe]:
-        """Return the recipes of the trained players that check a side's members; of a season alone."""
+        """Return the recipes of the trained players that check a side's members."""
         return _draw(self, side).strangers
 
     def scripts(self, side: str) -> Sequence[str]:
-        """Return the scripts of a side, which set the floor, then the drawn ones; of a season alone."""
+        """Return the scripts of a side, which set the floor, then the drawn ones."""
         return _draw(self, side).scripts
 
     def rivals(self, side: str) -> list[Recipe | str]:
@@ -153,8 +154,6 @@ def _draw(closing: Closing, side: str) -> _Drawn:
     seed = closing.seed
     pool = target_pool(closing.entries, other_side(side), closing.scenario, closing.name)
     candidates = draw_recipes(seed, side, closing.numbers(side).candidates, pool)
-    if closing.number is None:
-        return _Drawn(candidates, [], [])
     key = draw_number(2**32, seed, side, "variants")
     variants = draw_variants(side, N_VARIANTS, as_scenario(closing.scenario), key, ALL_TACTICS[side])
     strangers = draw_recipes(seed, side, N_STRANGERS, pool, STRANGERS, "s")
@@ -162,32 +161,27 @@ def _draw(closing: Closing, side: str) -> _Drawn:
 
 
 def make_closing(
-    name: str,
+    number: int,
     board: str | Path,
     work: Path,
     candidates: int | None = None,
     size: int | None = None,
     scenario: str = "standard",
 ) -> Closing:
-    """Return the settings for closing a season (by number) or a training population (by name).
+    """Return the settings for closing a season.
 
     Args:
-        name: the number or name.
+        number: the season's number.
         board: the leaderboard's folder.
         work, candidates, size, scenario: see :class:`Closing`.
 
     Raises:
-        UserError: an invalid name, or an invalid entry.
+        UserError: a scenario without seasons, or an invalid entry.
     """
-    if not re.fullmatch(r"[1-9]\d{0,3}|[a-z][a-z0-9-]{0,39}", name) or name.startswith("season"):
-        raise UserError(f"season: expected a number, or a word for a training population, got {name!r}")
-    number = int(name) if name.isdigit() else None
     if scenario not in SCENARIOS:
         raise UserError(f"scenario: expected {' or '.join(SCENARIOS)}, got {scenario!r}")
     entries = tuple(read_entries(board, scenario=scenario))
-    if number is not None:
-        name = f"season-{season_label(number, scenario)}"
-    return Closing(name, number, entries, work, candidates, size, scenario)
+    return Closing(number, entries, work, candidates, size, scenario)
 
 
 def close_season(
@@ -234,16 +228,15 @@ def close_season(
             return load_season(out)
         profiles = {side: _profiles(closing, side) for side in SIDES}
         members = {side: _select_members(closing, side, profiles[side]) for side in SIDES}
-        if closing.number is not None:
-            evidence = [_evidence(closing, side, members[side], profiles[side]) for side in SIDES]
-            verdicts = [verdict for of in evidence for verdict in check_members(of)]
-            for verdict in verdicts:
-                _logger.info(f"{'holds' if verdict.is_good else 'FAILS'}: {verdict.name}: {verdict.line}")
-            if failed := [verdict.name for verdict in verdicts if not verdict.is_good]:
-                raise UserError(
-                    f"season: {closing.name} does not close, its candidates stay in {closing.work}: "
-                    f"{'; '.join(failed)}"
-                )
+        evidence = [_evidence(closing, side, members[side], profiles[side]) for side in SIDES]
+        verdicts = [verdict for of in evidence for verdict in check_members(of)]
+        for verdict in verdicts:
+            _logger.info(f"{'holds' if verdict.is_good else 'FAILS'}: {verdict.name}: {verdict.line}")
+        if failed := [verdict.name for verdict in verdicts if not verdict.is_good]:
+            raise UserError(
+                f"season: {closing.name} does not close, its candidates stay in {closing.work}: "
+                f"{'; '.join(failed)}"
+            )
         return _publish(closing, out, members)
 
 
@@ -417,14 +410,12 @@ def _evidence(
 def _select_members(
     closing: Closing, side: str, profiles: Mapping[str, _Profile]
 ) -> tuple[SeasonMember, ...]:
-    recipes, size = closing.recipes(side), closing.numbers(side).members
-    if closing.number is not None:
-        names = [recipe.name for recipe in recipes]
-        competent = _competent(closing, side, "candidates", names, profiles, min(size, FEWEST))
-        recipes = [recipe for recipe in recipes if recipe.name in competent]
+    size = closing.numbers(side).members
+    names = [recipe.name for recipe in closing.recipes(side)]
+    competent = _competent(closing, side, "candidates", names, profiles, min(size, FEWEST))
+    recipes = [recipe for recipe in closing.recipes(side) if recipe.name in competent]
     returns = _columns(closing, side, [profiles[recipe.name].means for recipe in recipes])
-    select = select_diverse if closing.number is None else select_representative
-    chosen = select(limit_influence(returns), min(size, len(recipes)))
+    chosen = select_representative(limit_influence(returns), min(size, len(recipes)))
     return tuple(
         SeasonMember(
             **dict(recipes[index]),
@@ -456,7 +447,6 @@ def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember,
         for file in ("agent.json", "policy.onnx"):
             data = (closing.folder(side, member) / "agent" / file).read_bytes()
             write_whole(season.agent(side, member) / file, data)
-    if closing.number is not None:
-        write_suites(season, closing.number)
+    write_suites(season, closing.number)
     write_season(season)
     return season

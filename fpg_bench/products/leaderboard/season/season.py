@@ -53,7 +53,7 @@ class Season(Strict):
 
     Attributes:
         folder: where it is stored.
-        number: the season's number; None for a training population, which ranks no board.
+        number: the season's number; None for a training population, which earlier versions closed.
         candidates: number of trained candidates by side.
         entries: hashes of each entry's policies by name.
         members: by side, in the order of selection.

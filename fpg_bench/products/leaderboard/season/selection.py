@@ -47,23 +47,6 @@ def select_representative(returns: np.ndarray, size: int) -> list[int]:
     return selected
 
 
-def select_diverse(returns: np.ndarray, size: int) -> list[int]:
-    """Select a training population whose members differ in the returns against them.
-
-    Starts with the strongest candidate. Each further one has the profile of returns that is farthest from
-    all selected ones (greedy max-min distance). Arguments, result and errors are those of
-    :func:`select_representative`.
-    """
-    _check_selection(returns, size)
-    selected = [_strongest(returns)]
-    distances = np.linalg.norm(returns[:, :, None] - returns[:, None, :], axis=0)
-    while len(selected) < size:
-        nearest = distances[:, selected].min(axis=1)
-        nearest[selected] = -1.0
-        selected.append(int(nearest.argmax()))
-    return selected
-
-
 def _check_selection(returns: np.ndarray, size: int) -> None:
     count = returns.shape[1]
     if size > count:
