@@ -101,7 +101,7 @@ class Closing:
         return Numbers(self.candidates or usual.candidates, self.size or usual.members)
 
     @property
-    def label(self) -> str:
+    def label(self) -> int | str:
         """The season's number, with the scenario unless that is the standard one."""
         return season_label(self.number, self.scenario)
 
