@@ -111,7 +111,7 @@ EXTRAS = {
         )
     ),
     "llm": Extra(tries=("play --planner llm",)),
-    "fast": Extra(("reproduce yang-2026 tables --learner jax --n-seeds 1 --out fast",), base="train"),
+    "fast": Extra(tries=("reproduce yang-2026 fig99 --learner jax",), base="train"),
     "train": Extra(
         (
             "leaderboard season season-4",
@@ -120,7 +120,7 @@ EXTRAS = {
             "export run --out exported/seed_0",
             "rule-search --side opponent --against idle --budget 0.01 --out rule",
             "tabular-self-play --iterations 1 --games 8 --out tables",
-            "reproduce yang-2026 tables --n-seeds 1 --out reproduced",
+            "reproduce firouzbakht-2013 --n-seeds 1 --out reproduced",
         ),
         (
             "best-response nobody --out nowhere",

@@ -1,4 +1,4 @@
-"""``fpg-bench reproduce``: published figures, tables and claims."""
+"""``fpg-bench reproduce``: published figures and claims."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _YANG = f"Of {YANG} alone"
 def reproduce(
     name: Annotated[str | None, typer.Argument(help="Name of the paper; omit it to list them.")] = None,
     target: Annotated[
-        str, typer.Argument(help=f"Of {YANG} alone: fig3, fig4, fig5, fig6, fig7, tables or all.")
+        str, typer.Argument(help=f"Of {YANG} alone: fig3, fig4, fig5, fig6, fig7 or all.")
     ] = "all",
     out: Annotated[Path, typer.Option(help="Folder of rows, figures and reports.")] = Path("reproduced"),
     scenario: Annotated[

@@ -1,7 +1,6 @@
 """The paper's experiments with a tiny budget: runs, figures, reports and resuming."""
 
 import gzip
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +20,7 @@ from fpg_bench.products.papers.yang_2026.conditions import (
     sensitivity,
 )
 from fpg_bench.products.papers.yang_2026.experiment import BUDGETS, Budget, Recorded, run_experiment
-from fpg_bench.products.papers.yang_2026.report import tables, write_report
+from fpg_bench.products.papers.yang_2026.report import write_report
 from fpg_bench.products.papers.yang_2026.runs import FINAL, STAGES, WINDOWS, RunFile, windows_of
 from fpg_bench.products.papers.yang_2026.study import DuelStudy
 from tests.logged import logged
@@ -201,13 +200,6 @@ def test_stages_consist_of_whole_matches(preset):
         assert matches == pytest.approx(round(matches), rel=0.05)
 
 
-def test_tables_show_the_values_in_use():
-    (_, jamming), (_, environment), (_, algorithm) = tables()
-    assert [line[2] for line in jamming[1:]] == ["1.5", "1.2", "0.4", "0.8"]
-    assert ["M (dB)", "8", "8", "8", ""] in environment
-    assert [line[2] for line in algorithm if line[0] == "batch size"] == ["32"]
-
-
 def test_unknown_names_are_refused_before_anything_is_written(tmp_path):
     for study, budget, message in (
         (("fig8",), "quick", "did you mean 'fig"),
@@ -217,18 +209,3 @@ def test_unknown_names_are_refused_before_anything_is_written(tmp_path):
         with pytest.raises(UserError, match=message):
             reproduce(DuelStudy(*study), tmp_path / "out", budget=budget)
     assert not (tmp_path / "out").exists()
-
-
-def test_tables_are_written_without_runs(tmp_path):
-    reproduce(DuelStudy("tables"), tmp_path)
-    headings = re.findall("^## (.+?)(?::.*)?$", (tmp_path / "report-paper.md").read_text(), re.MULTILINE)
-    assert headings == ["Table 1", "Table 2", "Table 3", "How it was made"]
-
-
-@pytest.mark.full
-@pytest.mark.slow
-def test_tables_are_added_to_a_report_on_runs_where_they_are_asked_for(made):
-    out, *_ = made
-    for target, expected in (("tables", ["1", "2", "3"]), ("fig7", [])):
-        reproduce(DuelStudy(target), out, budget="tiny")
-        assert re.findall("^## Table (\\d)", (out / "report-paper.md").read_text(), re.MULTILINE) == expected

@@ -100,7 +100,7 @@ def sensitivity(preset: str) -> tuple[Condition, ...]:
     return tuple(Condition(name, changes=changes) for name, changes in others.items())
 
 
-ALL, TABLES = "all", "tables"
+ALL = "all"
 # Conditions of each figure.
 TARGETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -109,7 +109,6 @@ TARGETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "fig5": (BASE,),
         "fig6": (BASE, *JAMMING_TYPES),
         "fig7": (BASE, NO_PLANNER, NO_KNOWLEDGE),
-        TABLES: (),
     }
 )
 
@@ -123,7 +122,7 @@ def conditions_of(target: str, preset: str, full: bool) -> list[Condition]:
     """Return the conditions of a figure, or of all figures.
 
     Args:
-        target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
+        target: ``fig3`` to ``fig7``, or ``all``.
         preset: ``paper``, ``standard`` or ``figures``.
         full: include in ``all`` the sensitivity study and, for ``paper``, the long run.
 

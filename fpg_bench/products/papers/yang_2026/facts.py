@@ -9,21 +9,17 @@ from fpg_bench.common.schema import Items, Strict, parse
 
 
 class YangFacts(Strict):
-    """The file; it says what the cells of each table are.
+    """The file.
 
     Attributes:
         claims: claims by their names.
         overlap: published overlap of both spectra by the stage of the training.
         figures: title and caption of each figure.
-        jamming, environment, algorithm: lines of Tables 1 to 3. Names in braces are hyper-parameters.
     """
 
     claims: dict[str, str]
     overlap: dict[str, str]
     figures: dict[str, Items[str]]
-    jamming: Items[Items[str]]
-    environment: Items[Items[str]]
-    algorithm: Items[Items[str]]
 
 
 FACTS = parse(YangFacts, read_yaml(Path(__file__).with_suffix(".yml"), "paper"), "paper yang-2026")

@@ -1,16 +1,12 @@
-"""Report on the paper's claims, measurements and tables, as Markdown."""
+"""Report on the paper's claims and measurements, as Markdown."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
-from fpg_bench.game.scenario import PAPER, STANDARD, Scenario
-from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
 from fpg_bench.products.papers.page import Lines, render
 from fpg_bench.products.papers.reproduction import around
 from fpg_bench.products.papers.yang_2026.claims import (
@@ -22,52 +18,9 @@ from fpg_bench.products.papers.yang_2026.claims import (
     verdict,
 )
 from fpg_bench.products.papers.yang_2026.conditions import BASE, LLM, LONG, conditions_of, sensitivity
-from fpg_bench.products.papers.yang_2026.experiment import ALGORITHM, BUDGETS, Budget, hyperparameters
+from fpg_bench.products.papers.yang_2026.experiment import Budget
 from fpg_bench.products.papers.yang_2026.facts import FACTS
 from fpg_bench.products.papers.yang_2026.runs import FIFTH, FINAL, STAGES, WINDOWS, Runs
-from fpg_bench.training.algorithms import find_algorithm
-
-Table = tuple[str, Lines]  # with its title
-
-
-def tables(budget: Budget = BUDGETS["full"]) -> list[Table]:
-    """Return the paper's three tables, beside the scenarios and hyper-parameters in use."""
-    jamming = [["jamming type", "k in the paper", "k in use (both)", "half width (MHz), ours", "why"]]
-    values = zip(FACTS.jamming, PAPER.jamming_coefficients, PAPER.footprint_half_widths_mhz, strict=True)
-    jamming += [[kind, given, f"{k:g}", f"{width:g}", why] for (kind, given, why), k, width in values]
-    why = "what was open, and our choice"
-    environment = [["parameter", "the paper", "paper scenario", "standard scenario", why]]
-    for name, given, field, choice in FACTS.environment:
-        shown = (_shown(scenario, field) for scenario in (PAPER, STANDARD))
-        environment.append([name, given, *shown, choice])
-    used = _hyperparameters_in_use(budget)
-    algorithm = [["parameter", "the paper", "in use", why]]
-    algorithm += [[cell.format(**used) for cell in line] for line in FACTS.algorithm]
-    return [
-        ("Table 1: jamming types", jamming),
-        ("Table 2: the environment", environment),
-        ("Table 3: MADDPG", algorithm),
-    ]
-
-
-def _hyperparameters_in_use(budget: Budget) -> dict[str, Any]:
-    """Return what stands in braces in Table 3."""
-    defaults = inspect.signature(find_algorithm(ALGORITHM).kind).parameters
-    used = {name: spec.default for name, spec in defaults.items()} | hyperparameters(budget).algorithm
-    sizes = {"state": OBSERVATION_SIZE, "action": ACTION_SIZE, "updates": budget.updates()}
-    network = " x ".join(map(str, used["policy_kwargs"]["net_arch"]))
-    every = budget.train_freq * budget.games
-    return used | vars(budget) | sizes | {"network": network, "every": every}
-
-
-def _shown(scenario: Scenario, field: str) -> str:
-    value: object = getattr(scenario, field)
-    if field == "ally_path_m":
-        return "drawn per match" if value is None else "one, fixed"
-    if isinstance(value, tuple):
-        return " to ".join(f"{each:g}" for each in dict.fromkeys(value))
-    return "all" if value is None else f"{value:g}" if isinstance(value, int | float) else str(value)
-
 
 _TEMPLATE = Path(__file__).with_name("report.md.j2")
 _Level = tuple[str, str, int, int]  # heading, column, decimals, factor
@@ -90,7 +43,6 @@ def write_report(
     drawn: Iterable[str],
     folder: Path,
     command: str,
-    with_tables: bool = False,
 ) -> list[Path]:
     """Write ``report-<scenario>.md`` and ``levels-<scenario>.csv``, and return their paths.
 
@@ -101,10 +53,8 @@ def write_report(
         drawn: names of the figures in ``folder/figures``.
         folder: folder of the files.
         command: command that repeats the runs.
-        with_tables: true to add the paper's Tables 1 to 3, which do not depend on runs. Without runs they
-            are always part of the report.
     """
-    text = render(_TEMPLATE, **content(results, preset, budget, drawn, with_tables), command=command)
+    text = render(_TEMPLATE, **content(results, preset, budget, drawn), command=command)
     paths = [folder / f"report-{preset}.md"]
     write_whole(paths[0], text)
     if results.runs:
@@ -113,9 +63,7 @@ def write_report(
     return paths
 
 
-def content(
-    results: Runs, preset: str, budget: Budget, drawn: Iterable[str] = (), with_tables: bool = False
-) -> dict[str, object]:
+def content(results: Runs, preset: str, budget: Budget, drawn: Iterable[str] = ()) -> dict[str, object]:
     """Return the numbers, tables and texts of a report by their names in its template."""
     comparisons = compare(results)
     verdicts = {name: verdict([each for each in comparisons if each.claim == name]) for name in FACTS.claims}
@@ -146,7 +94,6 @@ def content(
             results, [LLM, *(each.name for each in conditions if each.tested)], (FINAL,), _LEVELS[:4]
         ),
         "differs": any(each.name in results.runs for each in sensitivity(preset)),
-        "tables": tables(budget) if with_tables or not headings else [],
         "runs": len(headings),
         "minutes": sum(heading.seconds for heading in headings) / 60,
         "versions": "; ".join(sorted({heading.versions for heading in headings})) or "no runs",

@@ -14,7 +14,6 @@ from fpg_bench.products.papers.yang_2026.conditions import (
     LLM,
     LONG,
     SHORT_SEEDS,
-    TABLES,
     Condition,
     conditions_of,
 )
@@ -29,7 +28,7 @@ class DuelStudy:
     """The experiments behind a figure of the paper, and a report on all runs in the folder.
 
     Attributes:
-        target: ``fig3`` to ``fig7``, ``tables`` or ``all``.
+        target: ``fig3`` to ``fig7``, or ``all``.
         scenario: ``paper``, ``standard`` or ``figures``.
         learner: ``torch`` or ``jax``; the latter is faster and requires the extra ``fast``.
         llm: train against the language-model planner as well; the environment names its endpoint.
@@ -104,6 +103,5 @@ class DuelStudy:
         every = [*conditions_of(ALL, self.scenario, True), Condition(LLM)]
         results = read_results(file, {name: seeds for each in every for name in each.runs})
         drawn = draw(results, self.scenario, out / "figures")
-        with_tables = self.target == TABLES
-        about = (self.scenario, BUDGETS[budget], drawn, out, command, with_tables)
+        about = (self.scenario, BUDGETS[budget], drawn, out, command)
         return [*(path for paths in drawn.values() for path in paths), *write_report(results, *about)]
