@@ -302,8 +302,8 @@ def test_where_no_bar_can_be_drawn_a_line_says_what_is_under_way(monkeypatch, ca
         for k in range(4):
             show(f"meeting {k}", 1000 * k, 4000)
     assert capsys.readouterr().err.split("\n") == [
-        "meeting 1: 1,000 of 4,000 rounds",
-        "meeting 3: 3,000 of 4,000 rounds",
+        "meeting 1: 1,000 of 4,000",
+        "meeting 3: 3,000 of 4,000",
         "",
     ]
 

@@ -117,10 +117,13 @@ def docs_folder() -> Path:
 
 
 @contextlib.contextmanager
-def shown_progress() -> Iterator[Callable[[str, int, int], None]]:
+def shown_progress(draws: bool = True) -> Iterator[Callable[[str, int, int], None]]:
     """Yield a function that shows what is under way, and how much of it is done: ``show(what, done, total)``.
 
     On a terminal it draws a bar with count, share and time left; elsewhere it prints a line each half minute.
+
+    Args:
+        draws: False prints lines on a terminal, too, as one of several processes.
     """
     from rich.console import Console
     from rich.progress import (
@@ -142,7 +145,7 @@ def shown_progress() -> Iterator[Callable[[str, int, int], None]]:
         TimeRemainingColumn(),
     )
     console = Console(stderr=True)
-    is_hidden = not is_terminal(sys.stderr)
+    is_hidden = not (draws and is_terminal(sys.stderr))
     with Progress(*columns, console=console, transient=True, expand=True, disable=is_hidden) as bar:
         task = bar.add_task("", total=None)
 
@@ -152,6 +155,6 @@ def shown_progress() -> Iterator[Callable[[str, int, int], None]]:
             if bar.disable and time.monotonic() - last_line >= LINE_EVERY_S:
                 last_line = time.monotonic()
                 if sys.stderr is not None:
-                    print(printable(f"{what}: {done:,} of {total:,} rounds"), file=sys.stderr, flush=True)
+                    print(printable(f"{what}: {done:,} of {total:,}"), file=sys.stderr, flush=True)
 
         yield show

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import logging
-import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
-from fpg_bench.common.output import LINE_EVERY_S, is_terminal
+from fpg_bench.common.output import shown_progress
 from fpg_bench.common.parallel import StopRequest
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
@@ -23,8 +20,6 @@ from fpg_bench.training.models import by_side
 
 _OF_MONITOR = ("r", "l", "t")  # in an episode's information beside its measures
 SAVE_EVERY_S = 60.0
-
-_logger = logging.getLogger(__name__)
 
 
 class GameMeasuresCallback(BaseCallback):
@@ -56,74 +51,37 @@ def score_tag(side: str, name: str, sides: Sequence[str]) -> str:
 
 
 class ProgressCallback(BaseCallback):
-    """A progress bar with steps, rate, time left and the mean return of the last rounds.
-
-    Without a terminal, a line is logged after each tenth of the budget, and after 30 s without a line. One of
-    several runs prints a line after each 30 s, from whichever process it is in.
+    """Shows steps, rate and the mean return of the last rounds, as :func:`shown_progress` does.
 
     Args:
         total: the budget in steps.
-        name: of one of several runs.
+        name: of one of several runs; it draws no bar.
     """
 
     def __init__(self, total: int, name: str = "") -> None:
         super().__init__()
         self._total, self._name = total, name
-        self._tenths = 0  # of the budget that a line was logged for
-        self._progress = Progress(
-            TextColumn("training"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[status]}"),
-            TimeRemainingColumn(),
-            disable=bool(name) or not is_terminal(sys.stdout),
-        )
+        self._held = contextlib.ExitStack()
 
     def _on_training_start(self) -> None:
         self._first, self._start = self.num_timesteps, time.monotonic()
-        self._logged_at = self._start
-        self._tenths = 10 * self._first // self._total
-        self._task = self._progress.add_task("", total=self._total, completed=self._first, status="")
-        self._progress.start()
-
-    def _on_step(self) -> bool:
-        if not self._progress.disable:
-            self._progress.update(self._task, completed=self.num_timesteps)
-        if time.monotonic() - self._logged_at >= LINE_EVERY_S:
-            self._log()
-        return True
+        self._show = self._held.enter_context(shown_progress(draws=not self._name))
 
     def _on_rollout_end(self) -> None:
-        if not self._progress.disable:
-            self._progress.update(self._task, status=self._status())
-        tenths = 10 * self.num_timesteps // self._total
-        if tenths > self._tenths:
-            self._tenths = tenths
-            if not self._name:
-                self._log()
-
-    def _status(self) -> str:
         rate = (self.num_timesteps - self._first) / (time.monotonic() - self._start)
-        status = f"{rate:,.0f} steps/s"
+        what = f"{self._name or 'training'}, {rate:,.0f} steps/s"
         if self.model.ep_info_buffer:
             (side,) = self.training_env.get_attr("side", 0)
             mean_return = np.mean([info["r"] for info in self.model.ep_info_buffer])
-            status += f", {side}'s return {mean_return:,.0f} (sampled actions)"
-        return status
+            what += f", {side}'s return {mean_return:,.0f} (sampled actions)"
+        self._show(what, self.num_timesteps, self._total)
 
-    def _log(self) -> None:
-        """Log the progress if no bar is drawn."""
-        self._logged_at = time.monotonic()
-        if self._progress.disable:
-            line = f"{self.num_timesteps:,} of {self._total:,} steps, {self._status()}"
-            if self._name:  # a worker logs nothing
-                print(f"{self._name}: {line}", file=sys.stderr, flush=True)
-            else:
-                _logger.info(f"training: {line}")
+    def _on_step(self) -> bool:
+        return True
 
     def close(self) -> None:
         """Remove the bar, also after an error."""
-        self._progress.stop()
+        self._held.close()
 
 
 class Clock:
