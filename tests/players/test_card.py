@@ -124,4 +124,4 @@ def test_a_run_in_ones_own_scenario_is_played_there_by_every_way(tmp_path, monke
     found = league.best_responses(config, tmp_path / "responses", progress=False)
     assert found["scenario"] == Scenario.from_dict(OWN).hash
     sha256 = hashlib.sha256((agent / "policy.onnx").read_bytes()).hexdigest()
-    assert found["policy"] == sha256
+    assert found["policies"] == {str(agent): sha256}

@@ -1,243 +1,427 @@
-"""Best responses to a fixed player: trained, and evaluated against it."""
+"""Best responses to a fixed player: scripts, rules, tables, and agents that are trained against it.
+
+No kind of search finds the lowest return of every player, so what a player is known to keep is the minimum
+over all of them, measured on seeds on which none was chosen.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
-from typing import Any, TypedDict, cast
+from typing import Any, Literal, TypedDict, cast
 
-from fpg_bench.common.checks import one_of
-from fpg_bench.common.errors import UserError, nearest
+import numpy as np
+
+from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_json
-from fpg_bench.common.ids import NAMED, SCRIPTED, other_side, policy_env
-from fpg_bench.common.imports import code_fingerprint
+from fpg_bench.common.ids import ALL_TACTICS, SCRIPTS, other_side
+from fpg_bench.common.imports import check_allowed, code_fingerprint
 from fpg_bench.common.locks import own_folder
-from fpg_bench.common.rows import Row
-from fpg_bench.evaluation.seeds import PROTOCOL
-from fpg_bench.game.scenario import STANDARD, Scenario
-from fpg_bench.game.spec import GameSpec, Options
-from fpg_bench.players.agent import read_card
-from fpg_bench.players.card import AgentCard
-from fpg_bench.players.player import SIDES
-from fpg_bench.players.registry import as_player, card_of, policy_hash
-from fpg_bench.products.league.config import BestResponseConfig
-from fpg_bench.products.league.evaluation import MATCHES, evaluate_against, result_row
-from fpg_bench.products.league.folder import as_json, check_same
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.schema import Strict, parse
+from fpg_bench.evaluation.seeds import PROTOCOL, tuning_seeds
+from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.registry import as_player, policy_hash
+from fpg_bench.players.tactics import draw_variants
+from fpg_bench.products.league.config import GAME, BestResponseConfig, RuleSearchConfig
+from fpg_bench.products.league.evaluation import MATCHES
+from fpg_bench.products.league.folder import check_same
+from fpg_bench.products.league.rule_search import rule_search
+from fpg_bench.products.league.tabular import DEFAULT_FEATURES, count_cells, table_search
+from fpg_bench.products.league.targets import (
+    RESPONSE_REWARDS,
+    Kept,
+    ResponseTarget,
+    find_target,
+    training_seeds,
+)
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.run_folder import RunFolder
-from fpg_bench.training.train import check_run, train
+from fpg_bench.training.run_folder import RunFolder, command_line
+from fpg_bench.training.train import check_run, is_finished, train
 
+ROWS, RESULT = "best_responses.jsonl", "best_responses.json"
+METHODS = ("rule", "tabular", "pupil", "ppo")  # of a portfolio in turn, after the scripts
+MOST_DRAWN_CELLS = 120
+RULE_BUDGET, TABLE_BUDGET = 10.0, 200.0  # CPU seconds, in a portfolio
+N_SCRIPTS = 40  # with random constants
+FINAL_MATCHES = 300  # on evaluation seeds, after the choice
+ALGORITHM, STEPS, IMITATION_STEPS = "ppo-stack8", 1_500_000, 400_000  # of PPO; pupils imitate in addition
+# Edges from which the features of all tables but the first are drawn.
+EDGES: Mapping[str, Mapping[str, Sequence[float]]] = {
+    "ally": {
+        "since_hit_s": (1, 2, 3, 6),
+        "sensed_type": (1, 2, 3, 4),
+        "hits": (2, 3),
+        "covered": (1,),
+        "distance_m": (35, 90),
+        "snr_db": (0, 10, 20),
+        "spreading_s": (1, 3, 6),
+    },
+    "opponent": {
+        "known_age_s": (1, 2, 3, 4, 5),
+        "distance_m": (20, 35, 60, 90),
+        "same_point": (1, 2),
+        "next_check_s": (2, 3, 4),
+        "since_check_s": (1, 2, 3),
+        "own_type": (1, 2, 3, 4),
+        "last_check": (0, 1),
+    },
+}
+_STEPS_PER_S = 8_000  # of PPO, at least; what it costs is known after the first training
 _logger = logging.getLogger(__name__)
 
-RESULT = "best_responses.json"
-# Reward of best responses by the side of the player: an ally's lowest return is what anybody can do to it, an
-# opponent's is taken against allies that play for themselves.
-RESPONSE_REWARDS = {"ally": "zero_sum", "opponent": "own"}
+
+class Found(Kept):
+    """Return of a training seed against the strongest response to it, with its interval.
+
+    Attributes:
+        response: the script, or the folder of the agent.
+        method: how it was found: ``script``, ``training``, ``rule``, ``tabular``, ``pupil`` or ``ppo``.
+        seconds: CPU seconds of this response alone.
+        spent: CPU seconds of the search until it was found.
+    """
+
+    response: str
+    method: str
+    seconds: float
+    spent: float
 
 
-Lowest = TypedDict("Lowest", {"return": float, "against": str})
-
-
-class _Measured(TypedDict):
-    """The player, and how it is measured: what one folder's responses have in common."""
-
-    side: str
-    policy: str
-    scenario: str
-    path: str | list[str]
-    matches: int
-    protocol: str
-
-
-class BestResponses(_Measured):
+class BestResponses(TypedDict):
     """Content of ``best_responses.json``; see :func:`best_responses`."""
 
-    agent: str
-    scripts: dict[str, Row]
-    responses: list[Row]
-    lowest: Lowest
+    side: str
+    policies: dict[str, str]
+    scenario: str
+    path: str | list[str]
+    reward: str
+    protocol: str
+    seconds: float
+    returns: dict[str, Found]
+    lowest: str
 
 
 def best_responses(config: BestResponseConfig, out: str | Path, *, progress: bool = True) -> BestResponses:
-    """Train best responses to a fixed player, and evaluate the player against them.
+    """Search the strongest response to a fixed player, by one method or by several.
+
+    First all scripts are played, and in a portfolio some with random constants. By default agents are then
+    trained with one algorithm. ``search="tabular"`` searches a table
+    (:func:`fpg_bench.products.league.tabular.table_search`) instead of both. A portfolio goes on in turn with
+    a short rule (:func:`fpg_bench.products.league.rule_search.rule_search`), a table, with features that are
+    drawn from the second on, a pupil, which is PPO that first imitates the strongest response that is no
+    pupil, and PPO from nothing; each answers the next training seed of the player's group, and what is
+    estimated to take longer than the budget is not begun.
 
     The opponent's path is that of the player's training: ``learned`` where it was among its paths, else
-    ``pursuit``. A stopped call is resumed: finished responses are not trained again, and calls with other
-    configurations add responses to them.
+    ``pursuit``. A stopped call is resumed, a larger budget continues a finished search, and calls with other
+    configurations add their responses.
 
     Args:
-        config: the player, and the kind of responses.
-        out: a folder for ``best_responses.json`` and the runs, ``<algorithm>-<steps>/seed_<k>``, with
-            the action mode behind the algorithm where it is not continuous.
-        progress: show the progress of each training.
+        config: the player, and the kind of responses; of a group of training seeds, the first is answered.
+        out: a folder for ``best_responses.jsonl``, a row per response; the folders of responses, such as
+            ``ppo-500000/seed_0`` and ``tabular_0``; and ``best_responses.json``, the result.
+        progress: show the progress of trainings and tables.
 
     Returns:
-        The content of ``best_responses.json``: the player, the game, ``responses`` (how each was made, the
-        ``seconds`` of its training, the player's ``return`` per step and ``score`` against it, ``earned``,
-        the response's own return per step, and the ``measures``; also ``n_resumes`` if its training was
-        resumed, as its policy then differs from that of an uninterrupted training), the same for the other
-        side's ``scripts``, and ``lowest``, the lowest return and against whom. It is an upper bound of the
-        player's worst return: another response may find a lower one.
+        The content of ``best_responses.json``: the player and the game; ``seconds`` of CPU; ``returns``, what
+        each training seed keeps per step against the response that is strongest on tuning seeds, in 300
+        matches on evaluation seeds with its 95 % interval, who found it and for how many CPU seconds; and
+        ``lowest``, the training seed that keeps least. It is an upper bound of the player's worst return:
+        another response may find a lower one.
 
     Raises:
-        UserError: no such player, a player whose training scenario no longer exists, or a folder with other
-            files or with best responses to another player.
+        UserError: no such player, a player whose training scenario no longer exists, invalid
+            hyper-parameters, or a folder with other files or with responses to another player.
         KeyboardInterrupt: stopped by the user.
     """
-    target, out = find_target(config.agent, config.side, config.game), Path(out)
-    file = out / RESULT
-    about: _Measured = {
+    seeds, folder = training_seeds(config.agent, config.side), Path(out)
+    agent = config.agent if config.agent in seeds else seeds[0]
+    target = find_target(agent, config.side, config.game)
+    players = {name: as_player(name, target.side, target.scenario) for name in seeds}
+    search = _Responses(config, target, seeds, folder, progress)
+    about: Row = {
         "side": target.side,
-        "policy": target.fingerprint,
+        "policies": {name: policy_hash(of) or code_fingerprint(name) for name, of in players.items()},
         "scenario": target.scenario.hash,
         "path": target.game.to_dict()["path"],
-        "matches": MATCHES,
+        "reward": search.reward,
         "protocol": PROTOCOL,
     }
-    other = other_side(target.side)
-    check_run(_response_run(config, target, 0))
-    with own_folder(out, RESULT, "best responses"):
-        begun: Row = {"agent": config.agent, **about, "scripts": {}, "responses": []}
-        result = cast("BestResponses", check_same(file, "best responses", about) if file.exists() else begun)
-        if not result["scripts"]:
-            result["scripts"] = {name: target.evaluate(name) for name in SCRIPTED[other]}
-            # The folder is taken before any training
-            result["lowest"] = _lowest_return(result)
-            write_json(file, result)
-        for seed in range(config.n_seeds):
-            if (response := _respond(config, target, seed, out, result["responses"], progress)) is not None:
-                result["responses"].append(response)
-                result["lowest"] = _lowest_return(result)
-                write_json(file, result)
-                _logger.info(f"trained with seed {seed}: {response['return']:.2f} per step")
-    return result
-
-
-def _respond(
-    config: BestResponseConfig,
-    target: ResponseTarget,
-    seed: int,
-    out: Path,
-    known: Sequence[Row],
-    progress: bool,
-) -> Row | None:
-    """Train one response, and evaluate the player against it; None if it is known already."""
-    made: Row = {
-        "algorithm": config.algorithm,
-        "steps": config.steps,
-        "training_seed": seed,
-        "reward": _reward(config, target),
-        **({} if config.actions in (None, "continuous") else {"actions": config.actions}),
-    }
-    folder = RunFolder(out / response_folder(made))
-    run = _response_run(config, target, seed)
-    made["hyperparameters"] = as_json(cast("Mapping[str, object]", run.hyperparams))
-    same = [row for row in known if row.get("actions") == made.get("actions")]
-    if any(made.items() <= row.items() for row in same):
-        return None
-    agent = train(run, folder.path, evaluations=0, progress=progress, resume=True)
-    ran = folder.read()
-    cost = {"seconds": ran.seconds} | ({"n_resumes": ran.part} if ran.part else {})
-    return made | cost | target.evaluate(str(agent))
-
-
-def _reward(config: BestResponseConfig, target: ResponseTarget) -> str:
-    return RESPONSE_REWARDS[target.side] if config.reward is None else config.reward
-
-
-def _response_run(config: BestResponseConfig, target: ResponseTarget, seed: int) -> RunConfig:
-    """Return the run of a response."""
-    game = GameSpec.of(target.game, reward=_reward(config, target), actions=config.actions)
-    values = load_hyperparameters(config.algorithm, game, config.hyperparams, allow=config.allow).entry()
-    return RunConfig(config.algorithm, game, seed, config.steps, values)
-
-
-def response_folder(response: Row) -> str:
-    """Return the folder of a response's run, relative to the folder of all responses."""
-    parts = [response["algorithm"], response["steps"]]
-    parts[1:1] = [response["actions"]] if "actions" in response else []
-    return f"{'-'.join(map(str, parts))}/seed_{response['training_seed']}"
-
-
-def response_label(response: Row) -> str:
-    """Return a description of how a response was made."""
-    actions = f" {response['actions']}" if "actions" in response else ""
-    steps = f"{response['steps']:,} steps"
-    return f"{response['algorithm']}{actions}, {steps}, seed {response['training_seed']}"
-
-
-def _lowest_return(result: BestResponses) -> Lowest:
-    """Return the player's lowest return per step, and against whom that was."""
-    returns = {name: row["return"] for name, row in result["scripts"].items()}
-    returns |= {response_label(response): response["return"] for response in result["responses"]}
-    name = min(returns, key=lambda name: returns[name])
-    return {"return": returns[name], "against": name}
-
-
-@dataclass(frozen=True)
-class ResponseTarget:
-    """A fixed player that responses are trained against, and the game of their training."""
-
-    agent: str
-    fingerprint: str
-    game: GameSpec
-
-    @property
-    def side(self) -> str:
-        """The side of the player."""
-        return self.game.config.other_side
-
-    @property
-    def scenario(self) -> Scenario:
-        """The scenario that is played."""
-        return self.game.resolve()
-
-    def evaluate(self, other: str) -> Row:
-        """Return the player's results against another player, and the other's return per step, ``earned``."""
-        summary = evaluate_against(self.agent, {other: other}, self.side, self.scenario, MATCHES)
-        row = result_row(summary)
-        del row["returns"]
-        tally = summary.pooled.tally
-        return row | {"earned": round(tally[f"{other_side(self.side)}_return"] / tally["steps"], 4)}
-
-
-def find_target(agent: str, side: str | None, replaced: Mapping[str, Any]) -> ResponseTarget:
-    """Load a player; the game is that of its training, except for the options that are replaced."""
-    side = _side_of(agent) if side is None else one_of(side, "side", SIDES)
-    player = as_player(agent, side, STANDARD)
-    options: Options = {"path": "pursuit"}
-    if (card := card_of(player)) is not None:
-        options["path"] = card.flies
-        if replaced.get("scenario") is None:
-            options["scenario"] = _scenario_of(agent, card)
+    if config.search is None:
+        check_run(search.run(0))
+    with own_folder(folder, RESULT, "best responses"):
+        if (folder / RESULT).exists():
+            check_same(folder / RESULT, "best responses", about)
         else:
-            kept = ("knowledge", "jamming_types")
-            options |= {name: getattr(card.game, name) for name in kept}
-    options |= {name: value for name, value in replaced.items() if value is not None}
-    game = GameSpec.of(policy_env(other_side(side)).id, against=agent, **options)
-    return ResponseTarget(agent, policy_hash(player) or code_fingerprint(agent), game)
+            write_json(folder / RESULT, about)
+        search.read()
+        if config.search == "portfolio":
+            search.add_portfolio()
+        elif config.search == "tabular":
+            search.add_table(0, config.budget)
+        else:
+            search.add_scripts(SCRIPTS[other_side(target.side)])
+            for seed in range(config.n_seeds):
+                search.add_training(seed)
+        returns = {name: search.strongest(name) for name in seeds}
+        lowest = min(returns, key=lambda name: returns[name]["return"])
+        found = {"seconds": round(search.spent, 1), "returns": returns, "lowest": lowest}
+        write_json(folder / RESULT, {**about, **found})
+    return cast("BestResponses", {**about, **found})
 
 
-def _scenario_of(agent: str, card: AgentCard) -> Scenario | str | None:
-    """Return the scenario of an agent's training, by the name of its preset if it has one."""
-    try:
-        home = card.home()
-    except UserError as error:
-        raise UserError(f"agent {agent}: {error}") from error
-    return None if home == STANDARD else home.name or home
+def draw_features(side: str, number: int) -> dict[str, list[float]]:
+    """Return the features of a portfolio's table: the default ones first, then two or more at random."""
+    if number == 0:
+        return {name: list(map(float, edges)) for name, edges in DEFAULT_FEATURES[side].items()}
+    rng, drawn = np.random.default_rng([0, number]), dict[str, list[float]]()
+    for name in rng.permutation(sorted(EDGES[side])).tolist():
+        more = drawn | {name: list(map(float, EDGES[side][name]))}
+        if count_cells(more) <= MOST_DRAWN_CELLS:
+            drawn = more
+    return drawn
 
 
-def _side_of(agent: str) -> str:
-    """Return the side that an agent or a script plays."""
-    sides = [side for side in SIDES if agent in NAMED[side]]
-    if "/" in agent or Path(agent).is_dir():
-        sides = [read_card(agent).side]
-    if len(sides) != 1:
-        if sides:
-            raise UserError(f"player {agent!r} plays both sides; set side to ally or opponent")
-        hint = nearest(agent, [name for side in SIDES for name in NAMED[side]])
-        raise UserError(f"player {agent!r}: no such agent or script{hint}")
-    return sides[0]
+class _Response(Strict):
+    """A row of ``best_responses.jsonl``.
+
+    Attributes:
+        response: the script, or the folder of the agent relative to that of all.
+        method: how it was found.
+        answers: the training seed that it answers; None for a script.
+        steps: steps of its training; None where it was not trained.
+        seconds: CPU seconds.
+        returns: what each training seed keeps per step, on tuning seeds.
+    """
+
+    response: str
+    method: Literal["script", "training", "rule", "tabular", "pupil", "ppo"]
+    answers: str | None = None
+    steps: int | None = None
+    seconds: float
+    returns: dict[str, float]
+
+
+def _steps_of(method: str) -> int:
+    """Return how many steps a training of a portfolio plays."""
+    return STEPS + IMITATION_STEPS if method == "pupil" else STEPS
+
+
+@dataclass
+class _Responses:
+    """The responses so far.
+
+    Attributes:
+        config: the player, and the kind of responses.
+        target: the player that is answered, with the game.
+        seeds: its training seeds.
+        folder: where the folders of responses are.
+        progress: show the progress of trainings and tables.
+        rows: rows of the responses.
+    """
+
+    config: BestResponseConfig
+    target: ResponseTarget
+    seeds: list[str]
+    folder: Path
+    progress: bool
+
+    def __post_init__(self) -> None:
+        self.rows = list[_Response]()
+        self._file = RowFile(self.folder / ROWS)
+
+    @property
+    def reward(self) -> str:
+        """Reward of the responses."""
+        return self.config.reward or RESPONSE_REWARDS[self.target.side]
+
+    @property
+    def spent(self) -> float:
+        """CPU seconds so far."""
+        return float(sum(row.seconds for row in self.rows))
+
+    def read(self) -> None:
+        """Read the rows; raise UserError for one of other training seeds, or of code."""
+        where = f"rows {self._file.path}"
+        for row in self._file.read():
+            check_allowed(row.get("response"), (), where)
+            self.rows.append(parse(_Response, row, where))
+            if list(self.rows[-1].returns) != self.seeds:
+                raise UserError(f"{where}: returns: expected those of {', '.join(self.seeds)}")
+
+    def add(
+        self,
+        response: str,
+        method: str,
+        make: Callable[[], float] = lambda: 0.0,
+        answers: str | None = None,
+        steps: int | None = None,
+    ) -> None:
+        """Make a response that has no row yet, and play it against all training seeds.
+
+        Args:
+            response, method, answers, steps: as in its row.
+            make: makes it; returns CPU seconds that earlier calls spent on it.
+        """
+        if any(row.response == response for row in self.rows):
+            return
+        began = time.process_time()
+        before = make()
+        place = self._place(response, method)
+        returns = {
+            name: self.target.kept(name, place, MATCHES, tuning_seeds)["return"] for name in self.seeds
+        }
+        row = _Response(
+            response=response,
+            method=cast("Any", method),
+            answers=answers,
+            steps=steps,
+            seconds=round(time.process_time() - began + before, 3),
+            returns=returns,
+        )
+        self._file.append([row.model_dump(exclude_none=True)])
+        self.rows.append(row)
+        if method != "script":
+            self._log(response, row)
+
+    def _log(self, what: str, row: _Response) -> None:
+        """Log what a row found, and the CPU seconds so far."""
+        _logger.info(f"{what}: lowest {min(row.returns.values()):.2f} per step; spent {self.spent:.0f} CPU s")
+
+    def add_scripts(self, names: Sequence[str]) -> None:
+        """Add scripts."""
+        for name in names:
+            if self.config.search is None or self.spent < self.config.budget:
+                self.add(name, "script")
+        if self.rows:
+            best = min(self.rows, key=lambda row: min(row.returns.values()))
+            self._log(f"strongest of {len(self.rows)}, {best.response}", best)
+
+    def add_portfolio(self) -> None:
+        """Add scripts, then rules, tables and trainings in turn, within the budget."""
+        other = other_side(self.target.side)
+        variants = draw_variants(other, N_SCRIPTS, self.target.scenario, 0, ALL_TACTICS[other])
+        self.add_scripts([*SCRIPTS[other], *variants])
+        for number, method in ((k, method) for k in count() for method in METHODS):
+            left = self.config.budget - self.spent
+            if left <= 0:
+                break
+            if method == "rule":
+                self.add_rule(number, min(RULE_BUDGET, left))
+            elif method == "tabular":
+                self.add_table(number, min(TABLE_BUDGET, left))
+            elif self._estimate(method) <= left:
+                self.add_ppo(number, method)
+
+    def _estimate(self, method: str) -> float:
+        """Return how many CPU seconds a training will take: as many as the last one of its kind."""
+        steps = _steps_of(method)
+        known = [row.seconds for row in self.rows if row.method == method and row.steps == steps]
+        return known[-1] if known else steps / _STEPS_PER_S
+
+    def add_rule(self, number: int, budget: float) -> None:
+        """Add a rule."""
+        name, answered = f"rule_{number}", self._answered(number)
+        config = RuleSearchConfig(
+            side=other_side(self.target.side),
+            against=[answered],
+            reward=self.reward,
+            budget=budget,
+            seed=number,
+            game={key: value for key, value in self.target.game.to_dict().items() if key in GAME},
+        )
+        self._add_search(
+            name, "rule", answered, lambda: rule_search(config, self.folder / name, progress=False)["seconds"]
+        )
+
+    def add_table(self, number: int, budget: float) -> None:
+        """Add a table; the first one has the command that makes it again."""
+        name, answered = f"tabular_{number}", self._answered(number)
+        features = draw_features(other_side(self.target.side), number)
+        config, command = self.config, None
+        if number == 0:  # the verb has no options for other features and seeds
+            given = {"side": config.side, "reward": config.reward, "budget": budget, **config.game}
+            command = command_line(config.verb, answered, out=self.folder, search="tabular", **given)
+
+        def search() -> float:
+            game, place = self._game(answered), self.folder / name
+            return table_search(
+                game, features, place, budget=budget, seed=number, command=command, progress=self.progress
+            )
+
+        self._add_search(name, "tabular", answered, search)
+
+    def _add_search(self, name: str, method: str, answered: str, search: Callable[[], float]) -> None:
+        """Add what a search finds, which returns its CPU seconds in all calls."""
+
+        def make() -> float:
+            began = time.process_time()
+            return max(search() - (time.process_time() - began), 0.0)
+
+        self.add(f"{name}/agent", method, make, answers=answered)
+
+    def add_ppo(self, number: int, method: str) -> None:
+        """Add PPO from nothing, or a pupil of the strongest response that is none."""
+        answered, game = self._answered(number), self._game(self._answered(number), actions="discrete")
+        values = load_hyperparameters(ALGORITHM, game, allow=self.config.allow).entry()
+        if method == "pupil":
+            others = [row for row in self.rows if row.method != method]
+            teacher = min(others, key=lambda row: row.returns[answered])
+            place = self._place(teacher.response, teacher.method)
+            values |= {"imitate": {"teacher": place, "steps": IMITATION_STEPS}}
+        run = RunConfig(ALGORITHM, game, number, STEPS, values)
+        self._add_run(run, f"{method}_{number}", method, answered, _steps_of(method))
+
+    def run(self, seed: int) -> RunConfig:
+        """Return a training of the configuration."""
+        config, game = self.config, self._game(self.target.agent, actions=self.config.actions)
+        values = load_hyperparameters(config.algorithm, game, config.hyperparams, allow=config.allow).entry()
+        return RunConfig(config.algorithm, game, seed, config.steps, values)
+
+    def add_training(self, seed: int) -> None:
+        """Add a training of the configuration."""
+        config, run = self.config, self.run(seed)
+        actions = "" if config.actions in (None, "continuous") else f"-{config.actions}"
+        name = f"{config.algorithm}{actions}-{config.steps}/seed_{seed}"
+        is_finished(run, self.folder / name)  # which refuses another run there
+        self._add_run(run, name, "training", self.target.agent, config.steps)
+
+    def _add_run(self, run: RunConfig, name: str, method: str, answered: str, steps: int) -> None:
+        folder = RunFolder(self.folder / name)
+
+        def make() -> float:
+            train(run, folder.path, evaluations=0, progress=self.progress, resume=True)
+            ran = folder.read()
+            return float(ran.seconds) if ran.part else 0.0  # wall-clock time, where parts were other calls
+
+        self.add(f"{name}/agent", method, make, answers=answered, steps=steps)
+
+    def strongest(self, name: str) -> Found:
+        """Return what a training seed keeps on fresh seeds against what is strongest on tuning seeds."""
+        index = min(range(len(self.rows)), key=lambda k: self.rows[k].returns[name])
+        row = self.rows[index]
+        return {
+            **self.target.kept(name, self._place(row.response, row.method), FINAL_MATCHES),
+            "response": row.response,
+            "method": row.method,
+            "seconds": row.seconds,
+            "spent": round(sum(each.seconds for each in self.rows[: index + 1]), 1),
+        }
+
+    def _game(self, answered: str, **options: Any) -> GameSpec:
+        """Return the game of a response to a training seed."""
+        return GameSpec.of(self.target.game, reward=self.reward, **{self.target.side: answered, **options})
+
+    def _place(self, response: str, method: str) -> str:
+        """Return the name by which a response plays."""
+        return response if method == "script" else str(self.folder / response)
+
+    def _answered(self, number: int) -> str:
+        """Return the training seed that a response answers: the first one first, then the others in turn."""
+        first = self.seeds.index(self.target.agent)
+        return self.seeds[(first + number) % len(self.seeds)]

@@ -14,10 +14,10 @@ from fpg_bench.players.player import SIDES
 from fpg_bench.training.config import Hyperparams
 
 GAME = ("scenario", "path", "knowledge", "jamming_types")  # options of a game that both sides share
-META_SOLVERS = ("weights", "nash")
+META_SOLVERS, SEARCHES = ("weights", "nash"), ("tabular", "portfolio")
 GOALS, REWARDS = ("mean", "lowest"), ("zero_sum", "own")  # of searches without a network
 # Known words, and least values, of fields
-WORDS = {"side": SIDES, "meta_solver": META_SOLVERS}
+WORDS = {"side": SIDES, "meta_solver": META_SOLVERS, "search": SEARCHES}
 LEAST = dict.fromkeys(("seed", "n_evals"), 0) | dict.fromkeys(
     ("steps", "response_steps", "n_seeds", "iterations", "weight", "patience"), 1
 )
@@ -60,7 +60,7 @@ class LeagueConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class BestResponseConfig(LeagueConfig):
-    """One kind of best response to a fixed player.
+    """Best responses to a fixed player, of one kind or of several.
 
     Attributes:
         agent: the player: a shipped agent, a folder, a script, or ``package.module:object``.
@@ -71,6 +71,10 @@ class BestResponseConfig(LeagueConfig):
             response's; None: ``zero_sum`` against an ally, ``own`` against an opponent. In Python also any
             other of :data:`fpg_bench.game.spec.REWARDS`.
         actions: action mode of the responses; None: ``continuous``.
+        search: in place of one training after the other, ``tabular``, a table of few features, or
+            ``portfolio``: scripts, rules, tables, PPO, and PPO that first imitates the strongest of these, in
+            turn.
+        budget: CPU seconds of a search.
         game: options of the game in place of those of the player's training.
     """
 
@@ -80,6 +84,17 @@ class BestResponseConfig(LeagueConfig):
     n_seeds: int = 3
     reward: str | None = None
     actions: str | None = None
+    search: str | None = None
+    budget: float = 200.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.search is not None:
+            if self.actions is not None:
+                raise UserError("actions: --search decides the actions of its responses; omit it")
+            if self.reward is not None:
+                one_of(self.reward, "reward", REWARDS)
+            check_budget(self.budget)
 
 
 @dataclass(frozen=True, kw_only=True)

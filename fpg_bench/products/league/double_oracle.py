@@ -30,7 +30,6 @@ from fpg_bench.evaluation.store import RECORDS, Pairing, Store
 from fpg_bench.evaluation.suite import Rival, Suite, side_suite
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import expand_suites, member_folder
-from fpg_bench.products.league.best_responses import RESPONSE_REWARDS
 from fpg_bench.products.league.config import DoubleOracleConfig
 from fpg_bench.products.league.evaluation import MATCHES
 from fpg_bench.products.league.folder import (
@@ -42,6 +41,7 @@ from fpg_bench.products.league.folder import (
     settings_of,
 )
 from fpg_bench.products.league.payoffs import Payoffs
+from fpg_bench.products.league.targets import RESPONSE_REWARDS
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 
-from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import SeedSource, play
 from fpg_bench.evaluation.store import Store, pairings
@@ -47,13 +46,3 @@ def evaluate_against(
     suite = Suite("league", side, scenario, matches, rivals, scale)
     records = Store().fill(pairings([player_entry(player)], suite), partial(play, seeds=seeds))
     return summary_of(records, suite)
-
-
-def result_row(summary: Summary) -> Row:
-    """Return the means ``score`` and ``return`` per step, ``returns`` against each, and ``measures``."""
-    return {
-        "score": round(summary.score.value, 2),
-        "return": round(summary.reward.value, 4),
-        "returns": {name: round(result.value, 4) for name, result in summary.by_rival.items()},
-        "measures": {name: None if x is None else round(x, 5) for name, x in summary.measures.items()},
-    }

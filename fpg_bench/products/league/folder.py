@@ -5,21 +5,27 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
+import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from fpg_bench.common.checks import first_difference
 from fpg_bench.common.errors import UserError, other_content, shown
-from fpg_bench.common.files import read_json
+from fpg_bench.common.files import read_json, write_json
 from fpg_bench.common.locks import own_folder
+from fpg_bench.common.rows import Row, RowFile
+from fpg_bench.common.schema import parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.card import AgentCard
+from fpg_bench.products.league.categorical import CategoricalSearch, Generation
 from fpg_bench.products.league.config import GAME, LeagueConfig
 from fpg_bench.training.hyperparameters import as_option
 from fpg_bench.training.run_folder import RunFolder, command_line
+
+_logger = logging.getLogger(__name__)
 
 
 @contextlib.contextmanager
@@ -34,6 +40,44 @@ def search_folder(folder: Path, about: str, rows: str, what: str) -> Iterator[No
                 for name in held:
                     (folder / name).unlink()
             raise
+
+
+def run_search(
+    search: CategoricalSearch, folder: Path, name: str, about: Row, budget: float, progress: bool
+) -> tuple[float, float]:
+    """Run a search in a held folder until a budget of CPU seconds is spent, over all calls.
+
+    Args:
+        search: the search, which has not begun.
+        folder: the folder.
+        name: of its files, the rows ``<name>.jsonl`` and the settings ``<name>.json``.
+        about: the settings.
+        budget: the generation that it ends in is finished.
+        progress: log a line for each quarter of the budget.
+
+    Returns:
+        What the last generation's best earned per step, and the CPU seconds.
+
+    Raises:
+        UserError: the folder has another search.
+    """
+    file, settings = RowFile(folder / f"{name}.jsonl"), folder / f"{name}.json"
+    rows = [parse(Generation, row, f"rows {file.path}") for row in file.read()]
+    if settings.exists():
+        check_same(settings, f"a {name} search", about)
+    else:
+        write_json(settings, about)
+    for row in rows:
+        search.take(row, file.path.name)
+    seconds = sum(row.seconds for row in rows)
+    while seconds < budget:
+        row, quarters = search.run(), 4 * seconds // budget
+        seconds += row.seconds
+        rows.append(row)
+        file.append([row.model_dump()])
+        if progress and 4 * seconds // budget > quarters:
+            _logger.info(f"generation {row.generation}: {row.earned:.2f} per step; {seconds:.0f} CPU s")
+    return rows[-1].earned, round(seconds, 1)
 
 
 def settings_of(config: LeagueConfig, *without: str) -> JsonObject:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypedDict, cast
@@ -11,23 +10,21 @@ import numpy as np
 
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTS, other_side, policy_env
-from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.common.schema import parse
+from fpg_bench.common.rows import Row
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import expand_suites, write_agent
 from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.products.league.candidates import Candidates, earnings
-from fpg_bench.products.league.categorical import CategoricalSearch, Generation
+from fpg_bench.products.league.categorical import CategoricalSearch
 from fpg_bench.products.league.config import GAME, RuleSearchConfig
-from fpg_bench.products.league.folder import check_same, search_folder
+from fpg_bench.products.league.folder import run_search, search_folder
 from fpg_bench.products.league.rules import NUMBERS, Option, describe_rule, rule_graph, rule_values
 from fpg_bench.training.run_folder import command_line, revision
 from fpg_bench.version import versions
 
-ROWS, RESULT = "rules.jsonl", "rule.json"
-_logger = logging.getLogger(__name__)
+NAME = "rule"  # of its files, and of the algorithm
 
 
 class FoundRule(TypedDict):
@@ -50,7 +47,7 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
 
     Args:
         config: the side, the rivals and the goal.
-        out: a folder for ``rules.jsonl``, a row per generation; ``agent``, the rule as an agent; and
+        out: a folder for ``rule.jsonl``, a row per generation; ``agent``, the rule as an agent; and
             ``rule.json``, the settings and the result.
         progress: log a line for each quarter of the budget.
 
@@ -77,24 +74,10 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
         "reward": config.reward,
         "seed": config.seed,
     }
-    with search_folder(folder, RESULT, ROWS, "rule search"):
-        file = RowFile(folder / ROWS)
-        rows = [parse(Generation, row, f"rows {file.path}") for row in file.read()]
-        if (folder / RESULT).exists():
-            check_same(folder / RESULT, "a rule search", about)
-        else:
-            write_json(folder / RESULT, about)
+    with search_folder(folder, f"{NAME}.json", f"{NAME}.jsonl", "rule search"):
         search = RuleSearch(config.side, rivals, scenario, config.goal, config.seed, config.reward)
-        for row in rows:
-            search.take(row, ROWS)
-        seconds = sum(row.seconds for row in rows)
-        while seconds < config.budget:
-            row, quarters = search.run(), 4 * seconds // config.budget
-            seconds += row.seconds
-            file.append([row.model_dump()])
-            if progress and 4 * seconds // config.budget > quarters:
-                _logger.info(f"generation {row.generation}: {row.earned:.2f} per step; {seconds:.0f} CPU s")
-        generations, earned = search.generation, row.earned
+        earned, seconds = run_search(search, folder, NAME, about, config.budget, progress)
+        generations = search.generation
         best = search.simplify()
         result: FoundRule = {
             "side": config.side,
@@ -103,19 +86,19 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
             "goal": config.goal,
             "earned": earned,
             "generations": generations,
-            "seconds": round(seconds, 1),
+            "seconds": seconds,
         }
         options = {name: value for name, value in game.to_dict().items() if name in GAME}
         write_agent(
             folder / "agent",
             rule_graph(config.side, scenario, rule_values(config.side, best[None], scenario)[0]),
-            algorithm="rule",
+            algorithm=NAME,
             game=game.describe(),
             scenario=scenario.hash,
             scenario_fields=scenario.to_dict(),
             training_seed=config.seed,
             training_steps=search.rounds * scenario.steps_per_round,
-            seconds=round(seconds, 1),
+            seconds=seconds,
             recipe={"rule": result["rule"], "words": result["words"]},
             command=command_line(
                 config.verb,
@@ -132,7 +115,7 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
             versions=versions(),
             revision=revision(),
         )
-        write_json(folder / RESULT, {**about, **result})
+        write_json(folder / f"{NAME}.json", {**about, **result})
     return result
 
 

@@ -7,27 +7,20 @@ as an ordinary agent.
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple, TypedDict
+from typing import NamedTuple
 
 import numpy as np
 
-from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.imports import code_fingerprint
-from fpg_bench.common.locks import own_folder
-from fpg_bench.common.rows import Row, RowFile
-from fpg_bench.common.schema import parse
-from fpg_bench.evaluation.play import SeedSource
-from fpg_bench.evaluation.seeds import PROTOCOL
+from fpg_bench.common.rows import Row
 from fpg_bench.game.actions import IN_BAND_GATE, PREFERENCE, TUNING, TYPE_SCORES, VELOCITY
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.names import JAMMING_TYPES
@@ -45,16 +38,13 @@ from fpg_bench.game.sensing import (
 )
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE, TYPES
-from fpg_bench.players.agent import agents_named, write_agent
+from fpg_bench.players.agent import write_agent
 from fpg_bench.players.registry import as_player, policy_hash
-from fpg_bench.products.league.best_responses import RESPONSE_REWARDS, ResponseTarget, find_target
 from fpg_bench.products.league.candidates import Candidates, away_m, earnings
-from fpg_bench.products.league.categorical import CategoricalSearch, Generation
-from fpg_bench.products.league.config import REWARDS, check_budget
-from fpg_bench.products.league.evaluation import evaluate_against
-from fpg_bench.products.league.folder import check_same
+from fpg_bench.products.league.categorical import CategoricalSearch
+from fpg_bench.products.league.folder import run_search, search_folder
 from fpg_bench.training.export import Graph, Value, counted, rows_of
-from fpg_bench.training.run_folder import command_line, revision
+from fpg_bench.training.run_folder import revision
 from fpg_bench.version import versions
 
 MOST_CELLS = 4096
@@ -283,188 +273,75 @@ def drawn_point(
 
 # Search
 
-ROWS, RESULT = "tabular.jsonl", "tabular.json"
+NAME = "tabular"  # of its files, and of the algorithm
 DEFAULT_FEATURES: Mapping[str, Mapping[str, Sequence[float]]] = {
     "ally": {"since_hit_s": (1, 2, 3, 6), "sensed_type": (1, 2, 3, 4), "hits": (2, 3)},
     "opponent": {"known_age_s": (1, 2, 3, 4, 5), "own_type": (1, 2, 3), "distance_m": (60,)},
 }
-FINAL_MATCHES = 300  # on evaluation seeds, after the choice
-_logger = logging.getLogger(__name__)
-
-Kept = TypedDict("Kept", {"return": float, "low": float, "high": float})
 
 
-class Settings(TypedDict):
-    """Settings that tell a search for responses from another."""
-
-    side: str
-    policies: dict[str, str]
-    scenario: str
-    path: str | list[str]
-    reward: str
-    seed: int
-    protocol: str
-
-
-class TabularResponse(Settings):
-    """Content of ``tabular.json``; see :func:`tabular_response`."""
-
-    features: dict[str, list[float]]
-    generations: int
-    seconds: float
-    cells: list[int]
-    choices: list[str]
-    returns: dict[str, Kept]
-    lowest: str
-
-
-def tabular_response(
-    agent: str,
+def table_search(
+    game: GameSpec,
+    features: Mapping[str, Sequence[float]],
     out: str | Path,
     *,
     budget: float = 200.0,
-    features: Mapping[str, Sequence[float]] | None = None,
     seed: int = 0,
-    reward: str | None = None,
-    side: str | None = None,
-    scenario: str | Path | None = None,
-    path: str | Sequence[str] | None = None,
+    command: str | None = None,
     progress: bool = True,
-) -> TabularResponse:
-    """Search a table that responds to a fixed player, and play it against all training seeds of that player.
+) -> float:
+    """Search a table that responds to a fixed player.
 
     The rows of a search depend on its seed alone, and its budget decides how many there are. A stopped call
     is resumed, and a larger budget continues a finished one.
 
     Args:
-        agent: the player: a shipped agent, a folder, a script, or ``package.module:object``; of a group of
-            training seeds, the first is answered.
-        out: a folder for ``tabular.jsonl``, a row per generation; ``agent``, the best table as an agent; and
-            ``tabular.json``, the settings and the result.
+        game: the table's game against the player.
+        features: edges of each feature, see :func:`check_features`.
+        out: a folder for ``tabular.jsonl``, a row per generation; ``agent``, the best table, whose ``recipe``
+            has the cells; and ``tabular.json``, the settings.
         budget: CPU seconds of the search, over all calls; the generation that it ends in is finished.
-        features: edges of each feature, see :func:`check_features`; None for those of ``DEFAULT_FEATURES``.
         seed: training seed of the search.
-        reward: ``zero_sum``, to lower the player's return, or ``own``, to raise the table's; None for
-            ``zero_sum`` against an ally and ``own`` against an opponent.
-        side, scenario, path: see :func:`fpg_bench.products.league.best_responses.best_responses`.
+        command: the command that makes it again, if there is one.
         progress: log a line for each quarter of the budget.
 
     Returns:
-        The content of ``tabular.json``: the settings; ``generations`` and ``seconds`` of CPU; ``cells``, and
-        the ``choices`` that they name; ``returns``, what each training seed keeps per step in 300 matches on
-        evaluation seeds, played after the choice, with its 95 % interval; and ``lowest``, the training seed
-        that keeps least.
+        CPU seconds of all calls.
 
     Raises:
-        UserError: no such player, a feature that its rival does not observe, a budget of nothing, or a folder
-            with other files or another search.
+        UserError: a feature that the side does not observe, or a folder with other files or another search.
         KeyboardInterrupt: stopped by the user.
     """
-    check_budget(budget)
-    seeds = training_seeds(agent, side)
-    target = find_target(agent if agent in seeds else seeds[0], side, {"scenario": scenario, "path": path})
-    reward = RESPONSE_REWARDS[target.side] if reward is None else one_of(reward, "reward of a table", REWARDS)
-    other = other_side(target.side)
-    features = DEFAULT_FEATURES[other] if features is None else features
-    check_features(other, features)
-    edges = {name: list(map(float, of)) for name, of in features.items()}
-    settings, folder = settings_of(target, seeds, reward, seed), Path(out)
-    about: Row = {**settings, "features": edges}
-    given: Row = {"budget": budget, "side": side, "reward": reward, "scenario": scenario, "path": path}
-    command = command_line("best-response", agent, search="tabular", out=folder, **given)
-    if seed or edges != {name: list(of) for name, of in DEFAULT_FEATURES[other].items()}:
-        command = None  # that verb has no options for these
-    file = RowFile(folder / ROWS)
-    with own_folder(folder, RESULT, "tabular search"):
-        rows = [parse(Generation, row, f"rows {file.path}") for row in file.read()]
-        if (folder / RESULT).exists():
-            check_same(folder / RESULT, "a tabular search", about)
-        else:
-            write_json(folder / RESULT, about)
-        search = TableSearch(target, edges, reward, seed)
-        for row in rows:
-            search.take(row, ROWS)
-        seconds = sum(row.seconds for row in rows)
-        while seconds < budget:
-            row, quarters = search.run(), 4 * seconds // budget
-            seconds += row.seconds
-            file.append([row.model_dump()])
-            if progress and 4 * seconds // budget > quarters:
-                _logger.info(f"generation {row.generation}: {row.earned:.2f} per step; {seconds:.0f} CPU s")
-        cells = search.best.tolist()
-        about_agent = {
-            "algorithm": "tabular",
-            "game": GameSpec.of(target.game, reward=reward).describe(),
-            "scenario": target.scenario.hash,
-            "scenario_fields": target.scenario.to_dict(),
-            "training_seed": seed,
-            "training_steps": search.rounds * target.scenario.steps_per_round,
-            "seconds": round(seconds, 1),
-            "recipe": {"features": edges, "cells": cells},
-            "command": command,
-            "versions": versions(),
-            "revision": revision(),
-        }
-        write_agent(folder / "agent", table_onnx(other, edges, target.scenario, cells), **about_agent)
-        returns = {name: measure(name, str(folder / "agent"), target) for name in seeds}
-        result: TabularResponse = {
-            **settings,
-            "features": edges,
-            "generations": search.generation,
-            "seconds": round(seconds, 1),
-            "cells": cells,
-            "choices": list(table_choices(other, target.scenario).names),
-            "returns": returns,
-            "lowest": min(returns, key=lambda name: returns[name]["return"]),
-        }
-        write_json(folder / RESULT, result)
-    return result
-
-
-def settings_of(target: ResponseTarget, seeds: Sequence[str], reward: str, seed: int) -> Settings:
-    """Return the settings of a search for responses to all training seeds of a player."""
-    players = {name: as_player(name, target.side, target.scenario) for name in seeds}
-    return {
-        "side": target.side,
-        "policies": {name: policy_hash(of) or code_fingerprint(name) for name, of in players.items()},
-        "scenario": target.scenario.hash,
-        "path": target.game.to_dict()["path"],
-        "reward": reward,
+    (player,), side, scenario, folder = game.others, game.config.side, game.resolve(), Path(out)
+    check_features(side, features)
+    rival = as_player(player, other_side(side), scenario)
+    about: Row = {
+        "policy": policy_hash(rival) or code_fingerprint(player),
+        "scenario": scenario.hash,
+        "reward": game.reward,
         "seed": seed,
-        "protocol": PROTOCOL,
+        "features": {name: list(map(float, edges)) for name, edges in features.items()},
     }
-
-
-def training_seeds(agent: str, side: str | None) -> list[str]:
-    """Return all training seeds of the group that an agent belongs to, or that is named; else the player."""
-    group, _, last = agent.rstrip("/").removesuffix("/agent").rpartition("/")
-    is_seed = bool(group) and last.startswith("seed_")
-    seeds = agents_named(group if is_seed else agent, side or "ally")
-    return seeds if agent in seeds or not is_seed else [agent]
-
-
-def measure(
-    agent: str,
-    response: str,
-    target: ResponseTarget,
-    matches: int = FINAL_MATCHES,
-    seeds: SeedSource | None = None,
-) -> Kept:
-    """Return what an agent keeps per step against a response, with its 95 % interval over matches."""
-    summary = evaluate_against(agent, {"it": response}, target.side, target.scenario, matches, seeds)
-    kept = summary.reward
-    return {"return": round(kept.value, 4), "low": round(kept.low, 4), "high": round(kept.high, 4)}
-
-
-class TableSearch(CategoricalSearch):
-    """Search over the cells of a table that responds to a player; see :func:`tabular_response`."""
-
-    def __init__(
-        self, target: ResponseTarget, features: Mapping[str, Sequence[float]], reward: str, seed: int
-    ) -> None:
-        side, scenario = other_side(target.side), target.scenario
+    with search_folder(folder, f"{NAME}.json", f"{NAME}.jsonl", "tabular search"):
         model = table_onnx(side, features, scenario)
-        player = as_player(target.agent, target.side, scenario)
-        play = earnings(lambda cells: Candidates(model, cells), side, [player], scenario, reward)
+        play = earnings(lambda cells: Candidates(model, cells), side, [rival], scenario, game.reward or "own")
         choices = len(table_choices(side, scenario).names)
-        super().__init__([choices] * count_cells(features), play, seed=seed)
+        search = CategoricalSearch([choices] * count_cells(features), play, seed=seed)
+        _, seconds = run_search(search, folder, NAME, about, budget, progress)
+        cells = search.best.tolist()
+        write_agent(
+            folder / "agent",
+            table_onnx(side, features, scenario, cells),
+            algorithm=NAME,
+            game=game.describe(),
+            scenario=scenario.hash,
+            scenario_fields=scenario.to_dict(),
+            training_seed=seed,
+            training_steps=search.rounds * scenario.steps_per_round,
+            seconds=seconds,
+            recipe={"features": about["features"], "cells": cells},
+            command=command,
+            versions=versions(),
+            revision=revision(),
+        )
+    return seconds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -19,11 +19,8 @@ from fpg_bench.cli.options import (
     game_options,
     whole_number,
 )
-from fpg_bench.common.checks import one_of
-from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.output import print_line
-from fpg_bench.common.rows import Row
 from fpg_bench.products.league import config as league
 from fpg_bench.products.league.config import (
     BestResponseConfig,
@@ -60,74 +57,29 @@ def best_response(
     out: Annotated[Path, typer.Option(help="Folder of the best responses and best_responses.json.")],
     options: Annotated[Given, league_options(BestResponseConfig)],
     game: GameOptions,
-    search: Annotated[
-        str | None,
-        typer.Option(
-            help="tabular: search a table of few features instead. portfolio: scripts, rules, tables, "
-            "PPO, and PPO that first imitates the strongest of these, in turn. Both play what they find "
-            "against all training seeds of the agent.",
-            rich_help_panel=TRAINING,
-        ),
-    ] = None,
-    budget: Annotated[float, typer.Option(help="CPU seconds of --search.", rich_help_panel=TRAINING)] = 200.0,
 ) -> None:
-    """Train best responses to a fixed player and report its return against each.
+    """Search best responses to a fixed player, and report what it keeps against the strongest.
+
+    They are trained, unless --search names another way. Each training seed of the player is played.
 
     Example: fpg-bench best-response runs/ppo_0/agent --steps 500000 --out runs/exploited
     """
     check_writable(out)
     require_libraries()
-    from fpg_bench.products.league.best_responses import best_responses, response_label
+    from fpg_bench.products.league.best_responses import best_responses
 
-    if search is not None:
-        asked = {name: options.get(name) for name in ("side", "reward", "actions", "allow")}
-        _search_response(search, agent, out, budget, **asked, **game)
-        return
     config = BestResponseConfig(agent=agent, game=game, **options)
-    row = best_responses(config, out, progress=sys.stdout.isatty())
-    for response in row["responses"]:
-        print_line(
-            f"{response_label(response)}: {response['return']:.2f} per step, {_jamming(response)}; "
-            f"{response['seconds'] / 60:.1f} min"
-        )
-    scripts = row["scripts"]
-    strongest = min(scripts, key=lambda name: scripts[name]["return"])
-    met = scripts[strongest]
-    print_line(f"strongest script, {strongest}: {met['return']:.2f} per step, {_jamming(met)}")
-    print_line(f"{agent}: lowest {row['lowest']['return']:.2f} per step, against {row['lowest']['against']}")
-    paid_for_loss = all(response["reward"] == "zero_sum" for response in row["responses"])
-    if row["lowest"]["against"] == strongest and paid_for_loss:
-        print_line(
-            f"{strongest} is stronger than these responses: they are not best responses yet; raise --steps"
-        )
-
-
-def _search_response(search: str, agent: str, out: Path, budget: float, **options: Any) -> None:
-    """Run a search of ``best-response --search``, and print what each training seed keeps."""
-    one_of(search, "search", ("tabular", "portfolio"))
-    if options.pop("actions", None) is not None:
-        raise UserError("actions: --search decides the actions of its responses; omit it")
-    allowed = options.pop("allow") or ()
-    result: Any
-    if search == "tabular":
-        from fpg_bench.products.league.tabular import tabular_response
-
-        result = tabular_response(agent, out, budget=budget, **options)
-    else:
-        from fpg_bench.products.league.portfolio import portfolio
-
-        result = portfolio(agent, out, budget=budget, allow=allowed, **options)
+    result = best_responses(config, out, progress=sys.stdout.isatty())
     for name, of in result["returns"].items():
-        by = f", against {of['response']} ({of['spent']:.0f} CPU s)" if "response" in of else ""
-        print_line(f"{name}: {of['return']:.2f} [{of['low']:.2f}, {of['high']:.2f}] per step{by}")
-    lowest = result["lowest"]
-    print_line(
-        f"lowest: {result['returns'][lowest]['return']:.2f} per step, {lowest}; {result['seconds']:.0f} CPU s"
-    )
-
-
-def _jamming(met: Row) -> str:
-    return f"jamming success rate {100 * met['measures']['jamming_success_rate']:.0f} %"
+        kept = f"{of['return']:.2f} [{of['low']:.2f}, {of['high']:.2f}] per step"
+        print_line(f"{name}: {kept}, against {of['response']} ({of['spent']:.0f} CPU s)")
+    lowest = result["returns"][result["lowest"]]
+    print_line(f"lowest: {lowest['return']:.2f} per step, {result['lowest']}; {result['seconds']:.0f} CPU s")
+    if lowest["method"] == "script":
+        print_line(
+            f"{lowest['response']} is stronger than these responses: they are not best responses yet; raise "
+            "--steps or --budget"
+        )
 
 
 def rule_search(

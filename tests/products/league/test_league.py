@@ -9,7 +9,7 @@ import train_champions
 import yaml
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import SCRIPTED
+from fpg_bench.common.ids import SCRIPTS
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
@@ -20,11 +20,10 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.products.league import best_responses as responding
 from fpg_bench.products.league import champions as championing
 from fpg_bench.products.league import double_oracle as searching
-from fpg_bench.products.league import evaluation
+from fpg_bench.products.league import evaluation, targets
 from fpg_bench.products.league.config import BestResponseConfig
 from fpg_bench.products.league.double_oracle import double_oracle
 from fpg_bench.products.league.verbs import best_response
-from fpg_bench.training.callbacks import GameMeasuresCallback
 from tests.training.tiny import settings, train, train_tiny
 
 OPPONENT = "FPG/OpponentVsScripted-v0"
@@ -37,6 +36,7 @@ def few_matches():
     """Few matches in each evaluation."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(responding, "MATCHES", 5)
+        patched.setattr(responding, "FINAL_MATCHES", 5)
         yield
 
 
@@ -111,13 +111,12 @@ def run_folder(out, seed, steps=400, algorithm="ppo"):
     return out / f"{algorithm}-{steps}" / f"seed_{seed}"
 
 
-def lowest(result):
-    rows = {
-        f"{r['algorithm']}, {r['steps']:,} steps, seed {r['training_seed']}": r for r in result["responses"]
-    }
-    rows |= result["scripts"]
-    name = min(rows, key=lambda name: rows[name]["return"])
-    return {"return": rows[name]["return"], "against": name}
+def rows_of(out):
+    return RowFile(out / responding.ROWS).read()
+
+
+def trained_rows(out):
+    return [row for row in rows_of(out) if row["method"] == "training"]
 
 
 @pytest.mark.slow
@@ -125,11 +124,11 @@ def test_a_response_may_choose_from_a_list_beside_those_that_do_not(ally, result
     out = tmp_path / "responses"
     respond(ally, out)
     found = respond(ally, out, actions="discrete")
-    assert [row.get("actions") for row in found["responses"]] == [None, "discrete"]
-    agent = load_agent(out / "ppo-discrete-400" / "seed_0" / "agent", "opponent")
+    names = ["ppo-400/seed_0/agent", "ppo-discrete-400/seed_0/agent"]
+    assert [row["response"] for row in trained_rows(out)] == names
+    agent = load_agent(out / names[1], "opponent")
     assert agent.card.game.actions == "discrete"
     assert respond(ally, out, actions="discrete") == found
-    assert responding.response_label(found["responses"][1]) == "ppo discrete, 400 steps, seed 0"
 
 
 @pytest.mark.slow
@@ -138,13 +137,17 @@ def test_a_response_to_an_opponent_plays_for_itself(tmp_path, capsys, caplog):
     options = {"steps": 400, "n_seeds": 1, "hyperparams": settings("ppo")}
     best_response("tone", tmp_path / "out", options=options, game={})
     result = json.loads((tmp_path / "out" / "best_responses.json").read_text())
-    assert [row["reward"] for row in result["responses"]] == ["own"]
-    assert result["lowest"]["against"] in result["scripts"]
-    assert "not best responses" not in capsys.readouterr().out  # it was not paid for the opponent's loss
-    earned = result["responses"][0]["return"]
-    assert [line for line in caplog.messages if "per step" in line or "training" in line] == [
-        f"trained with seed 0: {earned:.2f} per step"
-    ]
+    assert result["reward"] == "own"
+    found = result["returns"]["tone"]
+    assert found["method"] == "script"  # 400 steps train nothing
+    *_, kept, lowest, hint = capsys.readouterr().out.splitlines()
+    assert kept.startswith(f"tone: {found['return']:.2f} [")
+    assert lowest.startswith(f"lowest: {found['return']:.2f} per step, tone; ")
+    assert hint.startswith(f"{found['response']} is stronger than these responses")
+    earned = trained_rows(tmp_path / "out")[0]["returns"]["tone"]
+    told = [line for line in caplog.messages if "spent" in line]
+    assert told[0].startswith(f"strongest of {len(SCRIPTS['ally'])}, ")
+    assert told[1].startswith(f"ppo-400/seed_0/agent: lowest {earned:.2f} per step; spent ")
 
 
 @pytest.mark.slow
@@ -152,43 +155,49 @@ def test_the_player_s_returns_against_responses_and_scripts_are_reported(ally, r
     out = ally.parent.parent / "responses"
     assert json.loads((out / "best_responses.json").read_text()) == result
     suite = dataclasses.replace(load_suite("ally-v2"), matches=5)
-    for seed, row in enumerate(result["responses"]):
-        assert (row["algorithm"], row["steps"], row["training_seed"]) == ("ppo", 400, seed)
+
+    def kept(response, seeds=None):
+        rival = Rival("it", (response,), suite.scenario)
+        return suite.rewards(play(player_entry(str(ally)), suite, rival, seeds).returns).mean()
+
+    for seed, row in enumerate(trained_rows(out)):
+        assert (row["steps"], row["answers"]) == (400, str(ally))
         agent = run_folder(out, seed) / "agent"
         about = load_agent(agent, "opponent").card.to_dict()
         assert (about["training_seed"], about["training_steps"]) == (seed, 400)
         game = {"id": "FPG/OpponentVsScripted-v0", "ally": str(ally), "path": "pursuit", "reward": "zero_sum"}
         assert about["game"] == game | {"id": "FPG/OpponentVsPolicy-v0"}
-        record = play(player_entry(str(ally)), suite, Rival("it", (str(agent),), suite.scenario))
-        reward = suite.rewards(record.returns).mean()
-        earned = record.tally["opponent_return"] / record.tally["steps"]
-        assert (row["return"], row["earned"]) == pytest.approx((reward, earned), abs=1e-4)
-        assert row["score"] == pytest.approx(suite.scale.score(reward), abs=0.01)
-    assert result["policy"] == load_agent(ally).card.policy_sha256
-    assert list(result["scripts"]) == list(SCRIPTED["opponent"])
-    adaptive = evaluation.evaluate_against(str(ally), {"adaptive": "adaptive"}, "ally", STANDARD, 5)
-    assert result["scripts"]["adaptive"]["score"] == round(adaptive.score.value, 2)
-    assert result["lowest"] == lowest(result)
+        assert row["returns"][str(ally)] == pytest.approx(kept(str(agent), tuning_seeds), abs=1e-4)
+    assert result["policies"] == {str(ally): load_agent(ally).card.policy_sha256}
+    scripts = [row["response"] for row in rows_of(out) if row["method"] == "script"]
+    assert scripts == list(SCRIPTS["opponent"])
+    strongest = min(rows_of(out), key=lambda row: row["returns"][str(ally)])
+    found = result["returns"][result["lowest"]]
+    assert (found["response"], found["seconds"]) == (strongest["response"], strongest["seconds"])
+    assert found["response"] in scripts
+    assert found["return"] == pytest.approx(kept(found["response"]), abs=1e-4)  # on evaluation seeds
 
 
 @pytest.mark.slow
 def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, result, trained):
     out = ally.parent.parent / "responses"
+    before = rows_of(out)
     assert respond(ally, out, n_seeds=2) == result
     assert not trained
-    assert respond(ally, out, n_seeds=3)["responses"][:2] == result["responses"]
+    respond(ally, out, n_seeds=3)
     respond(ally, out, steps=800)
-    curve = respond(ally, out, algorithm="ppo-stack2")
+    respond(ally, out, algorithm="ppo-stack2")
     added = [("ppo", 400, 2), ("ppo", 800, 0), ("ppo-stack2", 400, 0)]
     assert [(run.algorithm, run.steps, run.seed) for run in trained] == added
-    responses = [(r["algorithm"], r["steps"], r["training_seed"]) for r in curve["responses"]]
-    assert responses == [("ppo", 400, 0), ("ppo", 400, 1), *added]
-    assert curve["lowest"] == lowest(curve)
+    names = [f"{algorithm}-{steps}/seed_{seed}/agent" for algorithm, steps, seed in added]
+    assert [row["response"] for row in rows_of(out)[len(before) :]] == names
+    assert rows_of(out)[: len(before)] == before
     with pytest.raises(UserError, match="holds another run"):  # of this budget and seed
         respond(ally, out, hyperparams=settings("ppo", gamma=0.5))
     for other, options, what in (
-        ("expert", {}, "policy"),
+        ("expert", {}, "policies"),
         (ally, {"game": {"path": "learned"}}, "scenario"),
+        (ally, {"reward": "own"}, "reward"),
     ):
         with pytest.raises(UserError, match=f"holds best responses with another {what}"):
             respond(other, out, **options)
@@ -196,13 +205,13 @@ def test_finished_responses_are_not_trained_again_and_others_can_be_added(ally, 
 
 @pytest.mark.slow
 def test_an_interrupted_command_goes_on(ally, tmp_path, monkeypatch):
-    for place, is_started in (("evaluate_against", False), ("train", True)):
+    for place in (f"{targets.__name__}.evaluate_against", f"{responding.__name__}.train"):
         with monkeypatch.context() as patched:
-            patched.setattr(responding, place, interrupt)
+            patched.setattr(place, interrupt)
             with pytest.raises(KeyboardInterrupt):
                 respond(ally, tmp_path / "out")
-        # The folder is taken before anything is trained
-        assert (tmp_path / "out" / "best_responses.json").exists() == is_started
+        # The folder is taken before anything is played
+        assert (tmp_path / "out" / "best_responses.json").exists()
     respond(ally, tmp_path / "out")
     assert (run_folder(tmp_path / "out", 0) / "agent" / "agent.json").exists()
 
@@ -212,21 +221,6 @@ def test_folders_of_others_are_refused_and_stay_as_they_are(tmp_path):
     with pytest.raises(UserError, match=r"holds other files, but no best resp.*; choose"):
         respond("expert", tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
-
-
-@pytest.mark.slow
-def test_a_resumed_response_is_marked(ally, tmp_path, monkeypatch):
-    def stop(callback):
-        if callback.num_timesteps >= 800:  # the step before is saved
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patched:
-        patched.setattr("fpg_bench.training.callbacks.SAVE_EVERY_S", -1.0)
-        patched.setattr(GameMeasuresCallback, "_on_rollout_start", stop)
-        with pytest.raises(KeyboardInterrupt):
-            respond(ally, tmp_path / "out", steps=1200)
-    (response,) = respond(ally, tmp_path / "out", steps=1200)["responses"]
-    assert response["n_resumes"] == 1
 
 
 @pytest.mark.slow

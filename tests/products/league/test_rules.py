@@ -13,7 +13,7 @@ from fpg_bench.game.scenario import as_scenario, preset
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
-from fpg_bench.products.league import categorical, rule_search
+from fpg_bench.products.league import categorical
 from fpg_bench.products.league.candidates import Candidates
 from fpg_bench.products.league.categorical import CategoricalSearch
 from fpg_bench.products.league.config import RuleSearchConfig
@@ -216,11 +216,11 @@ def test_a_stopped_search_goes_on_and_its_agent_says_the_rule(short, tmp_path):
     about = {"side": "opponent", "against": ["expert", "idle"], "seed": 1}
     part, whole = tmp_path / "part", tmp_path / "whole"
     search_rule(RuleSearchConfig(**about, budget=0.01), part)
-    file = RowFile(part / rule_search.ROWS)
+    file = RowFile(part / "rule.jsonl")
     result = search_rule(RuleSearchConfig(**about, budget=2.0), part)
     search_rule(RuleSearchConfig(**about, budget=2.0), whole)
     kept = [
-        [{k: v for k, v in row.items() if k != "seconds"} for row in RowFile(f / rule_search.ROWS).read()]
+        [{k: v for k, v in row.items() if k != "seconds"} for row in RowFile(f / "rule.jsonl").read()]
         for f in (part, whole)
     ]
     shared = min(map(len, kept))

@@ -16,21 +16,17 @@ from fpg_bench.common.ids import other_side
 from fpg_bench.common.rows import RowFile
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.game.scenario import as_scenario, preset
+from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import OnnxPlayer, load_agent
 from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.players.registry import as_player
-from fpg_bench.products.league import categorical, tabular
-from fpg_bench.products.league import portfolio as mixing
+from fpg_bench.products.league import best_responses as mixing
+from fpg_bench.products.league import categorical, targets
+from fpg_bench.products.league.best_responses import best_responses
 from fpg_bench.products.league.candidates import Candidates
-from fpg_bench.products.league.portfolio import portfolio
-from fpg_bench.products.league.tabular import (
-    FEATURES,
-    count_cells,
-    table_choices,
-    table_onnx,
-    tabular_response,
-    training_seeds,
-)
+from fpg_bench.products.league.config import BestResponseConfig
+from fpg_bench.products.league.tabular import FEATURES, count_cells, table_choices, table_onnx, table_search
+from fpg_bench.products.league.targets import training_seeds
 from fpg_bench.products.league.verbs import best_response
 from fpg_bench.version import versions
 from tests.training.tiny import settings
@@ -58,11 +54,19 @@ def local(monkeypatch):
     """The local search begins early, and plays few rounds."""
     for name, value in (("CROSS_ENTROPY", 3), ("MUTANTS", 8), ("FINAL_ROUNDS", 16)):
         monkeypatch.setattr(categorical, name, value)
-    monkeypatch.setattr(tabular, "FINAL_MATCHES", 20)
+    monkeypatch.setattr(mixing, "FINAL_MATCHES", 20)
+
+
+ROWS = "tabular.jsonl"
+IDLE = GameSpec.of("FPG/OpponentVsPolicy-v0", against="idle", reward="zero_sum")
 
 
 def kept_rows(folder):
-    return [{k: v for k, v in row.items() if k != "seconds"} for row in RowFile(folder / tabular.ROWS).read()]
+    return [{k: v for k, v in row.items() if k != "seconds"} for row in RowFile(folder / ROWS).read()]
+
+
+def respond(agent, out, **options):
+    return best_responses(BestResponseConfig(agent=agent, **options), out, progress=False)
 
 
 @pytest.mark.parametrize("side", ["ally", "opponent"])
@@ -91,54 +95,57 @@ def test_an_exported_table_plays_as_the_table_to_the_bit(side, name):
 @pytest.mark.slow
 def test_an_obvious_hole_is_found_in_a_second_and_exported_as_an_agent(tmp_path, caplog):
     caplog.set_level(logging.INFO)
-    result = tabular_response("idle", tmp_path / "out", side="ally", features=FEW, budget=1)
-    assert result["returns"]["idle"]["high"] < -12  # random play leaves it 15
-    assert 1 <= sum(line.startswith("generation") for line in caplog.messages) <= 4 < result["generations"]
-    assert result == json.loads((tmp_path / "out" / "tabular.json").read_text())
+    table_search(IDLE, FEW, tmp_path / "out", budget=1)
+    target = targets.find_target("idle", "ally", {})
+    assert target.kept("idle", str(tmp_path / "out" / "agent"), 300)["high"] < -12  # random play leaves it 15
+    generations = len(kept_rows(tmp_path / "out"))
+    assert 1 <= sum(line.startswith("generation") for line in caplog.messages) <= 4 < generations
     card = load_agent(tmp_path / "out" / "agent", "opponent").card
-    assert (card.algorithm, card.recipe["cells"]) == ("tabular", result["cells"])
-    assert card.command is None  # the verb has no option for features
-    assert card.to_dict()["versions"] == versions()
+    assert (card.algorithm, card.recipe["features"], len(card.recipe["cells"])) == ("tabular", FEW, 3)
+    assert (card.command, card.to_dict()["versions"]) == (None, versions())
 
 
 @pytest.mark.slow
-def test_the_agent_of_a_table_says_the_command_that_makes_it_again(tmp_path, monkeypatch):
+def test_the_agent_of_a_table_says_the_command_that_makes_it_again(tmp_path, monkeypatch, local):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(mixing, "MATCHES", 2)
     again = []
     for out in ("first", "second"):
-        tabular_response("idle", Path(out), side="ally", budget=0.01)
-        again.append(load_agent(tmp_path / out / "agent", "opponent").card)
+        respond("idle", Path(out), side="ally", search="tabular", budget=0.01)
+        again.append(load_agent(tmp_path / out / "tabular_0" / "agent", "opponent").card)
     words = again[0].command.replace("--out first", "--out third").split()[1:]
     assert CliRunner().invoke(app, words).exit_code == 0
-    assert load_agent(tmp_path / "third" / "agent", "opponent").card.policy_sha256 == again[1].policy_sha256
+    third = load_agent(tmp_path / "third" / "tabular_0" / "agent", "opponent")
+    assert third.card.policy_sha256 == again[1].policy_sha256
 
 
 @pytest.mark.slow
 def test_a_table_answers_an_opponent_and_plays_for_itself(tmp_path, local):
-    result = tabular_response("tone", tmp_path / "out", budget=0.5)
-    assert (result["reward"], load_agent(tmp_path / "out" / "agent").card.side) == ("own", "ally")
+    result = respond("tone", tmp_path / "out", search="tabular", budget=0.5)
+    card = load_agent(tmp_path / "out" / "tabular_0" / "agent").card
+    assert (result["reward"], card.side, card.game.reward) == ("own", "ally", "own")
 
 
 @pytest.mark.slow
 def test_a_stopped_search_goes_on_with_the_same_bits(tmp_path, local):
     one, other = tmp_path / "one", tmp_path / "other"
-    options = {"side": "ally", "features": FEW}
-    tabular_response("reactive", one, budget=0.2, **options)
+    game = GameSpec.of(IDLE, ally="reactive")
+    table_search(game, FEW, one, budget=0.2)
     begun = len(kept_rows(one))
-    with (one / tabular.ROWS).open("a") as file:
+    with (one / ROWS).open("a") as file:
         file.write('{"generation": 99, "sec')  # killed while it wrote
-    tabular_response("reactive", one, budget=1.5, **options)
-    tabular_response("reactive", other, budget=1.5, **options)
+    table_search(game, FEW, one, budget=1.5)
+    table_search(game, FEW, other, budget=1.5)
     rows, whole = kept_rows(one), kept_rows(other)
     assert len(rows) > begun
     assert [row["generation"] for row in rows] == list(range(len(rows)))
     common = min(len(rows), len(whole))
     assert rows[:common] == whole[:common]
     assert rows[-1]["method"] == "local search"
-    content = (one / tabular.ROWS).read_text().splitlines(keepends=True)
-    (one / tabular.ROWS).write_text("".join(content[1:]))
+    content = (one / ROWS).read_text().splitlines(keepends=True)
+    (one / ROWS).write_text("".join(content[1:]))
     with pytest.raises(UserError, match=r"tabular.jsonl: holds generation 1 of another search"):
-        tabular_response("reactive", one, budget=1.5, **options)
+        table_search(game, FEW, one, budget=1.5)
 
 
 def test_a_response_to_one_training_seed_is_played_against_all():
@@ -148,29 +155,41 @@ def test_a_response_to_one_training_seed_is_played_against_all():
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("features", "message"),
     [
-        ({"features": {"snr_db": [1]}}, "features: the opponent does not observe 'snr_db'"),
-        ({"features": {"distance_m": [2, 1]}}, "features: distance_m: expected rising edges"),
-        ({"features": {}}, "features: expected 2 to 4096 cells, got 1; name some"),
-        ({"budget": 0}, "budget: expected CPU seconds above 0, got 0"),
-        ({"budget": float("nan")}, "budget: expected CPU seconds above 0, got nan"),
-        ({"reward": "jamming"}, "reward of a table: expected one of zero_sum, own, got 'jamming'"),
+        ({"snr_db": [1]}, "features: the opponent does not observe 'snr_db'"),
+        ({"distance_m": [2, 1]}, "features: distance_m: expected rising edges"),
+        ({}, "features: expected 2 to 4096 cells, got 1; name some"),
     ],
 )
-def test_invalid_settings_are_refused_and_leave_nothing(options, message, tmp_path):
+def test_invalid_features_are_refused_and_leave_nothing(features, message, tmp_path):
     with pytest.raises(UserError, match=message):
-        tabular_response("idle", tmp_path / "out", side="ally", **options)
+        table_search(IDLE, features, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"search": "table"}, "search: expected one of tabular, portfolio, got 'table'"),
+        ({"budget": 0}, "budget: expected CPU seconds above 0, got 0"),
+        ({"budget": float("nan")}, "budget: expected CPU seconds above 0, got nan"),
+        ({"reward": "jamming"}, "reward: expected one of zero_sum, own, got 'jamming'"),
+        ({"actions": "discrete"}, "actions: --search decides the actions of its responses; omit it"),
+    ],
+)
+def test_invalid_options_of_a_search_are_refused(options, message):
+    with pytest.raises(UserError, match=message):
+        BestResponseConfig(**{"agent": "idle", "search": "tabular"} | options)
 
 
 @pytest.mark.slow
 def test_another_search_needs_another_folder(tmp_path, local):
-    tabular_response("idle", tmp_path, side="ally", features=FEW, budget=0.1)
+    table_search(IDLE, FEW, tmp_path, budget=0.1)
     with pytest.raises(UserError, match="a tabular search with another features"):
-        tabular_response("idle", tmp_path, side="ally", features={"known_age_s": [2]}, budget=0.1)
-    with pytest.raises(UserError, match="other files, but no portfolio"):
-        portfolio("idle", tmp_path, side="ally", budget=0.1)
+        table_search(IDLE, {"known_age_s": [2]}, tmp_path, budget=0.1)
+    with pytest.raises(UserError, match="other files, but no best responses"):
+        respond("idle", tmp_path, side="ally", search="portfolio", budget=0.1)
 
 
 @pytest.mark.full
@@ -182,9 +201,9 @@ def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, loc
         monkeypatch.setattr(mixing, name, value)
     load = partial(mixing.load_hyperparameters, file=settings("ppo"))
     monkeypatch.setattr(mixing, "load_hyperparameters", load)
-    first = portfolio("idle", tmp_path, side="ally", budget=0.5)
+    first = respond("idle", tmp_path, side="ally", search="portfolio", budget=0.5)
     begun = RowFile(tmp_path / mixing.ROWS).read()
-    result = portfolio("idle", tmp_path, side="ally", budget=first["seconds"] + 12)
+    result = respond("idle", tmp_path, side="ally", search="portfolio", budget=first["seconds"] + 12)
     rows = RowFile(tmp_path / mixing.ROWS).read()
     assert rows[: len(begun)] == begun
     assert {row["method"] for row in rows} == {"script", "rule", "tabular", "pupil", "ppo"}
@@ -207,29 +226,29 @@ def test_a_portfolio_reports_the_lowest_of_all_methods_and_goes_on(tmp_path, loc
 def test_no_code_is_run_on_the_word_of_a_portfolio_s_rows(tmp_path, monkeypatch, local):
     monkeypatch.setattr(mixing, "MATCHES", 2)
     monkeypatch.setattr(mixing, "N_SCRIPTS", 0)
-    portfolio("idle", tmp_path, side="ally", budget=1e-3)
+    respond("idle", tmp_path, side="ally", search="portfolio", budget=1e-3)
     file = tmp_path / mixing.ROWS
     (row,) = RowFile(file).read()
     file.write_text(json.dumps(row | {"response": "package.module:object"}) + "\n")
     with pytest.raises(UserError, match=r"would run package\.module:object"):
-        portfolio("idle", tmp_path, side="ally", budget=1)
+        respond("idle", tmp_path, side="ally", search="portfolio", budget=1)
 
 
-def test_the_features_of_later_tables_are_drawn_by_the_seed():
+def test_the_features_of_later_tables_are_drawn():
     for side in ("ally", "opponent"):
-        drawn = [mixing.draw_features(side, number, 3) for number in range(6)]
-        assert drawn == [mixing.draw_features(side, number, 3) for number in range(6)]
+        drawn = [mixing.draw_features(side, number) for number in range(6)]
+        assert drawn == [mixing.draw_features(side, number) for number in range(6)]
         assert len({json.dumps(each) for each in drawn}) > 3
         assert all(len(each) >= 2 and count_cells(each) <= mixing.MOST_DRAWN_CELLS for each in drawn[1:])
 
 
 @pytest.mark.slow
-def test_the_verb_says_what_each_training_seed_keeps(tmp_path, capsys, local):
-    best_response("idle", tmp_path / "out", {"side": "ally"}, {}, search="tabular", budget=0.2)
+def test_the_verb_says_what_each_training_seed_keeps(tmp_path, capsys, local, monkeypatch):
+    monkeypatch.setattr(mixing, "MATCHES", 2)
+    options = {"side": "ally", "search": "tabular", "budget": 0.2}
+    best_response("idle", tmp_path / "out", options, {"knowledge": "none"})
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("idle: -")
     assert lines[1].startswith("lowest: -")
-    with pytest.raises(UserError, match="search: expected one of tabular, portfolio, got 'table'"):
-        best_response("idle", tmp_path / "other", {}, {}, search="table")
-    with pytest.raises(UserError, match="actions: --search decides the actions of its responses"):
-        best_response("idle", tmp_path / "other", {"actions": "discrete"}, {}, search="tabular")
+    card = load_agent(tmp_path / "out" / "tabular_0" / "agent", "opponent").card
+    assert card.game.knowledge == "none"
