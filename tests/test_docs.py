@@ -19,6 +19,7 @@ from fpg_bench.common.ids import ACTION_MODES, DUEL, ENVS, action_modes
 from fpg_bench.common.rows import RowFile
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario
+from fpg_bench.players.agent import read_card
 from fpg_bench.players.planner import PLANNERS, asks_language_model
 from fpg_bench.products.language_models.servers import SERVERS, load_server
 from fpg_bench.products.leaderboard.exploited import RESPONSE
@@ -223,10 +224,10 @@ def test_the_lowest_known_return_is_one_number_wherever_it_stands():
     shown = set()
     for track in (track for track in board.tracks if track.side == "ally"):
         view = track_view(board, track)
-        kept = [row.exploited.value for row in view.unbroken]
+        kept = [view["exploited"][entry.slug]["value"] for entry in view["unbroken"]]
         assert kept == sorted(kept, reverse=True)
-        for row in view.unbroken:
-            entry, exploited = row.entry, row.figures.exploited
+        for entry in view["unbroken"]:
+            exploited = entry.figures.exploited
             lowest = exploited.lowest.return_per_step.value
             chosen = min(exploited.attacks, key=lambda attack: attack.chosen_by)
             assert chosen.return_per_step.value == least[entry.slug]
@@ -234,19 +235,29 @@ def test_the_lowest_known_return_is_one_number_wherever_it_stands():
                 lowest < least[entry.slug] and exploited.lowest.where != RESPONSE
             )
             number = f"{lowest:.2f}"
-            page = entry_view(board, track, entry).shown.exploited
-            assert page.at_most == row.exploited.at_most == f"at most {number.replace('-', '−')}"
+            page = entry_view(board, track, entry)["exploited"]
+            assert page == view["exploited"][entry.slug]
+            assert page["at_most"] == f"at most {number.replace('-', '−')}"
             lines = [line for line in champions.splitlines() if line.startswith(f"| `{entry.plays}` |")]
             assert sum(f"| {number} " in line for line in lines) == 1, entry.slug
             shown.add(entry.slug)
-        champion = view.unbroken[0]
-        name, number = champion.entry.plays, f"{champion.exploited.value:.2f}"
+        name, number = view["unbroken"][0].plays, f"{kept[0]:.2f}"
         assert f"| {number} (`{name}`, found by: " in value
         if track.key == "ally":
             assert f"| `{name}` | the champion, first by" in README.read_text()
             (line,) = (line for line in README.read_text().splitlines() if line.startswith(f"| `{name}` |"))
             assert line.split(" | ")[4] == number
     assert shown == least.keys()
+
+
+@pytest.mark.slow
+def test_the_page_of_a_shipped_agent_has_the_command_of_its_card():
+    board, _ = quote_figures.board()
+    for track in board.tracks:
+        for entry in track.entries:
+            _, *again = entry_view(board, track, entry)["commands"]
+            cards = [read_card(entry.player)] if entry.kind == "zoo" else []
+            assert [command for _, command in again] == [card.command for card in cards]
 
 
 def test_a_figure_stands_in_the_midst_of_a_sentence_and_a_table_on_lines_of_its_own():

@@ -193,6 +193,7 @@ class BoardEntry:
         name: its name on the board; see :func:`fpg_bench.products.leaderboard.about.board_name`.
         plays: the script or zoo agent that it names.
         player: what ``fpg-bench play`` calls its script or first policy; None for planners.
+        command: what trained the first seed of a zoo agent, as its card says.
         reason: why it is not verified.
         figures: None where it is not verified.
         replays: files of the rounds that its page shows.
@@ -209,6 +210,7 @@ class BoardEntry:
     actions: tuple[str, ...]
     plays: str | None
     player: str | None
+    command: str | None
     training: Training | None
     saw: str
     unable: str
@@ -456,6 +458,7 @@ def _make_entry(
         actions=tuple(sorted({card.game.action_mode for card in submission.cards})),
         plays=submission.script or submission.zoo,
         player=player_of(submission),
+        command=submission.cards[0].command if submission.zoo is not None else None,
         training=submission.training,
         saw=submission.saw,
         unable=submission.unable,

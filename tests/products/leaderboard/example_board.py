@@ -175,6 +175,7 @@ def _entry(
         actions=() if kind == "script" else ("discrete",),
         plays={"script": ("idle", "tone")[key != "ally"], "zoo": "no-such/agent"}.get(kind),
         player="idle" if kind == "script" else f"no-such/agent/seed_0{text}",
+        command=f"fpg-bench train{text}" if kind == "zoo" else None,
         training=None if kind == "script" else Training(steps=2_000_000, hours=1.5, seeds=(0, 1, 2, 3, 4)),
         saw=text or "the adaptive opponent in pursuit",
         unable=text or "nothing that we know of",

@@ -60,8 +60,8 @@ def test_a_board_of_planners_holds_and_tells_tier_model_and_valid_answers(entere
     assert (reference, bound.rank, bound.is_reference) == ("pursuit", None, True)
     assert bound.score.value > max(of.score.value for _, of in ranked)
     view = track_view(make_board(load_entries(entered)), track)
-    assert view.leaders
-    assert "pursuit" not in view.leaders
+    assert view["leaders"]
+    assert "pursuit" not in view["leaders"]
     assert (figures["pursuit"].planner.tier, figures["pursuit"].planner.valid) == ("ally", None)
     toy = figures["toy"].planner
     assert (toy.model, toy.tier, toy.valid) == ("toy", "history", pytest.approx(2 / 3, rel=1e-5))

@@ -8,7 +8,6 @@ import re
 from email.message import Message
 from html.parser import HTMLParser
 from pathlib import Path
-from types import SimpleNamespace
 from urllib.parse import parse_qsl, unquote
 from xml.etree import ElementTree
 
@@ -29,12 +28,9 @@ from fpg_bench.game.state import TALLY
 from fpg_bench.players.agent import load_agent
 from fpg_bench.products.leaderboard.site import page_data, views
 from fpg_bench.products.leaderboard.site.build import build_site
-from fpg_bench.products.leaderboard.site.entry_page import commands
 from fpg_bench.products.leaderboard.site.page_data import agent_file, zoo_policies
 from fpg_bench.products.leaderboard.site.replays import Replay
 from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
-from fpg_bench.products.league.champions import load_champions
-from fpg_bench.products.zoo.zoo import load_zoo
 from tests.products.leaderboard.example_board import (
     HOSTILE,
     example_board,
@@ -171,7 +167,7 @@ def test_a_table_explains_what_a_reader_stumbles_over():
         others = [dataclasses.replace(entry, plays=None) for entry in others]
         tracks.append(dataclasses.replace(track, entries=(first, *others)))
     board = dataclasses.replace(board, tracks=tuple(tracks))
-    notes = {track.key: " ".join(views.track_view(board, track).notes) for track in board.tracks}
+    notes = {track.key: " ".join(views.track_view(board, track)["notes"]) for track in board.tracks}
     titles = {track.key: track.title for track in board.tracks}
     for one, other in (("opponent-pursuit", "opponent-link"), ("opponent-link", "opponent-pursuit")):
         assert f"also in the table “{titles[other]}”" in notes[one]
@@ -440,18 +436,6 @@ def test_who_is_unbroken_and_who_broke_what_stand_below_the_table_of_a_track(pag
         ("player-2", "breaker-1", "-14.65"),
         ("player-2", "breaker-2", "-14.65"),
     ]
-
-
-def test_commands_that_train_an_entry_name_an_agent_of_the_zoo_or_a_champion():
-    zoo, champions, seen = load_zoo(), load_champions(ROOT / "baselines/champions.yml"), set()
-    for path in sorted((ROOT / "leaderboard/submissions").glob("*/*/submission.yaml")):
-        if name := yaml.safe_load(path.read_text()).get("zoo"):
-            entry = SimpleNamespace(kind="zoo", plays=name, slug=path.parent.name)
-            _, (_, command) = commands(SimpleNamespace(side=path.parent.parent.name), entry)
-            _, script, _, only = command.split()
-            seen.add(script)
-            assert only in champions if script == "scripts/train_champions.py" else zoo.members(only), name
-    assert seen == {"scripts/train_champions.py", "scripts/train_zoo.py"}
 
 
 def test_every_measure_of_a_round_has_a_label():

@@ -102,10 +102,8 @@ def _pages(board: Board, replays: Replays, docs: str) -> dict[str, str]:
         pages.append((f"{stem}.html", "crossplay.html", choice))
     for track in board.tracks:
         for entry in track.entries:
-            content = {
-                "view": entry_view(board, track, entry),
-                "replays": replays.get((track.key, entry.slug), []),
-            }
+            content = entry_view(board, track, entry)
+            content["replays"] = replays.get((track.key, entry.slug), [])
             pages.append((views.entry_page(track, entry), "entry.html", content))
             pages.append(
                 (badge_file(track, entry), "badge.svg", {"track": track, "right": badge_text(track, entry)})
@@ -146,6 +144,10 @@ def _environment(board: Board, docs: str) -> Environment:
         "mission": views.MISSION,
         "label_of": label_of,
         "few_seeds": views.FEW_SEEDS,
+        "entry_page": views.entry_page,
+        "warnings": views.warnings,
+        "lost_text": views.lost_text,
+        "same_policies_text": views.same_policies_text,
         "doc_link": partial(_doc_link, docs),
         "board_address": published().get("Leaderboard", "").rstrip("/"),
         "software_links": partial(_software_links, docs),

@@ -3,139 +3,64 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any
 
 from fpg_bench.evaluation.statistics import Interval
-from fpg_bench.products.leaderboard.board import Board, BoardEntry, BoardSuite, BoardTrack, Figures
+from fpg_bench.products.leaderboard.board import Board, BoardEntry, BoardTrack, Figures
 from fpg_bench.products.leaderboard.site.views import (
     NONE,
     ROLES,
     Axis,
-    ExploitedView,
     exploited_view,
     format_number,
     format_rank,
-    lost_text,
     ordered_suites,
     safe_link,
-    same_policies_text,
     scale_text,
 )
 from fpg_bench.products.leaderboard.tracks import PUBLIC, UNSEEN
 
-_T = TypeVar("_T")
 _SPECIAL = re.compile(r"([&%$#_{}])")
 
 
-@dataclass(frozen=True)
-class FiguresView:
-    """Figures of a verified entry, ready for its page.
+def entry_view(board: Board, track: BoardTrack, entry: BoardEntry) -> dict[str, Any]:
+    """Return what an entry's page shows beside the entry and its track.
 
-    Attributes:
-        role: label of the suite that its score is over.
-        axis: of all scores on the page.
-        scores, by_rival: suites with the score over each, and with the score against each rival.
-        by_seed: the score of each training seed, without an interval.
-        first_rounds: of the first round against each rival, its return and the command that plays it again,
-            by role and rival.
-        facts: names and values of further figures of a planner.
-        fingerprint: names and values.
+    ``unseen`` is the suite of rivals that it cannot have trained on, if there is one; ``role`` the label of
+    the suite that its score is over, and ``axis`` that of all scores on the page.
     """
-
-    role: str
-    axis: Axis
-    exploited: ExploitedView | None
-    lost: str
-    same_policies: str
-    scores: list[tuple[BoardSuite, Interval]]
-    by_rival: list[tuple[BoardSuite, Mapping[str, Interval]]]
-    by_seed: Mapping[int, Interval]
-    first_rounds: Mapping[str, Mapping[str, tuple[float, str]]]
-    facts: list[tuple[str, str]]
-    fingerprint: list[tuple[str, str]]
-
-
-@dataclass(frozen=True)
-class EntryView:
-    """An entry's page.
-
-    Attributes:
-        ranked_by: label of the suite that ranks the track.
-        shown: its figures; None where it is not verified.
-        reference: a link, if the entry has a safe one.
-        commands: descriptions and command lines.
-        badge: file of its badge.
-        unseen: the suite of rivals that it cannot have trained on, if there is one.
-    """
-
-    track: BoardTrack
-    entry: BoardEntry
-    ranked_by: str
-    scale: str
-    shown: FiguresView | None
-    reference: str | None
-    commands: list[tuple[str, str]]
-    bibtex: str
-    badge: str
-    unseen: BoardSuite | None
-
-
-def entry_view(board: Board, track: BoardTrack, entry: BoardEntry) -> EntryView:
-    """Return the view of an entry's page."""
     figures = entry.figures
     is_late = figures is not None and figures.is_late
-    return EntryView(
-        track=track,
-        entry=entry,
-        ranked_by=ROLES[track.ranked_by].label.lower(),
-        scale=scale_text(track),
-        shown=None if figures is None else _figures_view(board, track, entry, figures),
-        reference=safe_link(entry.reference),
-        commands=commands(track, entry),
-        bibtex=bibtex(board, track, entry),
-        badge=badge_file(track, entry),
-        unseen=next((suite for suite in track.suites if suite.role == UNSEEN and not is_late), None),
-    )
+    return {
+        "track": track,
+        "entry": entry,
+        "figures": figures,
+        "suites": ordered_suites(track),
+        "ranked_by": ROLES[track.ranked_by].label.lower(),
+        "scale": scale_text(track),
+        "reference": safe_link(entry.reference),
+        "commands": commands(track, entry),
+        "bibtex": bibtex(board, track, entry),
+        "badge_file": badge_file(track, entry),
+        "unseen": next((suite for suite in track.suites if suite.role == UNSEEN and not is_late), None),
+        "exploited": exploited_view(board, track, figures),
+        **({} if figures is None else _figures_view(track, figures)),
+    }
 
 
-def _figures_view(board: Board, track: BoardTrack, entry: BoardEntry, figures: Figures) -> FiguresView:
-    role = track.ranked_by if track.ranked_by in figures.scores else PUBLIC
-    planner = figures.planner
-    charted = [*figures.scores.values()]
-    charted += [score for scores in figures.by_rival.values() for score in scores.values()]
+def _figures_view(track: BoardTrack, figures: Figures) -> dict[str, Any]:
     by_seed = {seed: Interval(value) for seed, value in figures.by_seed.items()}
-    charted += by_seed.values()
-    charted += [] if planner is None else planner.curve
-    return FiguresView(
-        role=ROLES[role].label.lower(),
-        axis=Axis.of_scores(charted),
-        exploited=exploited_view(board, track, figures),
-        lost=lost_text(figures),
-        same_policies=same_policies_text(figures),
-        scores=_by_suite(ordered_suites(track, without=()), figures.scores),
-        by_rival=_by_suite(ordered_suites(track), figures.by_rival),
-        by_seed=by_seed,
-        first_rounds={
-            suite.role: {
-                rival: (
-                    figures.first_rounds[suite.role][rival],
-                    f"fpg-bench play --{track.side} {entry.player} {options}",
-                )
-                for rival, options in suite.play.items()
-                if entry.player is not None
-            }
-            for suite in track.suites
-            if suite.role in figures.first_rounds
-        },
-        facts=_planner_facts(figures),
-        fingerprint=_flat(figures.fingerprint),
-    )
-
-
-def _by_suite(suites: Iterable[BoardSuite], figures: Mapping[str, _T]) -> list[tuple[BoardSuite, _T]]:
-    return [(suite, figures[suite.role]) for suite in suites if suite.role in figures]
+    charted = [*figures.scores.values(), *by_seed.values()]
+    charted += [score for scores in figures.by_rival.values() for score in scores.values()]
+    charted += [] if figures.planner is None else figures.planner.curve
+    return {
+        "role": ROLES[track.ranked_by if track.ranked_by in figures.scores else PUBLIC].label.lower(),
+        "axis": Axis.of_scores(charted),
+        "by_seed": by_seed,
+        "facts": _planner_facts(figures),
+        "fingerprint": _flat(figures.fingerprint),
+    }
 
 
 def _planner_facts(figures: Figures) -> list[tuple[str, str]]:
@@ -169,11 +94,8 @@ def _flat(content: Mapping[str, object]) -> list[tuple[str, str]]:
 def commands(track: BoardTrack, entry: BoardEntry) -> list[tuple[str, str]]:
     """Return the commands that play an entry again and, where the package trained it, train it again."""
     rows = [("Play it again and compare", f"fpg-bench leaderboard verify {track.side}/{entry.slug}")]
-    if entry.kind == "zoo" and entry.plays is not None:
-        group = entry.plays.partition("/")[0]
-        is_champion = not {"champion", "rule"}.isdisjoint(group.split("-"))  # of champions.yml
-        script = f"train_champions.py --only {group}" if is_champion else f"train_zoo.py --only {entry.plays}"
-        rows.append(("Train it again", f"python scripts/{script}"))
+    if entry.command is not None:
+        rows.append(("Train its first seed again", entry.command))
     return rows
 
 

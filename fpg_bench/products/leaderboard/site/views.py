@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from fpg_bench.evaluation.statistics import Interval
-from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.products.leaderboard.exploited import RESPONSE, Effort
 from fpg_bench.products.leaderboard.tracks import (
@@ -206,29 +206,13 @@ def _rival(board: Board, track: BoardTrack, rival: str, where: str) -> str:
     return next(suite.label(rival) for suite in track.suites if suite.role == where)
 
 
-@dataclass(frozen=True)
-class ExploitedView:
-    """The lowest known return of an entry, in words; see :class:`Exploited`.
+def exploited_view(board: Board, track: BoardTrack, figures: Figures | None) -> dict[str, Any] | None:
+    """Return the lowest known return of an entry in words; None for planners, and where it is not verified.
 
-    Attributes:
-        found_by: who found it, and for how many CPU seconds.
-        n_responses: number of responses to it.
-        attacked: how many training seeds somebody attacked.
-        efforts: with how much somebody attacked which training seed.
+    ``found_by`` says who found it and for how many CPU seconds, ``attacked`` how many training seeds somebody
+    attacked, and ``efforts`` with how much.
     """
-
-    value: float
-    at_most: str
-    interval: str
-    found_by: str
-    n_responses: int
-    attacked: str
-    efforts: str
-
-
-def exploited_view(board: Board, track: BoardTrack, figures: Figures) -> ExploitedView | None:
-    """Return the presentation of the lowest known return of an entry; None for planners."""
-    if figures.exploited is None:
+    if figures is None or figures.exploited is None:
         return None
     lowest = figures.exploited.lowest
     reward = lowest.return_per_step
@@ -238,14 +222,16 @@ def exploited_view(board: Board, track: BoardTrack, figures: Figures) -> Exploit
         found_by = f"{lowest.name} ({', '.join(lowest.authors)}), {lowest.seconds or 0:,.0f} CPU s{lost}"
     else:
         found_by = f"{_rival(board, track, lowest.rival, lowest.where)}, {_place(lowest.where)}"
-    return ExploitedView(
-        reward.value,
-        f"at most {format_number(reward.value, 'step')}",
-        " to ".join(ends) if math.isfinite(reward.half) else "",
-        found_by if lowest.training_seed is None else f"{found_by}, seed {lowest.training_seed}",
-        len(figures.exploited.attacks),
-        *_attacked(figures.exploited.efforts),
-    )
+    attacked, efforts = _attacked(figures.exploited.efforts)
+    return {
+        "value": reward.value,
+        "at_most": f"at most {format_number(reward.value, 'step')}",
+        "interval": " to ".join(ends) if math.isfinite(reward.half) else "",
+        "found_by": found_by if lowest.training_seed is None else f"{found_by}, seed {lowest.training_seed}",
+        "n_responses": len(figures.exploited.attacks),
+        "attacked": attacked,
+        "efforts": efforts,
+    }
 
 
 def _attacked(efforts: Sequence[Effort]) -> tuple[str, str]:
@@ -295,111 +281,54 @@ def lost_text(figures: Figures) -> str:
     return f"{lost} of {rounds} rounds lost by rule" if figures.lost else ""
 
 
-@dataclass(frozen=True)
-class RowView:
-    """An entry's row in the table of its track.
+def attackers_of(track: BoardTrack) -> list[dict[str, Any]]:
+    """Return the attackers of a track, from that which broke most.
 
-    Attributes:
-        page: its address.
-        ranking, public, shifted: scores over the suite that ranks the track, and over two others.
-        warnings: remarks below its name.
+    Each has a name, authors, the entries that its responses answer, and those that nobody else brought lower.
     """
-
-    entry: BoardEntry
-    page: str
-    figures: Figures | None
-    ranking: Interval | None
-    public: Interval | None
-    shifted: Interval | None
-    exploited: ExploitedView | None
-    warnings: list[str]
-
-
-@dataclass(frozen=True)
-class AttackerView:
-    """An attacker: the entries that its responses answer, and those that nobody else brought lower."""
-
-    name: str
-    authors: str
-    answered: list[str]
-    broken: list[str]
-
-
-def attacker_views(track: BoardTrack) -> list[AttackerView]:
-    """Return the attackers of a track, from that which broke most."""
-    views: dict[tuple[str, str], AttackerView] = {}
+    found: dict[tuple[str, str], dict[str, Any]] = {}
     for entry, figures in track.verified():
         for attack in figures.exploited.attacks if figures.exploited else ():
-            key = attack.name, ", ".join(attack.authors)
-            view = views.setdefault(key, AttackerView(*key, [], []))
-            if entry.name not in view.answered:
-                view.answered.append(entry.name)
+            name, authors = key = attack.name, ", ".join(attack.authors)
+            of = found.setdefault(key, {"name": name, "authors": authors, "answered": [], "broken": []})
+            if entry.name not in of["answered"]:
+                of["answered"].append(entry.name)
             if figures.exploited and attack == figures.exploited.lowest:
-                view.broken.append(entry.name)
-    return sorted(views.values(), key=lambda view: (-len(view.broken), -len(view.answered), view.name))
+                of["broken"].append(entry.name)
+    return sorted(found.values(), key=lambda of: (-len(of["broken"]), -len(of["answered"]), of["name"]))
 
 
-@dataclass(frozen=True)
-class TrackView:
-    """A track's table.
+def track_view(board: Board, track: BoardTrack) -> dict[str, Any]:
+    """Return what pages show of a track beside its entries.
 
-    Attributes:
-        ranking: the suite that ranks it.
-        mission: presentations of the two measures of the mission by name, as far as they were measured.
-        leaders: names of the entries that may be best, the first one first.
-        unbroken: entries that have responses, by their lowest known return.
-        attackers: who answered them, by the number of entries that nobody brought lower.
-        notes: what a reader may stumble over.
+    ``mission`` has the two measures of the mission, as far as they were measured; ``leaders`` the names of
+    the entries that may be best; ``exploited`` the lowest known returns by slug; ``unbroken`` the entries
+    that have responses, by their lowest known return; and ``notes`` what a reader may stumble over.
     """
-
-    track: BoardTrack
-    ranking: BoardSuite
-    scale: str
-    axis: Axis
-    has_tiers: bool
-    has_shifted: bool
-    has_exploited: bool
-    has_improvement: bool
-    mission: dict[str, Measure]
-    rows: list[RowView]
-    leaders: list[str]
-    unbroken: list[RowView]
-    attackers: list[AttackerView]
-    notes: list[str]
-
-
-def track_view(board: Board, track: BoardTrack) -> TrackView:
-    """Return the view of a track in the ranking."""
     verified = list(track.verified())
     measured = {name for _, figures in verified for name in figures.measures}
-    rows = [row_view(board, track, entry) for entry in track.entries]
-    return TrackView(
-        track=track,
-        ranking=next(suite for suite in track.suites if suite.role == track.ranked_by),
-        scale=scale_text(track),
-        axis=Axis.of_scores(
-            [row.ranking for row in rows if row.ranking is not None]
+    exploited = {entry.slug: exploited_view(board, track, entry.figures) for entry in track.entries}
+    kept = {slug: of["value"] for slug, of in exploited.items() if of is not None and of["n_responses"]}
+    return {
+        "track": track,
+        "ranking": next(suite for suite in track.suites if suite.role == track.ranked_by),
+        "scale": scale_text(track),
+        "axis": Axis.of_scores(
+            [of.scores[track.ranked_by] for _, of in verified if track.ranked_by in of.scores]
             + [Interval(seed) for _, figures in verified for seed in figures.by_seed.values()]
         ),
-        has_tiers=any(figures.planner is not None for _, figures in verified),
-        has_shifted=any(SHIFTED in figures.scores for _, figures in verified),
-        has_exploited=track.side in SIDES,
-        has_improvement=any(figures.improvement is not None for _, figures in verified),
-        mission={name: MEASURES[name] for name in MISSION if name in measured},
-        rows=rows,
-        leaders=[entry.name for entry, figures in verified if figures.may_be_best],
-        unbroken=sorted(
-            (row for row in rows if row.exploited is not None and row.exploited.n_responses),
-            key=_kept,
-            reverse=True,
+        "has_tiers": any(figures.planner is not None for _, figures in verified),
+        "has_shifted": any(SHIFTED in figures.scores for _, figures in verified),
+        "has_improvement": any(figures.improvement is not None for _, figures in verified),
+        "mission": {name: MEASURES[name] for name in MISSION if name in measured},
+        "leaders": [entry.name for entry, figures in verified if figures.may_be_best],
+        "exploited": exploited,
+        "unbroken": sorted(
+            (entry for entry in track.entries if entry.slug in kept), key=lambda entry: -kept[entry.slug]
         ),
-        attackers=attacker_views(track),
-        notes=[*_track_notes(board, track)],
-    )
-
-
-def _kept(row: RowView) -> float:
-    return -math.inf if row.exploited is None else row.exploited.value
+        "attackers": attackers_of(track),
+        "notes": [*_track_notes(board, track)],
+    }
 
 
 def _track_notes(board: Board, track: BoardTrack) -> Iterator[str]:
@@ -415,22 +344,6 @@ def _track_notes(board: Board, track: BoardTrack) -> Iterator[str]:
             "On a radio link jamming may cover the ally and leave its link whole, "
             "so a leader's overlap ratio can be high: the jamming success rate tells."
         )
-
-
-def row_view(board: Board, track: BoardTrack, entry: BoardEntry) -> RowView:
-    """Return the view of an entry's row."""
-    figures = entry.figures
-    scores: Mapping[str, Interval] = {} if figures is None else figures.scores
-    return RowView(
-        entry,
-        entry_page(track, entry),
-        figures,
-        ranking=scores.get(track.ranked_by),
-        public=scores.get(PUBLIC),
-        shifted=scores.get(SHIFTED),
-        exploited=None if figures is None else exploited_view(board, track, figures),
-        warnings=warnings(figures),
-    )
 
 
 def crossplay_page(scenario: str) -> str:
