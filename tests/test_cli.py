@@ -2,8 +2,6 @@ import io
 import os
 import re
 import shlex
-import shutil
-import signal
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -19,11 +17,10 @@ from fpg_bench.cli.options import whole_number
 from fpg_bench.common import output
 from fpg_bench.common.ids import ENVS, SCRIPTED
 from fpg_bench.common.rows import RowFile
-from fpg_bench.game.compiling import cache_folder
 from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
 from fpg_bench.players.agent import suites_folder
 from fpg_bench.players.planner import PLANNERS
-from tests.programs import ROOT, fpg, python, started
+from tests.programs import ROOT, fpg, python
 from tests.working import wait_for
 
 TINY = """\
@@ -33,22 +30,8 @@ FPG/AllyVsScripted-v0:
 TRAIN = ("train", "ppo", "FPG/AllyVsScripted-v0", "--out", "x")
 
 
-@pytest.mark.process
-def test_help_names_every_verb_and_loads_nothing_heavy():
-    code = (
-        "import sys; from fpg_bench.cli.main import main; sys.argv = ['fpg-bench', '--help']\n"
-        "try: main()\n"
-        "except SystemExit as end: assert not end.code\n"
-        "heavy = {'numba', 'torch', 'stable_baselines3', 'matplotlib', 'onnxruntime'} & set(sys.modules)\n"
-        "sys.exit(str(heavy) if heavy else 0)"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
-    for verb in ("envs", "play", "train", "evaluate", "table", "players", "suites"):
-        assert verb in result.stdout
-
-
 LISTS = (
+    ("listed", "--help"),
     ("listed", "zoo"),
     ("listed", "suites"),
     ("listed", "players"),
@@ -176,16 +159,6 @@ def test_version():
     assert python("-m", "fpg_bench", "--version").stdout.strip() == __version__
 
 
-@pytest.mark.process
-def test_a_wrong_word_gets_one_line_and_a_status(tmp_path):
-    result = fpg("play", "--opponent", "tonne", folder=tmp_path)
-    assert result.returncode == 2
-    (line,) = [line for line in result.stderr.splitlines() if not line.startswith("fpg_bench: compiling")]
-    assert line.startswith("fpg-bench: ")
-    assert "did you mean 'tone'" in line
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_whole_number_may_be_written_with_an_exponent():
     numbers = {"1": 1, "1e6": 10**6, "1_000": 1000, "2.5E+3": 2500, "1e15": 10**15}
     assert {text: whole_number(text) for text in numbers} == numbers
@@ -196,24 +169,6 @@ def test_a_whole_number_may_be_written_with_an_exponent():
 def test_what_is_no_whole_number_is_refused(text):
     with pytest.raises(typer.BadParameter, match="expected a whole number above 0"):
         whole_number(text)
-
-
-@pytest.mark.process
-@pytest.mark.parametrize(("suffix", "kept"), [("nbc", 100), ("nbi", 0)])
-def test_damaged_compiled_code_is_compiled_anew(tmp_path, suffix, kept):
-    words = ("play", "--every", "300")
-    assert fpg(*words).returncode == 0  # all that it needs is compiled now
-    folder = cache_folder()
-    shutil.copytree(folder, tmp_path / folder.parent.name / folder.name)
-    damaged = list(tmp_path.rglob(f"step.play-*.{suffix}"))
-    assert damaged
-    for path in damaged:
-        path.write_bytes(path.read_bytes()[:kept])
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "fpg_bench", *words]
-    result = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
-    assert any(path.stat().st_size > kept for path in damaged)
 
 
 def test_an_end_of_file_is_no_stop(monkeypatch, capsys):
@@ -339,18 +294,6 @@ def test_a_run_that_is_stopped_before_it_saved_says_so(monkeypatch, capsys, tmp_
                 "ppo", "FPG/AllyVsScripted-v0", tmp_path, run={}, game={}, team={}, planner_options={}
             )
         assert ("no step is saved yet" in capsys.readouterr().err) == (not saved)
-
-
-@pytest.mark.process
-def test_ctrl_c_while_evaluating_keeps_finished_lines(tmp_path):
-    process = started("evaluate", "all-scripted", "--matches", "500", "--out", "results", folder=tmp_path)
-    lines = tmp_path / "results" / "records.jsonl"
-    wait_for(lambda: lines.exists() and lines.stat().st_size)
-    process.send_signal(signal.SIGINT)
-    error = process.communicate()[1]
-    assert process.returncode == 130, error
-    first = RowFile(lines).read()[0]
-    assert (first["rival"], len(first["returns"])) == ("tone/pursuit", 500)
 
 
 @pytest.mark.parametrize(

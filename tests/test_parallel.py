@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.parallel import TRIES, Job, Workers, check_all_done, folder_job, run_jobs
+from fpg_bench.common.parallel import TRIES, Job, check_all_done, folder_job, run_jobs
 from tests import working
 from tests.programs import python, started
 from tests.test_cli import TINY
@@ -194,19 +194,6 @@ def test_a_folder_job_fills_its_folder_if_its_worker_sees_it(tmp_path):
     (tmp_path / "out").rename(tmp_path / "gone")
     with pytest.raises(UserError, match=f"does not see {tmp_path}/out; the machines of a cluster have to"):
         job.run()
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"n_jobs": 0}, "n_jobs: expected a whole number above 0, got 0"),
-        ({"backend": "loki"}, "unknown 'loki'; did you mean 'loky'"),
-        ({"address": "host:1"}, "add --backend ray"),
-    ],
-)
-def test_bad_options(options, message):
-    with pytest.raises(UserError, match=message):
-        run_jobs([Job("job", working.threads)], Workers(**options))
 
 
 @pytest.fixture

@@ -148,16 +148,6 @@ def install(folder, name, manifest, entry=None):
     (distribution / "entry_points.txt").write_text(f"[fpg_bench.products]\n{name} = {entry or name}\n")
 
 
-def test_a_package_of_another_distribution_is_a_product_by_its_entry_point(none_installed, monkeypatch):
-    text = 'summary = "Theirs."\n[planner]\nzigzag = { place = "winding.own:Plan", tier = "history" }\n'
-    install(none_installed, "winding", text)
-    monkeypatch.syspath_prepend(none_installed)
-    assert offered("planner")["zigzag"].place == "winding.own:Plan"
-    assert products()["winding"].manifest.summary == "Theirs."
-    with pytest.raises(UserError, match=r"planner 'zigzag' of distribution their-winding: .*imported before"):
-        load("planner", "zigzag")
-
-
 FAULTS = {  # a package, its manifest and entry point, and what the warning says
     "syntax": ("mine", "summary = ", None, "Invalid value"),
     "kind": ("mine", '[actor]\na = "b:c"', None, "unknown key 'actor'"),

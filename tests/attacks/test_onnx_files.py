@@ -276,32 +276,22 @@ def _slow(kind: str, **attributes: int) -> bytes:
     return _large([node(kind, inputs, ["much"], **attributes)], constant(1e-45, "tiny"), of=8000)
 
 
-def _reshaped(*sizes: int, **attributes: int) -> bytes:
-    return _made([node("Reshape", ["x", "size"], ["much"], **attributes)], whole(sizes, "size"))
+def _reshaped(*sizes: int) -> bytes:
+    return _made([node("Reshape", ["x", "size"], ["much"])], whole(sizes, "size"))
 
 
 def unsized() -> dict[str, bytes]:
     """Return policies of sizes that are computed in play, that overflow, or that are none."""
-    counted = [node("Shape", ["x"], ["shape"]), node("Tile", ["x", "shape"], ["much"])]
     folded = [node("Identity", ["flat"], ["size"]), node("Reshape", ["x", "size"], ["much"])]
     wide = [node("Concat", ["x"] * 9, ["x1"], axis=1)]
     wide += [node("Concat", [f"x{k}"] * 9, [f"x{k + 1}"], axis=1) for k in range(1, 25)]
     return {
         "below none": _reshaped(-3, -5),
-        "two that are open": _reshaped(-1, -1),
-        "huge": _reshaped(-1, 2**62),
         "huge beside huge": _reshaped(2**32, 2**32, -1),
         "another number": _reshaped(0, 5),
-        "that of the batch for which sizes are inferred": _reshaped(2**31 - 1, 5),
         "wraps to nine": _reshaped(-1, 5, 9 * pow(5, -1, 2**64) % 2**64),
-        "the least": _reshaped(-1, -(2**63)),
-        "none": _reshaped(-1, 0, allowzero=1),
-        "counted": _made(counted),
         "folded": _made(folded, whole([-1, 9], "flat")),
         "nine to the power of 26": _made([*wide, node("Identity", ["x25"], ["much"])]),
-        "split below none": _made(
-            [node("Split", ["x", "sizes"], ["rest", "much"], axis=1)], whole([-5, 14], "sizes")
-        ),
     }
 
 

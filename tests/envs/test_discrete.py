@@ -8,7 +8,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from pettingzoo.test import parallel_api_test, parallel_seed_test
 from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.utils import get_action_masks, is_masking_supported
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
@@ -17,7 +16,6 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from fpg_bench import make_duel, make_sb3
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import ACTION_MODES, ALLY_MODES, action_modes, find_env, id_with
-from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.game.batch import ActionError, check_seeds
 from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import STANDARD, as_scenario, preset
@@ -232,12 +230,6 @@ def test_the_checkers_find_nothing_to_warn_of(env_id, mode):
         warnings.simplefilter("error")
         check_env(env, skip_render_check=(env_id, mode) != (ALLY, "continuous"))
         check_env_sb3(env)
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_pettingzoo_finds_nothing_amiss(mode):
-    parallel_api_test(parallel_env(actions={"ally": mode}, scenario=SHORT), num_cycles=50)
-    parallel_seed_test(lambda: parallel_env(actions={"ally": mode}, scenario=LEARNED))
 
 
 @pytest.mark.parametrize(

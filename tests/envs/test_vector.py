@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.game.batch import check_seeds
 
 from .playing import ALLY, ALLY_POLICY, REST, SHORT, STEPS, tape
@@ -100,9 +99,3 @@ def test_players_and_paths_of_a_list_are_drawn_per_round_from_the_games_own_stre
     assert (choices[:, 0] != choices[0, 0]).any(), "rounds of one game never differ"
     assert np.array_equal(choices, drawn(16))
     assert np.array_equal(choices[:, :, 5:6], drawn(1, seed=int(check_seeds(0, 16)[5])))
-
-
-@pytest.mark.parametrize("seed", [[1, 2], [1, 2, "3"], [1, 2, None]])
-def test_a_seed_that_cannot_be_is_refused(seed):
-    with pytest.raises(UserError, match="seed: expected"):
-        make().reset(seed=seed)

@@ -11,12 +11,9 @@ import onnxruntime
 import pytest
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
-from typer.testing import CliRunner
 
 from fpg_bench import make_sb3
-from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
-from fpg_bench.envs.pettingzoo_env import parallel_env
 from fpg_bench.game.scenario import STANDARD, as_scenario, preset
 from fpg_bench.game.waterfall import Waterfall, waterfall_rows
 from fpg_bench.training.export import Graph, Value, rows_of
@@ -179,16 +176,3 @@ def test_bad_options_are_refused_in_one_line(env_id, options, message):
         with pytest.raises(UserError, match=message) as raised:
             make(env_id, **options)
         assert "\n" not in str(raised.value)
-
-
-def test_the_duel_has_no_waterfall(tmp_path):
-    with pytest.raises(TypeError, match="unexpected keyword argument 'observation'"):
-        parallel_env(observation="waterfall")
-    for algorithm, env_id, line in (
-        ("maddpg", "FPG/duel_v0", "unexpected keyword argument 'observation'"),
-        ("dqn", "FPG/OpponentVsScriptedDiscrete-v0", "the waterfall is the ally's"),
-    ):
-        words = ["train", algorithm, env_id, "--observation", "waterfall", "--out", str(tmp_path / "run")]
-        done = CliRunner().invoke(app, words)
-        assert isinstance(done.exception, UserError)
-        assert line in str(done.exception)

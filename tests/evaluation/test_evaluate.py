@@ -1,7 +1,6 @@
 """From players' names to a results folder, alone and many at once."""
 
 import contextlib
-import dataclasses
 import json
 import re
 import shutil
@@ -13,10 +12,8 @@ import pytest
 import fpg_bench
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation import store as storing
-from fpg_bench.evaluation.entry import EvaluatedPlayer, entries_of, player_entry
+from fpg_bench.evaluation.entry import entries_of
 from fpg_bench.evaluation.evaluate import evaluate, play_into, read_results
-from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import TrainingCost
 from fpg_bench.evaluation.table import caption, write_table
@@ -72,40 +69,6 @@ def test_the_cost_of_training_is_kept_beside_the_records(suite, tmp_path):
         (out / "evaluation.json").write_text(json.dumps(about | {"training": training}))
         with pytest.raises(UserError, match=r"evaluation\.json: training.*: expected a .*, got"):
             read_results(out)
-
-
-def test_what_is_there_is_not_played_again(suite, tmp_path, monkeypatch):
-    evaluate(["expert", "idle"], suite, tmp_path / "whole")
-    evaluate(["expert"], suite, tmp_path / "cut")
-    file = tmp_path / "cut" / "records.jsonl"
-    records = file.read_text().splitlines(keepends=True)
-    file.write_text(records[0] + records[1][:40])  # killed while the second line was written
-    played = []
-
-    def noted(entry, suite, rival, **more):
-        played.append((entry.name, rival.name))
-        return play(entry, suite, rival, **more)
-
-    monkeypatch.setattr(storing, "play", noted)
-    evaluate(["expert", "idle"], suite, tmp_path / "cut")
-    assert played == [("expert", "sweep/circle"), ("idle", "adaptive/pursuit"), ("idle", "sweep/circle")]
-    assert rows(tmp_path / "cut") == rows(tmp_path / "whole")
-    played.clear()
-    evaluate(["idle", "expert"], suite, tmp_path / "cut")
-    assert played == []
-
-
-def test_finished_lines_survive_a_stop(suite, tmp_path):
-    class Stop(Exception):
-        pass
-
-    def stop(entry, rival, *rounds):
-        if (entry.name, rival.name) == ("idle", "sweep/circle"):
-            raise Stop
-
-    with pytest.raises(Stop):
-        evaluate(["expert", "idle"], suite, tmp_path / "out", progress=stop)
-    assert len(rows(tmp_path / "out")) == 3
 
 
 def test_results_of_another_suite_number_or_version_are_refused(suite, tmp_path):
@@ -321,28 +284,10 @@ def test_many_at_once_give_the_same_rows_and_a_player_that_fails_holds_up_nobody
     assert (tmp_path / "many" / "table.csv").read_text() == (tmp_path / "one" / "table.csv").read_text()
 
 
-def test_entries_of_one_name_and_seed_are_refused_however_they_come(suite, tmp_path):
-    one: EvaluatedPlayer = player_entry("idle", name="x")
-    with pytest.raises(UserError, match="x: two different players"):
-        play_into(
-            tmp_path / "out", suite, load_suite(suite), [one, dataclasses.replace(one, fingerprint="2")]
-        )
-
-
 def test_a_file_in_the_place_of_the_results_folder_is_refused_by_name(tmp_path):
     (tmp_path / "mine").write_text("")
     with pytest.raises(UserError, match=r"out: .*mine is a file; name a folder"):
         evaluate(["expert"], "ally-v2", tmp_path / "mine", matches=1)
-
-
-@pytest.mark.parametrize("name", ["", "a\tb", "x" * 201])
-def test_a_name_that_no_record_can_hold_is_refused_before_anything_is_played(suite, tmp_path, name):
-    with pytest.raises(UserError, match="name: expected"):
-        evaluate({name: "idle"}, suite, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-    rival = load_suite(suite).rivals[0]
-    with pytest.raises(UserError, match="name: expected"):
-        dataclasses.replace(load_suite(suite), rivals=(dataclasses.replace(rival, name=name),))
 
 
 def test_a_folder_with_a_bad_record_can_be_mended(suite, tmp_path):

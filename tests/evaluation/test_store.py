@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import signal
-import subprocess
-import sys
-import time
 
 import pytest
 
@@ -16,22 +12,6 @@ from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.store import Pairing, Store, pairings
 from fpg_bench.evaluation.suite import load_suite
-from tests.programs import ROOT
-
-FILLER = """
-import sys, time
-from pathlib import Path
-from tests.evaluation.test_store import small, wanted
-from fpg_bench.evaluation.play import play
-from fpg_bench.evaluation.store import Store
-
-def slow(entry, suite, rival, **more):
-    if rival == suite.rivals[2]:
-        time.sleep(600)  # until it is killed
-    return play(entry, suite, rival, **more)
-
-Store(Path(sys.argv[1])).fill(wanted(small()), slow)
-"""
 
 
 def small(matches=1):
@@ -97,40 +77,9 @@ def test_another_policy_of_the_same_name_is_missing_and_a_store_of_one_suite_ref
     store.claim(wanted(small(), "always-hop"))  # another name is welcome
 
 
-def test_records_of_another_suite_are_refused(store):
-    store.fill(wanted(small()))
-    with pytest.raises(UserError, match=r"holds some of another suite \(ally-v2\); choose another folder"):
-        store.claim(wanted(small(2)))
-
-
-def test_workers_fill_it_with_the_same_records(tmp_path):
-    every = wanted(small())
-    records = Store(tmp_path / "records.jsonl").fill(every, workers=2)
-    assert records == Store().fill(every)
-
-
 def test_a_pairing_that_fails_keeps_what_was_there(store):
     entry, suite, rival = wanted(small())[0]
     broken = Pairing(dataclasses.replace(entry, name="broken", make=lambda rival: "no-such"), suite, rival)
     with pytest.raises(UserError, match="no-such"):
         store.fill([Pairing(entry, suite, rival), broken])
     assert [record.entry for record in store.records()] == ["expert"]
-
-
-@pytest.mark.process
-def test_a_killed_filling_goes_on_and_two_processes_never_fill_at_once(tmp_path):
-    path = tmp_path / "records.jsonl"
-    killed = subprocess.Popen([sys.executable, "-c", FILLER, str(path)], cwd=ROOT)
-    while not (path.exists() and path.read_bytes().count(b"\n") == 2) and killed.poll() is None:
-        time.sleep(0.005)
-    with pytest.raises(UserError, match="another process is writing there"):
-        Store(path).fill(wanted(small()))
-    killed.kill()
-    assert killed.wait() == -signal.SIGKILL
-    before = Store(path).records()
-    assert len(before) == 2
-    with path.open("a") as file:
-        file.write('{"suite":"ally')  # killed while a line was written
-    every = wanted(small())
-    assert Store(path).fill(every) == [play(*pairing) for pairing in every]
-    assert Store(path).records()[:2] == before

@@ -118,9 +118,8 @@ def test_what_a_full_disk_cannot_keep_is_played_with_all_the_same(tmp_path, monk
     assert compiling.compiled(mix.py_func)(numpy.uint64(1)) == mix(numpy.uint64(1))
 
 
-@pytest.mark.full
 @pytest.mark.process
-@pytest.mark.parametrize("damage", [b"", b"\x80", b"garbage" * 9, None])
+@pytest.mark.parametrize("damage", [b"", None])
 def test_a_damaged_file_of_the_cache_is_compiled_anew(damage, tmp_path):
     before = use(tmp_path).stdout
     files = [path for path in tmp_path.rglob("*") if path.suffix in (".nbi", ".nbc")]

@@ -106,11 +106,6 @@ def test_a_thousand_batches_of_other_seeds_share_no_game():
         assert check_seeds(seed, 200)[:games].tolist() == [streams[seed, i] for i in range(games)]
 
 
-def test_a_batch_is_reset_before_its_first_step():
-    with pytest.raises(UserError, match="reset before its first step"):
-        GameBatch(TEN).step(ally(), opponent())
-
-
 def test_a_seed_in_the_place_of_the_mask_is_told_how_seeds_are_given():
     with pytest.raises(UserError, match=r"seeds are named: reset\(seeds=0\)"):
         GameBatch(TEN).reset(0)

@@ -109,22 +109,6 @@ def test_channels_that_overlap_are_said(tmp_path):
     assert "channels of 20 MHz overlap, as the frequency points lie 7.14 MHz apart" in lines[0]
 
 
-@pytest.mark.parametrize(
-    ("text", "parts"),
-    [
-        ("hop_cost: [1", ("not valid YAML",)),
-        ("- hop_cost", ("expected a mapping, got list",)),
-        ("hop_cost: !!python/object/apply:os.getcwd []", ("not valid YAML",)),
-    ],
-)
-def test_a_bad_file_is_refused_in_one_line_that_names_it(tmp_path, text, parts):
-    with pytest.raises(UserError) as refused:
-        Scenario.from_yaml(written(tmp_path, text))
-    for part in ("mine.yml", *parts):
-        assert part in str(refused.value)
-    assert "\n" not in str(refused.value)
-
-
 def test_a_file_or_its_knowledge_that_is_not_there(tmp_path):
     for name, path in (
         ("absent", tmp_path / "absent.yml"),

@@ -56,25 +56,6 @@ def model_bytes(state=0, noise=0, action=9, observation=15, names=("observation"
 FIELDS = {"algorithm": "mine", "id": "FPG/AllyVsScripted-v0", "training_seed": 0, "training_steps": 1}
 
 
-def typed(kind):
-    """A policy that takes and gives another kind of floats."""
-    name = np.dtype(helper.tensor_dtype_to_np_dtype(kind)).name
-    ports = [
-        helper.make_tensor_value_info(n, kind, ["n", k]) for n, k in (("observation", 15), ("action", 9))
-    ]
-    constant = helper.make_tensor("w", kind, [15, 9], [0.0] * 135)
-    nodes = [helper.make_node("MatMul", ["observation", "w"], ["action"])]
-    graph = helper.make_graph(nodes, name, ports[:1], ports[1:], [constant])
-    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
-
-
-@pytest.mark.parametrize("kind", ["FLOAT16", "DOUBLE", "BFLOAT16"])
-def test_a_policy_of_other_floats_is_refused_when_it_is_written(kind, tmp_path):
-    with pytest.raises(UserError, match=rf"'observation': expected float32, got {kind.lower()}; cast it"):
-        write_agent(tmp_path / "agent", typed(getattr(TensorProto, kind)).SerializeToString(), **FIELDS)
-    assert not (tmp_path / "agent").exists()
-
-
 def test_weights_beside_a_policy_become_part_of_it(tmp_path):
     file = tmp_path / "mine.onnx"
     model = onnx.load_from_string(model_bytes())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import PAPER, STANDARD
 from fpg_bench.players.registry import as_player, player_name
 from fpg_bench.players.scripted import OracleAlly, OracleOpponent, Scripted
@@ -21,21 +20,11 @@ class Mine:
         return np.zeros((len(observation), 9), np.float32), None
 
 
-class NeedsTwo(Mine):
-    def __init__(self, scenario, gain):
-        self.gain = gain
-
-
 def made(scenario):
     return Mine(scenario)
 
 
-def failing():
-    raise RuntimeError("cannot open my file")
-
-
 READY = Mine("ready")
-NOT_A_PLAYER = object()
 
 
 def test_scripts_and_oracles_are_told_their_side():
@@ -53,29 +42,6 @@ def test_an_object_with_predict_is_taken_as_it_is():
 @pytest.mark.parametrize(("name", "scenario"), [("READY", "ready"), ("Mine", PAPER), ("made", PAPER)])
 def test_an_object_class_or_function_of_a_module(name, scenario):
     assert as_player(f"{__name__}:{name}", "ally", PAPER).scenario == scenario
-
-
-@pytest.mark.parametrize(
-    ("spec", "message"),
-    [
-        ("expret", "unknown ally 'expret'; did you mean 'expert'"),
-        (":X", "ally ':X': expected package.module:object"),
-        ("../x:y", "ally '../x:y': expected package.module:object"),
-        (f"{__name__}:NeedsTwo", "^ally '.*:NeedsTwo': making it failed: TypeError: .*'gain'"),
-        (f"{__name__}:failing", r"making it failed: RuntimeError: cannot open my file, in .*py, line \d+$"),
-        ("tone", "^'tone' plays the opponent; name a player of the ally$"),
-        ("no_such_module:x", "No module named 'no_such_module'"),
-        (f"{__name__}:nothing", "no attribute 'nothing'"),
-        (f"{__name__}:NOT_A_PLAYER", "has no predict"),
-        ("ally-scripted/ppo/seed_12345", "seed_12345"),
-        (3, "a player's name or an object with predict, got 3"),
-    ],
-    ids=str,
-)
-def test_what_is_no_player_is_refused_in_one_line(spec, message):
-    with pytest.raises(UserError, match=message) as caught:
-        as_player(spec, "ally", STANDARD)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_player_is_called_by_its_word_or_its_class():

@@ -24,7 +24,7 @@ from fpg_bench.players.agent import load_agent
 from fpg_bench.training import checkpoint, train
 from fpg_bench.training.checkpoint import newest_checkpoint
 from tests.logged import logged
-from tests.programs import ROOT, held_elsewhere, python
+from tests.programs import held_elsewhere
 from tests.training.tiny import settings, train_tiny
 
 ALGORITHMS = ["sac", "dqn", "recurrent-ppo", "ppo-stack3", "ppo-fast"]
@@ -268,39 +268,6 @@ def test_ctrl_c_saves_the_run_before_it_ends(tmp_path, monkeypatch, capfd):
 
 
 # In a process of its own
-
-PROGRAM = """
-import os, signal, sys
-from stable_baselines3.common.callbacks import BaseCallback
-from fpg_bench.training import callbacks, train
-from tests.training.tiny import train_tiny
-
-class Killed(BaseCallback):
-    def _on_step(self):
-        if self.num_timesteps >= 200:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return True
-
-callbacks.SAVE_EVERY_S = 0.0
-train.ProgressCallback = lambda budget: Killed()
-train_tiny("sac", sys.argv[1], {"train_freq": 10}, steps=400, progress=True, evaluations=4)
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.process
-def test_a_killed_run_ends_with_its_budget(tmp_path):
-    out = tmp_path / "run"
-    killed = python("-c", PROGRAM, out, folder=ROOT)
-    assert killed.returncode == -signal.SIGKILL, killed.stderr
-    assert int(newest_checkpoint(out / "checkpoints").name) == 160
-    agent = train_tiny("sac", out, {"train_freq": 10}, steps=400, resume=True, evaluations=4)
-    load_agent(agent, "ally")
-    about = json.loads((out / "run.json").read_text())
-    assert (about["steps_done"], about["part"], about["finished"]) == (400, 1, True)
-    steps = [row["steps"] for row in RowFile(out / "evaluations.jsonl").read()]
-    assert steps == sorted(set(steps))
-    assert (steps[0], steps[-1]) == (0, 400)
 
 
 @pytest.mark.slow

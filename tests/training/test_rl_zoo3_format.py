@@ -142,22 +142,6 @@ def test_all_that_cannot_be_read_is_named_at_once(tmp_path):
     assert [part for part in parts if part not in str(raised.value)] == []
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"learning_rate": "lin_-1"}, "learning_rate: expected a number"),
-        ({"learning_rate": "lin_nan"}, "learning_rate: expected a number"),
-        ({"policy_kwargs": {"net_arch": [64, "x"]}}, "net_arch: expected sizes of layers"),
-        ({"policy_kwargs": {"net_arch": [0]}}, "net_arch: expected sizes of layers"),
-        ({"policy_kwargs": {"net_arch": {"pi": [8], "vf": 8}}}, "net_arch.vf: expected sizes of layers"),
-    ],
-)
-def test_values_out_of_range_are_refused_before_anything_is_written(change, message, tmp_path):
-    with pytest.raises(UserError, match=message):
-        train_tiny("ppo", tmp_path / "run", change)
-    assert not (tmp_path / "run").exists()
-
-
 @pytest.mark.slow
 def test_sizes_in_a_text_and_a_budget_from_the_call_train(tmp_path):
     entry = settings("ppo", policy_kwargs={"net_arch": "[8.0, 8]"})
@@ -191,9 +175,3 @@ def test_a_default_entry_is_that_of_ids_without_one(tmp_path):
     file.write_text(f"default: {{policy: MlpPolicy, n_steps: 32}}\n{other}: {{policy: MlpPolicy}}")
     assert load_hyperparameters("ppo", ALLY, file).algorithm["n_steps"] == 32
     assert "n_steps" not in load_hyperparameters("ppo", other, file).algorithm
-
-
-def test_hindsight_is_refused_with_its_reason():
-    entry = {"policy": "MlpPolicy", "replay_buffer_class": "HerReplayBuffer"}
-    with pytest.raises(UserError, match=r"replay_buffer_class: expected .*needs goals, which the game lacks"):
-        load_hyperparameters("sac", ALLY, entry)

@@ -134,20 +134,6 @@ def test_a_run_describes_how_it_was_made(run, hyperparams):
 
 
 @pytest.mark.slow
-def test_a_figure_that_cannot_be_drawn_is_a_warning_and_the_run_is_finished(tmp_path, monkeypatch, caplog):
-    def broken(run):
-        raise KeyError("a level that is lacking")
-
-    monkeypatch.setattr("fpg_bench.products.rendering.curves.draw_training", broken)
-    agent = train_tiny("ppo", tmp_path / "run", steps=400, evaluations=1)
-    assert load_agent(agent).card.training_steps == 400
-    assert [line for line in caplog.messages if "curve" in line] == [
-        "no curve.png: 'a level that is lacking'"
-    ]
-    assert not (tmp_path / "run" / "curve.png").exists()
-
-
-@pytest.mark.slow
 def test_the_policy_is_evaluated_during_training(run):
     rows = RowFile(run / "evaluations.jsonl").read()
     assert [row["steps"] for row in rows] == [0, 1200, 2400]
@@ -244,8 +230,6 @@ def test_an_opponent_with_nan_actions_is_not_called_divergence(tmp_path):
 def test_unknown_and_impossible_options_are_refused(tmp_path):
     imitating = settings("dqn", imitate={"teacher": "expert"})
     for algorithm, env_id, options, message in (
-        ("pppo", ALLY, {}, "did you mean 'ppo'"),
-        ("ppo", "FPG/AllyVsScript-v0", {}, "did you mean 'FPG/AllyVsScripted-v0'"),
         ("ppo", DUEL, {}, "ppo: trains one side, not both, as in FPG/duel_v0"),
         ("maddpg", ALLY, {}, "maddpg: trains both sides, in FPG/duel_v0"),
         ("maddpg", DUEL, {"suite": "ally-v2"}, "each side of FPG/duel_v0 is scored on its own suite"),

@@ -7,46 +7,14 @@ import pytest
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import SCRIPTED
-from fpg_bench.evaluation.rounds import make_match, play_round
-from fpg_bench.game.names import PATHS
-from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.planner import Plan
-from fpg_bench.products.checkers import _duel_of, check_planner, check_player
+from fpg_bench.products.checkers import check_planner, check_player
 
 
 @pytest.mark.parametrize("side", SCRIPTED)
 def test_every_script_and_oracle_passes(side):
     for name in (*SCRIPTED[side], "oracle"):
         check_player(name, side, "paper" if name == "oracle" else "standard")
-
-
-def played(scenario, ally, opponent, seeds):
-    """The observations and rewards ``(games, ...)`` of each step of a round, each checked."""
-    match, steps = make_match(_duel_of(scenario, len(seeds)), ally, opponent), []
-
-    def check_step():
-        step = match.duel.present()
-        seen = np.column_stack([step.ally_observations, step.opponent_observations, match.duel.state()])
-        assert (np.abs(seen) <= 1).all()
-        rewards = np.column_stack([step.ally_rewards, step.opponent_rewards])
-        assert np.isfinite(rewards).all()
-        assert (step.truncated == (len(steps) + 1 == scenario.steps_per_round)).all()
-        steps.append(np.column_stack([seen, rewards]))
-
-    play_round(match, seeds=seeds, on_step=check_step)
-    return np.array(steps)
-
-
-@pytest.mark.parametrize("ally", ["random", "expert-spread"])
-@pytest.mark.parametrize("scenario", ["standard", "paper", *PATHS])
-def test_every_preset_and_path_can_be_played(scenario, ally):
-    """Complete rounds, valid numbers, equal games for equal seeds, whatever else is in the batch."""
-    short = {"opponent_path": scenario, "steps_per_round": 50}
-    scenario = as_scenario("standard", **short) if scenario in PATHS else as_scenario(scenario)
-    opponent = "random" if ally == "random" else "adaptive"
-    batch, again = (played(scenario, ally, opponent, range(11, 14)) for _ in range(2))
-    assert np.array_equal(batch, again)
-    assert np.array_equal(batch[:, 2], played(scenario, ally, opponent, [13])[:, 0])
 
 
 class Sound:

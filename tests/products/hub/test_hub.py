@@ -29,7 +29,6 @@ from tests.logged import logged
 from tests.policies import policy, through, write_seed
 from tests.products.hub.conftest import point_at
 from tests.products.hub.hub_server import READER, TOKEN
-from tests.programs import fpg
 from tests.training.tiny import settings, train
 
 SHIPPED, NAME = "ally-scripted/ppo/seed_0", "hf://me/mine"
@@ -314,12 +313,6 @@ def test_a_server_that_never_answers(hub, tmp_path, monkeypatch):
                 run(*words)
 
 
-def test_a_server_that_is_no_hub(hub, tmp_path, monkeypatch):
-    point_at(f"{hub.url}/elsewhere", tmp_path / "cache", monkeypatch)
-    with pytest.raises(UserError, match="answers with status 404: no such route"):
-        run("pull", "me/mine", "--out", tmp_path / "out")
-
-
 def test_a_revision_that_has_moved_is_noticed(hub, first, tmp_path):
     out = tmp_path / "out"
     run("pull", "me/mine", "--out", out)
@@ -432,36 +425,3 @@ def test_the_token_comes_from_the_environment_alone(hub, monkeypatch, tmp_path):
     assert client().token == TOKEN
     monkeypatch.delenv("HF_TOKEN")
     assert client().token is False
-
-
-@pytest.mark.process
-@pytest.mark.slow
-def test_programs_push_pull_play_and_fail_in_one_line(hub, tmp_path):
-    environment = os.environ | {
-        "HF_ENDPOINT": hub.url,
-        "HF_HOME": str(tmp_path / "home"),
-        "HF_HUB_DISABLE_XET": "1",
-        "HF_TOKEN": TOKEN,
-    }
-    where = {"folder": tmp_path, "environment": environment}
-    pushed = fpg("hub", "push", SHIPPED, "me/mine", **where)
-    assert (pushed.returncode, pushed.stderr) == (0, "")
-    hub.repositories["me/mine"].private = True
-    pulled = fpg("hub", "pull", "me/mine", "--out", "agent", **where)
-    assert (pulled.returncode, pulled.stderr) == (0, "")
-    assert contents(tmp_path / "agent")["policy.onnx"] == contents(agent_folder(SHIPPED))["policy.onnx"]
-    own = fpg("play", "--ally", SHIPPED, "--seed", 3, **where)
-    theirs = fpg("play", "--ally", NAME, "--seed", 3, **where)
-    assert (theirs.returncode, theirs.stderr) == (0, "")
-    assert theirs.stdout.splitlines()[-1] == own.stdout.splitlines()[-1]
-    for changes in ({"HF_TOKEN": "hf_unknown"}, {"HF_TOKEN": ""}, {"HF_ENDPOINT": CLOSED}):
-        failed = fpg(
-            "hub", "pull", "me/mine", "--out", "other", folder=tmp_path, environment=environment | changes
-        )
-        assert (failed.returncode, failed.stdout) == (2, "")
-        assert len(failed.stderr.splitlines()) == 1, failed.stderr
-        assert failed.stderr.startswith("fpg-bench: hf://me/mine: ")
-        assert "hf_" not in failed.stderr
-    assert not (tmp_path / "other").exists()
-    written = b"".join(path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
-    assert TOKEN.encode() not in written

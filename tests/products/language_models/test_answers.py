@@ -185,25 +185,6 @@ def test_reasoning_that_is_cut_short_is_no_answer(start):
     assert read_answer(f"{start} {DRAFT}", FOUR).problem == "no points found, expected 4"
 
 
-prose = st.sampled_from(
-    ["From [690, 790, 90]", "not (1, 2, 3)", 'a "word', "{x, y, z}", "it's", "\n", fence(DRAFT), DRAFT]
-)
-shapes = st.sampled_from(
-    [ANSWER, fence(ANSWER), fence(str(PATH)), json.dumps({"waypoints": objects(PATH)}, indent=2)]
-)
-marks = st.sampled_from(sorted(THOUGHTS))
-
-
-@settings(max_examples=200)
-@given(st.lists(prose), shapes, marks, st.lists(prose.filter(lambda text: "way" not in text)))
-def test_whatever_stands_before_and_around_it_the_last_path_is_read_or_none(before, shape, start, after):
-    thoughts = f"{start} {' '.join(before)} {THOUGHTS[start]}"
-    for text in (" ".join([*before, "\n", shape]), f"{thoughts}\n{shape} {' '.join(after)}"):
-        read = read_answer(text, FOUR).waypoints
-        assert read is None or read.tolist() == PATH
-    assert read_answer(f"{thoughts}\n{shape}", FOUR).waypoints is not None
-
-
 @pytest.mark.parametrize(
     "text",
     [

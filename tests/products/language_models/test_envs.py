@@ -40,13 +40,6 @@ def configure(monkeypatch, url):
 every_kind = pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec, make_sb3])
 
 
-@every_kind
-def test_without_an_endpoint_it_says_in_one_line_what_to_set(make):
-    with pytest.raises(UserError, match="FPG_LLM_BASE_URL") as caught:
-        make(LLM)
-    assert "\n" not in str(caught.value)
-
-
 def test_what_the_model_plans_is_flown(monkeypatch):
     with FaultServer([ok(path_text(shift)) for shift in (0, 40, 80)]) as server:
         configure(monkeypatch, server.url)

@@ -232,10 +232,3 @@ def test_a_broken_profile_is_refused_in_one_line(own, old, new, message):
     with pytest.raises(UserError, match=message) as caught:
         own(OWN.replace(old, new, 1))
     assert "\n" not in str(caught.value)
-
-
-def test_an_unknown_profile_is_refused():
-    with pytest.raises(UserError, match="is neither a profile nor a YAML file; did you mean 'standard'"):
-        load_prompt("standrad")
-    with pytest.raises(UserError, match=r"prompt nowhere\.yml: cannot be read"):
-        load_prompt("nowhere.yml")

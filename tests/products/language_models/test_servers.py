@@ -77,13 +77,6 @@ def test_variables_go_before_the_profile_and_an_argument_before_the_variable(env
     assert endpoint_from_environment("vllm").server.name == "vllm"
 
 
-def test_openai_variables_configure_nothing(monkeypatch):
-    monkeypatch.setenv("OPENAI_BASE_URL", LOCAL)
-    monkeypatch.setenv("OPENAI_API_KEY", KEY)
-    with pytest.raises(UserError, match="FPG_LLM_BASE_URL"):
-        endpoint_from_environment()
-
-
 @pytest.mark.parametrize(
     ("values", "named"),
     [

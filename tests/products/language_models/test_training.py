@@ -6,7 +6,6 @@ import json
 
 import pytest
 
-from fpg_bench.common.errors import UserError
 from tests.products.language_models.fault_server import FaultServer, ok
 from tests.products.language_models.playing import path_text
 from tests.training.tiny import train
@@ -42,21 +41,6 @@ def test_a_run_is_repeated_from_its_transcript_without_a_server(tmp_path, monkey
     )
     assert (again / "policy.onnx").read_bytes() == (agent / "policy.onnx").read_bytes()
     assert not (tmp_path / "again" / "transcript.jsonl").exists()
-
-
-def test_options_of_a_language_model_belong_to_one(tmp_path):
-    for options, message in (
-        (
-            {"planner_options": {"transcript": tmp_path / "x.jsonl"}},
-            "transcript: is for the planners llm",
-        ),
-        (
-            {"planner_options": {"calls": 2}},
-            "calls: is for the planners llm",
-        ),
-    ):
-        with pytest.raises(UserError, match=message):
-            train("ppo", "FPG/AllyVsPlanner-v0", tmp_path / "run", hyperparams=TINY, **options)
 
 
 @pytest.mark.slow

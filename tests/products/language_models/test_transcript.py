@@ -11,14 +11,12 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.products.language_models.transcript import (
     Attempt,
-    Flown,
-    Header,
     RunHeader,
     Transcript,
 )
 from tests.programs import held_elsewhere
 
-from .playing import path, request
+from .playing import path
 
 ROOT = Path(__file__).parents[3]
 
@@ -39,7 +37,6 @@ RAW = {
     "choices": [{"message": {"content": "the text \u2028 ü"}}],
     "usage": {"prompt_tokens": 10},
 }
-HEADER = {"model": "tiny", "prompt_hash": "ab12", "control": "none"}
 
 
 def changed(**fields):
@@ -138,14 +135,6 @@ def test_a_raw_reply_that_was_cut_proves_nothing(recorded):
     assert Transcript(recorded, "replay").attempts() == [ATTEMPT]
 
 
-@pytest.mark.parametrize("name", HEADER)
-def test_attempts_are_made_as_is_told_beside_them(recorded, name):
-    transcript = Transcript(recorded, "replay")
-    transcript.check_header(Header(**HEADER))
-    with pytest.raises(UserError, match=f"attempt 0 was recorded with {name} .* and not other"):
-        transcript.check_header(Header(**{**HEADER, name: "other"}))
-
-
 def test_the_key_is_advice(recorded, caplog):
     recorded.write_text(recorded.read_text().replace(ATTEMPT.key, "0" * 64))
     assert Transcript(recorded, "replay").find(ATTEMPT.where, BODY) == ATTEMPT
@@ -168,17 +157,6 @@ def test_a_file_that_another_process_writes_is_not_recorded_into(recorded):
         assert Transcript(recorded, "replay").attempts() == [ATTEMPT]
         with pytest.raises(UserError, match="another process is writing there"):
             Transcript(recorded, "record").attempts()
-
-
-def test_what_was_flown_comes_back(file):
-    transcript = Transcript(file, "record")
-    plans = [Flown(seed=1, match=0, round=r, plan="held", planned_round=None) for r in (0, 1)]
-    transcript.add_flown(plans)
-    again = Transcript(file, "replay")
-    assert again.flown(request(1)) == plans[1]
-    with pytest.raises(UserError, match="seed 1, match 0, round 2 has no row"):
-        again.flown(request(2))
-    assert transcript.flown(request(2)) is None
 
 
 def test_a_packed_transcript_is_replayed_and_never_added_to(tmp_path):

@@ -89,11 +89,6 @@ def test_types_that_are_not_allowed_have_no_rows_and_other_models_no_budget():
         link_budget(STANDARD)
 
 
-def test_a_picture_is_drawn(tmp_path):
-    draw_link_budget(LINK, tmp_path / "link.png")
-    assert (tmp_path / "link.png").read_bytes().startswith(b"\x89PNG")
-
-
 @pytest.mark.process
 def test_the_verbs_show_and_check(tmp_path):
     shown = fpg("scenario", "show", "link").stdout

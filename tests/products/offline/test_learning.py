@@ -1,7 +1,6 @@
 """Offline algorithms: they learn from a data set, play nothing, and export as all others."""
 
 import os
-import shutil
 import signal
 
 import numpy as np
@@ -25,7 +24,7 @@ from fpg_bench.products.offline.rounds import play_rounds
 from fpg_bench.training.algorithms import OFFLINE
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.train import train
-from tests.products.offline.making import metadata, rewrite, tiny
+from tests.products.offline.making import metadata, tiny
 from tests.training.tiny import settings
 
 NETS = {"net_arch": [32, 32]}
@@ -274,22 +273,6 @@ def test_a_data_set_is_found_by_its_name_and_has_to_be_the_only_one(folder, mixe
         assert open_dataset(name).sha256 == mixed.sha256
     with pytest.raises(UserError, match=r"holds . data sets; name one"):
         open_dataset(folder)
-
-
-def test_torn_and_changed_data_sets_are_refused_before_anything_is_written(mixed, tmp_path):
-    copy = shutil.copytree(mixed.path.parent, tmp_path / "copy")
-    rewrite(copy, content_sha256="0" * 64)
-    with pytest.raises(UserError, match=r"its content has changed \(sha256\)"):
-        learn("bc", open_dataset(copy), tmp_path / "run")
-    part = copy / "data/part_00000.hdf5"
-    part.write_bytes(part.read_bytes()[:-500])
-    rewrite(copy, content_sha256="1" * 64)
-    with pytest.raises(UserError, match="cannot be read from round 0 on"):
-        learn("bc", open_dataset(copy), tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-    rewrite(copy, scenario_sha256="0")
-    with pytest.raises(UserError, match="scenario 'standard' differs in this version"):
-        open_dataset(copy)
 
 
 def test_every_algorithm_has_hyper_parameters_for_both_sides():

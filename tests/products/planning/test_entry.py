@@ -85,14 +85,3 @@ def test_planners_that_cannot_be_told_apart_never_enter(planners):
         setattr(planner, key, value)
         with pytest.raises(UserError, match=message):
             planner_entry(planner, planners)
-
-
-def test_a_planner_that_fails_is_told_with_what_it_said(planners):
-    class Tired(Noting):
-        def plan_batch(self, requests):
-            if len(requests[0].history) == 2:
-                raise RuntimeError("no fuel")
-            return super().plan_batch(requests)
-
-    with pytest.raises(UserError, match="no fuel"):
-        play(planner_entry(Tired(), planners), planners, planners.named("idle"))

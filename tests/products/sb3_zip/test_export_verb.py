@@ -144,14 +144,6 @@ def test_a_zip_of_rl_zoo3_needs_no_options_but_that_of_normalized_observations_i
     assert not (tmp_path / "other").exists()
 
 
-def test_not_normalized_is_refused_beside_the_statistics_of_vecnormalize(tmp_path):
-    saved(PPO, tmp_path, policy_kwargs=SMALL)
-    (tmp_path / "vecnormalize.pkl").write_bytes(b"never opened")
-    given = {"algo": "ppo", "env_id": ID, "seed": 0, "game": {"scenario": "standard"}}
-    with pytest.raises(UserError, match=r"in .*/vecnormalize\.pkl, a pickle, never opened; load it yourself"):
-        export_verb(tmp_path / "model.zip", tmp_path / "mine", not_normalized=True, **given)
-
-
 def test_a_model_of_another_game_is_not_asked_for_options(tmp_path):
     PPO("MlpPolicy", "CartPole-v1", device="cpu").save(tmp_path / "model.zip")
     with pytest.raises(UserError, match=r"reads 4 numbers, and no game .*; train a model in a game first"):

@@ -70,25 +70,3 @@ def test_a_server_that_goes_down_ends_the_worker_with_a_line_and_finished_trials
     miss_heartbeats(tmp_path, server.url)
     trials = work(tmp_path, 4, url=server.url).trials
     assert [trial.state.name for trial in trials] == ["COMPLETE", "COMPLETE", "FAIL", "COMPLETE", "COMPLETE"]
-
-
-def test_a_living_workers_trial_is_left_alone_and_a_killed_ones_is_retried(server, tmp_path, at_work):
-    process = at_work(tmp_path, url=server.url)
-    study = work(tmp_path, 1, url=server.url)
-    assert [trial.state.name for trial in study.trials] == ["RUNNING", "COMPLETE"]
-    process.kill()
-    process.wait()
-    miss_heartbeats(tmp_path, server.url)
-    trials = work(tmp_path, 2, url=server.url).trials
-    assert [trial.state.name for trial in trials] == ["FAIL", "COMPLETE", "COMPLETE"]
-    assert trials[2].params == trials[0].params
-
-
-def test_workers_that_begin_together_share_the_trials(server, tmp_path, start):
-    both = [start(tmp_path, url=server.url, n_trials=20) for _ in range(2)]
-    output = [process.communicate() for process in both]
-    assert [process.returncode for process in both] == [0, 0], output
-    trials = open_fake(tmp_path, server.url)[1].trials
-    assert 20 <= len(trials) <= 21
-    assert {trial.state for trial in trials} == {TrialState.COMPLETE}
-    assert [trial.number for trial in trials] == list(range(len(trials)))

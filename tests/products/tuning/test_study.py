@@ -42,13 +42,6 @@ def test_a_database_that_fails_later_is_one_line(tmp_path):
         work(tmp_path, 1, objective)
 
 
-def test_a_folder_of_a_training_run_is_refused(tmp_path):
-    (tmp_path / "run.json").write_text("{}")
-    with pytest.raises(UserError, match="holds other files, but no study; choose another folder"):
-        open_storage(tmp_path)
-    assert not (tmp_path / DATABASE).exists()
-
-
 @pytest.mark.parametrize(
     ("url", "message"),
     [
@@ -91,15 +84,6 @@ def test_a_study_that_tune_did_not_make_is_refused(tmp_path):
         open_study(storage, "mine", fake_task())
     with pytest.raises(UserError, match="was not made by fpg-bench tune"):
         load_study(storage, "mine")
-
-
-def test_a_task_of_another_version_is_refused(tmp_path):
-    storage, study = open_fake(tmp_path)
-    study.set_user_attr("task", fake_task().model_dump(mode="json") | {"steps": "many"})
-    with pytest.raises(
-        UserError, match="another version of fpg-bench, so search anew: steps: expected a whole number"
-    ):
-        load_study(storage, None)
 
 
 def test_a_study_is_loaded_by_its_name_or_alone(tmp_path):

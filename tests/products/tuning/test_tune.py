@@ -76,7 +76,7 @@ def test_a_study_has_its_trials_and_what_it_tunes(study):
     assert training_seed(10_000) < training_seed(FIRST_SEED) < training_seed(FRESH_SEED)
 
 
-def test_the_same_command_goes_on_and_another_space_is_refused(study, files, words, caplog):
+def test_the_same_command_goes_on(study, files, words, caplog):
     caplog.set_level(logging.INFO, "fpg_bench")
     tune("ppo", ENV_ID, files / "study", n_trials=3, **words)
     assert len(study.trials) == 3
@@ -86,13 +86,6 @@ def test_the_same_command_goes_on_and_another_space_is_refused(study, files, wor
     counted = f"3 finished ({pruned} pruned)" if pruned else "3 finished"
     expected = f"{counted}, best: {best.value:.1f} (trial {best.number}): learning_rate "
     assert caplog.messages[1].startswith(expected)
-    (files / "other.yml").write_text(SPACE.replace("[16]", "[32]"))
-    other = words | {"space": files / "other.yml"}
-    with pytest.raises(UserError, match=r"made with another space \(policy_kwargs.net_arch\)"):
-        tune("ppo", ENV_ID, files / "study", **other)
-    with pytest.raises(UserError, match="made with steps 480, not 600"):
-        tune("ppo", ENV_ID, files / "study", steps=600, **words)
-    assert len(study.trials) == 3
 
 
 def test_a_study_of_another_algorithm_goes_into_another_folder_or_by_name(study, files, words):
@@ -165,15 +158,9 @@ def test_training_that_diverges_says_so(algorithm):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"algorithm": "pqo"}, "did you mean 'ppo'"),
-        ({"env_id": "FPG/OpponentVsScriptd-v0"}, f"did you mean '{ENV_ID}'"),
         ({"workers": 0}, "^n_jobs: "),
         *(({name: 0}, f"^{name}: ") for name in ("n_trials", "n_seeds", "steps", "rounds")),
-        ({"suite": "oponent-v2"}, "did you mean 'opponent-v2'"),
         ({"suite": "ally-v2"}, "measures the ally"),
-        ({"algorithm": "maddpg"}, "maddpg: trains both sides, in FPG/duel_v0; got"),
-        ({"env_id": "FPG/duel_v0"}, "ppo: trains one side, not both"),
-        ({"ally": "exprt"}, "did you mean 'expert'"),
         ({"ally": object()}, "ally: object is an object of this program, which cannot be written down"),
         ({"storage": "nonsense"}, "expected a URL"),
         ({"hyperparams": None, "space": "nowhere.yml"}, "cannot be read"),
@@ -306,9 +293,3 @@ def test_a_worker_that_does_not_see_the_study_needs_a_database(tmp_path, words):
     task = make_task("ppo", ENV_ID, n_seeds=1, **words)
     with pytest.raises(UserError, match=r"does not see .*study.db; set a database with --storage"):
         _work(task, tmp_path, None, "study", 1, None, ())
-
-
-def test_nothing_to_export(tmp_path):
-    with pytest.raises(UserError, match="holds no study"):
-        export_values(tmp_path / "nowhere", tmp_path / "mine.yml")
-    assert not (tmp_path / "nowhere").exists()

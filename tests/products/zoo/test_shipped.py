@@ -182,11 +182,3 @@ def test_the_script_trains_ships_scores_and_writes_the_page(tiny):
         records = [x for x in zoo.read_records(member.group, suite) if x.training_seed == member.seed]
         played = [first_returns(member, suite, rival) for rival in suite.rivals]
         assert played == [record.returns[:2] for record in records]
-
-
-@pytest.mark.process
-def test_bad_words_are_one_line(tmp_path):
-    done = script("--only", "ally-scriptd", folder=tmp_path)
-    assert done.returncode == 1
-    assert re.fullmatch(r"train_zoo: .*; did you mean 'ally-scripted'\?\n", done.stderr)
-    assert not (tmp_path / "runs").exists()
