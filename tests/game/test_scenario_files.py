@@ -116,6 +116,8 @@ def test_a_file_or_its_knowledge_that_is_not_there(tmp_path):
     ):
         with pytest.raises(UserError, match=rf"{name}\.yml: cannot be read: No such file"):
             Scenario.from_yaml(path)
+    with pytest.raises(UserError, match=r"mine\.yml: expected a mapping, got list"):
+        Scenario.from_yaml(written(tmp_path, "- hop_cost"))
 
 
 def test_a_relative_knowledge_file_survives_being_written_again(tmp_path, monkeypatch):

@@ -173,6 +173,7 @@ def test_noise_is_given_for_all_actions_or_for_each(sds):
 def test_invalid_hyperparameters_are_refused_before_anything_is_written(tmp_path):
     for changes, message in (
         ({"policy_kwargs": {"log_std_init": [-1.0, 0.3]}}, "expected a number, or 9 of them"),
+        ({"policy_kwargs": {"optimizer_kwargs": {"epz": 1}}}, "optimizer_kwargs: unknown key 'epz'"),
         ({"learning_rate": "line_3"}, "or lin_<number>, got 'line_3'"),
         ({"learning_rate": "1e-3"}, "1.0e-4, not 1e-4"),
         ({"noise_std": 0.1}, "noise_type"),

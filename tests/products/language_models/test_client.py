@@ -291,7 +291,8 @@ REFUSED = completion(None, choices=choice(content=None, refusal="I can't."))
         ({"code": 10007, "message": "traffic is limited", "sid": "cha"}, 200, "http", "traffic is", False),
         (NO, 401, "http", "FPG_LLM_API_KEY", True),
         ({"detail": "Not Found"}, 404, "http", "FPG_LLM_MODEL", True),
-        *[(NO, status, "http", f"HTTP {status}", True) for status in (301, 403, 405)],
+        *[(NO, status, "http", "the address leads elsewhere", True) for status in (301, 302, 303, 307, 308)],
+        *[(NO, status, "http", f"HTTP {status}", True) for status in (403, 405)],
         *[(NO, status, "http", f"HTTP {status}", False) for status in (400, 408, 429, 500)],
         ({"detail": [{"loc": ["body", "seed"]}]}, 422, "http", "seed", False),
         ({"error": {"message": "a\nb\r\n" * 1000}}, 200, "http", "a b a b", False),
@@ -306,6 +307,7 @@ def test_a_body_without_an_answer_is_an_error_in_one_line(body, status, error, d
     reply = read(body, status)
     assert (reply.text, reply.error, reply.is_permanent) == (None, error, is_permanent)
     assert detail in reply.detail
+    assert ("cut off at" in detail) == ("cut off at" in reply.detail)
     assert "<html>" not in reply.detail
     assert "\n" not in reply.detail
     assert len(reply.detail) <= 200
