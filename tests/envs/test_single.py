@@ -155,6 +155,8 @@ def test_the_spec_says_how_long_a_round_is():
     again = gymnasium.make(env.unwrapped.spec)
     again.reset(seed=0)
     assert [again.step(REST)[3] for _ in range(STEPS)] == [False] * (STEPS - 1) + [True]
+    with pytest.raises(UserError, match="the round is over; call reset first"):
+        again.step(REST)
 
 
 @pytest.mark.parametrize(
