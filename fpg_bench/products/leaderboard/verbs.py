@@ -252,6 +252,9 @@ def close_season(
     scenario: Annotated[
         str, typer.Option(help="The preset whose entries determine the season: standard or link.")
     ] = "standard",
+    accept_failures: Annotated[
+        bool, typer.Option("--accept-failures", help="Close although a check fails; the season names it.")
+    ] = False,
     workers: WorkersOption = Workers(2),
 ) -> None:
     """Close a season: train candidates with a seed derived from the entries, and select the suite from them.
@@ -268,6 +271,7 @@ def close_season(
         closing,
         out or baselines_folder() / "suites" / closing.name,
         SIDES if side is None else [side],
+        accept_failures=accept_failures,
         workers=workers,
     )
     if season is not None:

@@ -39,6 +39,7 @@ from fpg_bench.game.sensing import (
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE, TYPES
 from fpg_bench.players.agent import write_agent
+from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.products.league.candidates import Candidates, away_m, earnings
 from fpg_bench.products.league.categorical import CategoricalSearch
@@ -323,10 +324,7 @@ def table_search(
         "features": {name: list(map(float, edges)) for name, edges in features.items()},
     }
     with search_folder(folder, f"{NAME}.json", f"{NAME}.jsonl", "tabular search"):
-        model = table_onnx(side, features, scenario)
-        play = earnings(lambda cells: Candidates(model, cells), side, [rival], scenario, game.reward or "own")
-        choices = len(table_choices(side, scenario).names)
-        search = CategoricalSearch([choices] * count_cells(features), play, seed=seed)
+        search = TableSearch(side, [rival], scenario, features, game.reward or "own", seed)
         _, seconds = run_search(search, folder, NAME, about, budget, progress)
         cells = search.best.tolist()
         write_agent(
@@ -345,3 +343,30 @@ def table_search(
             revision=revision(),
         )
     return seconds
+
+
+class TableSearch(CategoricalSearch):
+    """Search over the cells of a table.
+
+    Args:
+        side: side of the table.
+        rivals: players of the other side.
+        scenario: what is played.
+        features: see :func:`check_features`.
+        reward: ``own``, or ``zero_sum`` to lower the rivals' returns.
+        seed: training seed.
+    """
+
+    def __init__(
+        self,
+        side: str,
+        rivals: Sequence[Player],
+        scenario: Scenario,
+        features: Mapping[str, Sequence[float]],
+        reward: str = "own",
+        seed: int = 0,
+    ) -> None:
+        model = table_onnx(side, features, scenario)
+        play = earnings(lambda cells: Candidates(model, cells), side, rivals, scenario, reward)
+        choices = len(table_choices(side, scenario).names)
+        super().__init__([choices] * count_cells(features), play, len(rivals), seed)

@@ -26,7 +26,7 @@ from fpg_bench.players.player import SIDES
 from fpg_bench.players.registry import as_player
 from fpg_bench.players.trust import remember_exported
 from fpg_bench.products.leaderboard.season import closing as closing_module
-from fpg_bench.products.leaderboard.season.audit import check_entries, late_entries
+from fpg_bench.products.leaderboard.season.audit import check_entries, describe_season, late_entries
 from fpg_bench.products.leaderboard.season.candidates import (
     PROFILE,
     against_candidate,
@@ -37,7 +37,7 @@ from fpg_bench.products.leaderboard.season.checks import Evidence, check_members
 from fpg_bench.products.leaderboard.season.closing import close_season, make_closing
 from fpg_bench.products.leaderboard.season.entries import SeasonEntry, read_entries, season_seed
 from fpg_bench.products.leaderboard.season.recipes import (
-    ALGORITHMS,
+    KINDS,
     STEPS,
     STRANGERS,
     assign_balanced,
@@ -81,7 +81,7 @@ def test_seeds_change_only_how_properties_are_combined(side, entries):
     for kind in ("algorithm", "gamma"):
         counts = Counter(getattr(recipe, kind) for recipe in a)
         assert counts == Counter(getattr(recipe, kind) for recipe in b)
-        assert kind == "algorithm" or max(counts.values()) - min(counts.values()) <= 3
+        assert kind == "algorithm" or counts == {None: 12, 0.9: 6, 0.95: 3, 0.8: 3}  # None: searched
     assert {recipe.reward for recipe in a} == {"own"}
     assert all(recipe.steps in STEPS[recipe.algorithm] for recipe in a)
     assert [(r.gamma, r.targets) for r in a] != [(r.gamma, r.targets) for r in b]
@@ -114,7 +114,7 @@ def test_members_of_earlier_suites_that_are_paid_by_the_rules_are_targets(scenar
 
 def test_a_season_trains_more_opponents_than_allies(board, tmp_path):
     season, own = (make_closing(4, board, tmp_path, *numbers) for numbers in ((), (5, 3)))
-    assert [season.numbers(side) for side in SIDES] == [(24, 24), (48, 24)]
+    assert [season.numbers(side) for side in SIDES] == [(24, 24), (36, 24)]
     assert [own.numbers(side) for side in SIDES] == [(5, 3), (5, 3)]
 
 
@@ -125,12 +125,11 @@ def test_scripts_are_targets_where_nobody_was_trained():
         draw_recipes("a", "ally", 4, [])
 
 
-@pytest.mark.parametrize("algorithm", [*ALGORITHMS, *STRANGERS])
+@pytest.mark.parametrize("algorithm", [*KINDS["ppo"], *STRANGERS])
 def test_hyperparameters_follow_the_recipe(algorithm):
     recipe = draw_recipes("a", "opponent", 24, ALLIES, [algorithm])[0]
     values = hyperparameters(recipe)
     assert (values["gamma"], values["n_timesteps"]) == (recipe.gamma, recipe.steps)
-    assert values["policy_kwargs"].get("log_std_init") == recipe.log_std
 
 
 def test_the_strongest_candidate_is_selected_first_and_invalid_returns_are_refused():
@@ -164,14 +163,18 @@ def test_an_entry_that_loses_against_candidates_of_its_choice_does_not_steer_the
     assert np.ptp(returns[-1]) < np.ptp(honest) < np.ptp(hostile)
 
 
+SKILL = np.arange(12.0)[:, None]
+
+
 def evidence(rng, **changes):
     """Returns where all holds: twelve entries of clear skill, eight members and six strangers."""
-    skill = np.arange(12.0)[:, None]
     whole = {
         "side": "opponent",
         "tables": {"allies": range(12), "few": range(3)},
-        "members": skill + rng.normal(0, 1, (12, 8)),
-        "strangers": skill + rng.normal(0, 1, (12, 6)),
+        "scripts": {0, 1},
+        "members": SKILL + rng.normal(0, 1, (12, 8)),
+        "kinds": ["ppo", "ppo", "ppo", "ppo", "rule", "rule", "table", "table"],
+        "strangers": SKILL + rng.normal(0, 1, (12, 6)),
         "oracle": np.full(8, 20.0),
         "earned": {f"o{i}": 10.0 + i for i in range(8)},
         "floor": ("tone", 9.0),
@@ -179,24 +182,37 @@ def evidence(rng, **changes):
     return Evidence(**whole | changes)
 
 
+def within_chance(rng):
+    """An oracle that is ahead on average and on three quarters of the members, but not significantly."""
+    return {"members": SKILL + np.zeros(8), "oracle": 11.0 + np.array(6 * [2] + 2 * [-5])}
+
+
+def of_another_kind(rng):
+    """Two members of a kind that order the entries the other way round, which the mean hardly shows."""
+    members = 4 * SKILL + rng.normal(0, 0.1, (12, 8))
+    members[:, 6:] = -SKILL / 10
+    return {"members": members, "oracle": np.full(8, 60.0)}
+
+
 @pytest.mark.parametrize(
     ("failing", "change"),
     [
         (None, lambda rng: {}),
         ("an oracle ranks first", lambda rng: {"oracle": np.full(8, 9.0)}),
+        ("an oracle ranks first", lambda rng: {"oracle": np.array([9.0, 9, 9] + 5 * [40.0])}),  # 5 of 8
+        ("an oracle ranks first", within_chance),
+        ("no script leads allies", lambda rng: {"scripts": {11}}),
+        ("kinds agree on the best of allies", of_another_kind),
         ("members are above the floor", lambda rng: {"floor": ("tone", 10.5)}),
         ("strangers agree on allies", lambda rng: {"strangers": rng.normal(0, 1, (12, 6))}),
         ("strangers agree on allies", lambda rng: {"strangers": np.zeros((12, 6))}),  # it says nothing
-        (
-            "halves agree on the best of allies",
-            lambda rng: {"members": np.arange(12.0)[:, None] + rng.normal(0, 12, (12, 8))},
-        ),
+        ("halves agree on the best of allies", lambda rng: {"members": rng.normal(0, 12, (12, 8)) + SKILL}),
     ],
 )
 def test_the_check_that_fails_is_named(failing, change):
     rng = np.random.default_rng(0)
     verdicts = list(check_members(evidence(rng, **change(rng))))
-    assert len(verdicts) == 4  # a table of three entries has no order to compare
+    assert len(verdicts) == 6  # a table of three entries has no order to compare
     failed = {verdict.name for verdict in verdicts if not verdict.is_good}
     assert (f"opponent: {failing}" in failed) if failing else not failed
 
@@ -210,7 +226,7 @@ ENTRIES = (
     "opponent/tone",
     "planner/circle",
 )
-TINY_STEPS = {algorithm: tuple(n // 2000 for n in steps) for algorithm, steps in STEPS.items()}
+TINY_STEPS = {algorithm: tuple(max(1, n // 2000) for n in steps) for algorithm, steps in STEPS.items()}
 
 
 def run_here(jobs, workers=1):
@@ -354,12 +370,17 @@ def test_each_scenario_is_closed_by_itself(season, tmp_path):
 def test_a_season_that_fails_a_check_stays_open_and_keeps_what_was_trained(season, board, copied):
     shutil.rmtree(copied / "season-1")
     good, bad = Verdict("ally: halves agree", True, ""), Verdict("ally: an oracle ranks first", False, "")
-    with pytest.raises(UserError, match=r"season-1 does not close, .*/work: ally: an oracle ranks first$"):
+    with pytest.raises(UserError, match=r"does not close, .*/work: ally: an oracle ranks first; --acc"):
         close_tiny(board, copied / "work", copied / "season-1", checks=[good, bad])
     assert not (copied / "season-1").exists()
     again, messages = close_tiny(board, copied / "work", copied / "season-1")
     assert "10 rivals, 10 of them done" in messages[0]
     assert policies(again) == policies(season)
+    shutil.rmtree(copied / "season-1")
+    close_tiny(board, copied / "work", copied / "season-1", checks=[good, bad], accept_failures=True)
+    assert [check.holds for check in load_season(copied / "season-1").checks] == [True, False]
+    lines = list(describe_season(copied / "season-1", board))
+    assert "FAILS: ally: an oracle ranks first: " in lines
 
 
 @pytest.mark.full

@@ -65,6 +65,8 @@ def describe_season(name: str | Path, board: str | Path) -> Iterator[str]:
                 f"{member.entries_earn:12.2f}  {len(member.targets)} players{flight}"
             )
     yield ""
+    for check in season.checks:
+        yield f"{'holds' if check.holds else 'FAILS'}: {check.name}: {check.line}"
     yield "season.yml in its folder names the players."
     try:
         entries = read_entries(board, inspect_onnx=False, scenario=season.scenario)

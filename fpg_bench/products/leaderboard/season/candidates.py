@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shutil
 import statistics
+import time
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.ids import policy_env
+from fpg_bench.common.ids import other_side, policy_env
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.evaluation.entry import EvaluatedPlayer
 from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record
@@ -17,52 +19,100 @@ from fpg_bench.evaluation.store import RECORDS, Pairing
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.game.spec import GameSpec
+from fpg_bench.players.agent import write_agent
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player, named_card
-from fpg_bench.products.leaderboard.season.recipes import DISCRETE, Recipe, hyperparameters
+from fpg_bench.products.leaderboard.season.recipes import DISCRETE, SEARCHED, Recipe, hyperparameters
 from fpg_bench.products.leaderboard.tracks import track_of
+from fpg_bench.products.league.best_responses import draw_features
+from fpg_bench.products.league.categorical import CategoricalSearch
+from fpg_bench.products.league.rule_search import RuleSearch, rule_of
+from fpg_bench.products.league.rules import rule_graph, rule_values
+from fpg_bench.products.league.tabular import TableSearch, table_onnx
 from fpg_bench.training.config import RunConfig
-from fpg_bench.training.run_folder import RunFolder
+from fpg_bench.training.run_folder import RunFolder, revision
 from fpg_bench.training.train import train
+from fpg_bench.version import versions
 
 ROUNDS = 60  # of each entry against each candidate
 PROFILE = RECORDS
 
 
-def train_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") -> None:
-    """Train a candidate and keep only its agent, its run's rows, and who has met it.
+def make_candidate(recipe: Recipe, folder: Path, scenario: str = "standard") -> None:
+    """Train or search a candidate and keep only its agent, the rows of its run, and who has met it.
 
-    A finished run is not trained again; an unfinished one starts anew, so the result is always the same.
+    A finished one is not made again; an unfinished one starts anew, so the result is always the same.
 
     Args:
         recipe: the recipe.
-        folder: the run's folder.
+        folder: its folder.
         scenario: the preset.
 
     Raises:
         UserError: the folder holds an unfinished run of another kind, or training diverged.
     """
     algorithm = recipe.algorithm.removesuffix(DISCRETE)
-    run = RunConfig(
-        algorithm,
-        GameSpec.of(
-            policy_env(recipe.side).id,
-            against=recipe.targets,
-            reward=recipe.reward,
-            path=recipe.path,
-            actions=None if algorithm == recipe.algorithm else "discrete",
-            scenario=None if scenario == "standard" else scenario,
-        ),
-        recipe.training_seed,
-        recipe.steps,
-        hyperparameters(recipe),
+    game = GameSpec.of(
+        policy_env(recipe.side).id,
+        against=recipe.targets,
+        reward=recipe.reward,
+        path=recipe.path,
+        actions=None if algorithm == recipe.algorithm else "discrete",
+        scenario=None if scenario == "standard" else scenario,
     )
-    if not RunFolder(folder).is_finished():
+    if not is_made(recipe, folder):
         (folder / PROFILE).unlink(missing_ok=True)
-        train(run, folder, evaluations=0, progress=False, restart=True)
+        if recipe.algorithm in SEARCHED:
+            _search(recipe, game, folder / "agent")
+        else:
+            run = RunConfig(algorithm, game, recipe.training_seed, recipe.steps, hyperparameters(recipe))
+            train(run, folder, evaluations=0, progress=False, restart=True)
     for path in folder.iterdir():
         if path.name not in ("agent", "run.json", "evaluations.jsonl", PROFILE):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def is_made(recipe: Recipe, folder: Path) -> bool:
+    """Return True if a candidate is trained or found."""
+    if recipe.algorithm in SEARCHED:
+        return (folder / "agent" / "agent.json").exists()
+    return RunFolder(folder).is_finished()
+
+
+def _search(recipe: Recipe, game: GameSpec, agent: Path) -> None:
+    """Search a rule or a table that earns most from a candidate's targets, and write it as an agent."""
+    scenario, other = game.resolve(), other_side(recipe.side)
+    rivals = [as_player(name, other, scenario) for name in recipe.targets]
+    if recipe.algorithm == "rule":
+        search: CategoricalSearch = RuleSearch(recipe.side, rivals, scenario, seed=recipe.training_seed)
+    else:
+        features = draw_features(recipe.side, recipe.training_seed)
+        search = TableSearch(recipe.side, rivals, scenario, features, seed=recipe.training_seed)
+    began = time.process_time()
+    while search.generation < recipe.steps:
+        search.run()
+    if recipe.algorithm == "rule":
+        best = search.simplify()
+        model = rule_graph(recipe.side, scenario, rule_values(recipe.side, best[None], scenario)[0])
+        found: JsonObject = {"rule": rule_of(recipe.side, best)}
+    else:
+        best = search.best
+        model = table_onnx(recipe.side, features, scenario, best.tolist())
+        found = {"features": features, "cells": best.tolist()}
+    write_agent(
+        agent,
+        model,
+        algorithm=recipe.algorithm,
+        game=game.describe(),
+        scenario=scenario.hash,
+        scenario_fields=scenario.to_dict(),
+        training_seed=recipe.training_seed,
+        training_steps=search.rounds * scenario.steps_per_round,
+        seconds=round(time.process_time() - began, 1),
+        recipe=found,
+        versions=versions(),
+        revision=revision(),
+    )
 
 
 def against_candidate(

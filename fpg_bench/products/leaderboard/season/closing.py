@@ -20,7 +20,6 @@ from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import ALL_TACTICS, SCRIPTED, SCRIPTS, other_side
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
-from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.store import Pairing, Store
 from fpg_bench.game.scenario import as_scenario
@@ -31,8 +30,9 @@ from fpg_bench.products.leaderboard.season.candidates import (
     PROFILE,
     against_candidate,
     earned,
+    is_made,
+    make_candidate,
     play_candidate,
-    train_candidate,
 )
 from fpg_bench.products.leaderboard.season.checks import Evidence, check_members
 from fpg_bench.products.leaderboard.season.entries import (
@@ -41,10 +41,17 @@ from fpg_bench.products.leaderboard.season.entries import (
     read_entries,
     season_seed,
 )
-from fpg_bench.products.leaderboard.season.recipes import STRANGERS, Recipe, draw_number, draw_recipes
+from fpg_bench.products.leaderboard.season.recipes import (
+    STRANGERS,
+    Recipe,
+    draw_number,
+    draw_recipes,
+    kind_of,
+)
 from fpg_bench.products.leaderboard.season.season import (
     FILE,
     Season,
+    SeasonCheck,
     SeasonMember,
     load_season,
     target_pool,
@@ -54,7 +61,7 @@ from fpg_bench.products.leaderboard.season.season import (
 from fpg_bench.products.leaderboard.season.selection import limit_influence, select_representative
 from fpg_bench.products.leaderboard.season_keys import season_label
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
-from fpg_bench.training.run_folder import RunFolder
+from fpg_bench.version import versions
 
 _logger = logging.getLogger(__name__)
 
@@ -67,7 +74,7 @@ class Numbers(NamedTuple):
 
 
 # Fewer opponents than allies are competent, so more are trained.
-SEASON = {"ally": Numbers(24, 24), "opponent": Numbers(48, 24)}
+SEASON = {"ally": Numbers(24, 24), "opponent": Numbers(36, 24)}
 FEWEST = 12  # members of a side, unless fewer are asked
 N_STRANGERS = 6  # trained ones, and as many scripts with drawn constants: the best of N_VARIANTS
 N_VARIANTS = 24
@@ -189,6 +196,7 @@ def close_season(
     out: Path,
     sides: Sequence[str] = SIDES,
     *,
+    accept_failures: bool = False,
     workers: Workers | int = 2,
 ) -> Season | None:
     """Close a season, or resume its closing with the same result.
@@ -197,6 +205,7 @@ def close_season(
         closing: settings of the closing.
         out: the season's folder; ``season.yml`` is written last.
         sides: train candidates of these sides only; the season is closed once those of both are trained.
+        accept_failures: close although a check fails; ``season.yml`` has all verdicts.
         workers: number of processes, or :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
@@ -229,15 +238,20 @@ def close_season(
         profiles = {side: _profiles(closing, side) for side in SIDES}
         members = {side: _select_members(closing, side, profiles[side]) for side in SIDES}
         evidence = [_evidence(closing, side, members[side], profiles[side]) for side in SIDES]
-        verdicts = [verdict for of in evidence for verdict in check_members(of)]
-        for verdict in verdicts:
-            _logger.info(f"{'holds' if verdict.is_good else 'FAILS'}: {verdict.name}: {verdict.line}")
-        if failed := [verdict.name for verdict in verdicts if not verdict.is_good]:
+        checks = tuple(
+            SeasonCheck(name=verdict.name, holds=verdict.is_good, line=verdict.line)
+            for of in evidence
+            for verdict in check_members(of)
+        )
+        for check in checks:
+            _logger.info(f"{'holds' if check.holds else 'FAILS'}: {check.name}: {check.line}")
+        failed = [check.name for check in checks if not check.holds]
+        if failed and not accept_failures:
             raise UserError(
                 f"season: {closing.name} does not close, its candidates stay in {closing.work}: "
-                f"{'; '.join(failed)}"
+                f"{'; '.join(failed)}; --accept-failures closes it and keeps them in its file"
             )
-        return _publish(closing, out, members)
+        return _publish(closing, out, members, checks)
 
 
 def _check_plan(closing: Closing) -> None:
@@ -273,15 +287,15 @@ def _jobs(closing: Closing, side: str) -> list[Job]:
 def _make_rival(closing: Closing, side: str, rival: Recipe | str, folder: Path) -> None:
     """Train a rival that is no script, and let the entries meet it; skips what is done already."""
     if isinstance(rival, Recipe):
-        train_candidate(rival, folder, closing.scenario)
+        make_candidate(rival, folder, closing.scenario)
     Store(folder / PROFILE).fill(_pairings(closing, side, rival), play_candidate)
 
 
 def _is_complete(closing: Closing, side: str, rival: Recipe | str) -> bool:
     folder, entries = closing.folder(side, rival), closing.rival_entries(side)
     count = sum(len(entry.players[_seeds_met(rival)]) for entry in entries) + 1  # and the oracle
-    is_made = isinstance(rival, str) or RunFolder(folder).is_finished()
-    return is_made and len(Store(folder / PROFILE).records()) == count
+    has_player = isinstance(rival, str) or is_made(rival, folder)
+    return has_player and len(Store(folder / PROFILE).records()) == count
 
 
 def _seeds_met(rival: Recipe | str) -> slice:
@@ -399,6 +413,8 @@ def _evidence(
     return Evidence(
         side=side,
         tables=tables,
+        scripts={row for row, entry in enumerate(closing.rival_entries(side)) if entry.is_script},
+        kinds=[kind_of(member.algorithm) for member in members],
         members=_columns(closing, side, [each.firsts for each in own]),
         strangers=_columns(closing, side, [profiles[name].firsts for name in competent]),
         oracle=np.array([each.oracle for each in own]),
@@ -415,7 +431,8 @@ def _select_members(
     competent = _competent(closing, side, "candidates", names, profiles, min(size, FEWEST))
     recipes = [recipe for recipe in closing.recipes(side) if recipe.name in competent]
     returns = _columns(closing, side, [profiles[recipe.name].means for recipe in recipes])
-    chosen = select_representative(limit_influence(returns), min(size, len(recipes)))
+    kinds = [kind_of(recipe.algorithm) for recipe in recipes]
+    chosen = select_representative(limit_influence(returns), min(size, len(recipes)), kinds)
     return tuple(
         SeasonMember(
             **dict(recipes[index]),
@@ -426,9 +443,10 @@ def _select_members(
     )
 
 
-def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember, ...]]) -> Season:
+def _publish(
+    closing: Closing, out: Path, members: dict[str, tuple[SeasonMember, ...]], checks: tuple[SeasonCheck, ...]
+) -> Season:
     """Copy the members and write the suites of the season's tracks; ``season.yml`` is written last."""
-    first = closing.folder("opponent", members["opponent"][0])
     season = Season(
         folder=out,
         name=closing.name,
@@ -438,7 +456,8 @@ def _publish(closing: Closing, out: Path, members: dict[str, tuple[SeasonMember,
         candidates={side: closing.numbers(side).candidates for side in SIDES},
         entries={entry.name: list(entry.hashes) for entry in closing.entries},
         members=members,
-        versions=RunDescription.read(first).versions,
+        versions=versions(),
+        checks=checks,
         scenario=closing.scenario,
     )
     for side in SIDES:

@@ -17,24 +17,42 @@ from fpg_bench.training.rl_zoo3_format import Entry
 
 REWARD = "own"  # who is paid otherwise plays what nobody would who pays the prices of the rules
 DISCRETE = "-discrete"  # ends the names of algorithms that choose from the list of actions
-# Of candidates; and of the strangers that tell whether others than the members order entries in the same way.
-ALGORITHMS = ("ppo-stack8-discrete", "ppo-stack8", "ppo-discrete", "ppo")
-STRANGERS = ("recurrent-ppo-discrete", "qr-dqn-discrete", "dqn-discrete")
-STEPS = dict.fromkeys(ALGORITHMS, (500_000, 250_000)) | dict.fromkeys(STRANGERS, (400_000,))
+# How candidates are made, by kind: what a season shows must not be the weakness of a single one.
+KINDS = {
+    "ppo": ("ppo-fast-stack8-discrete", "ppo-fast-memory-discrete", "ppo-fast-discrete"),
+    "rule": ("rule",),  # fpg_bench.products.league.rules
+    "table": ("table",),  # fpg_bench.products.league.tabular
+}
+ALGORITHMS = (
+    "ppo-fast-stack8-discrete",
+    "rule",
+    "ppo-fast-memory-discrete",
+    "table",
+    "ppo-fast-discrete",
+    "rule",
+)
+# Value learners, a kind that no member is of, tell whether others than the members order entries alike.
+STRANGERS = ("qr-dqn-memory-discrete", "dqn-memory-discrete")
+SEARCHED = ("rule", "table")  # without a network; their steps are generations of the search
+STEPS = {
+    **dict.fromkeys(ALGORITHMS, (1_000_000, 2_000_000)),
+    "rule": (70, 100),
+    "table": (100, 200),
+    **dict.fromkeys(STRANGERS, (400_000,)),
+}
 GAMMAS = dict.fromkeys(ALGORITHMS, (0.9, 0.95, 0.8)) | dict.fromkeys(STRANGERS, (0.9, 0.8))
-# PPO's initial spread decides what an opponent learns: with a wide one, it learns to jam broadly.
-LOG_STDS = {"opponent": (-2.5, -1.5, -3.5), "ally": (-0.2, -1.0)}
 # Number of players that each is trained against.
 TARGETS = dict.fromkeys(ALGORITHMS, (6, 3, 12)) | dict.fromkeys(STRANGERS, (12,))
 FIRST_SEED, SEEDS = 300_000, 700_000  # candidates have the training seeds from 300,000 to 999,999
 _PPO = {
     "policy": "MlpPolicy",
-    "n_envs": 128,
+    "n_envs": 192,
     "n_steps": 64,
-    "batch_size": 4096,
+    "batch_size": 3072,
     "n_epochs": 4,
-    "learning_rate": 0.002,
+    "learning_rate": "lin_0.001",
     "gae_lambda": 0.8,
+    "ent_coef": 0.005,
     "normalize": {"norm_obs": False, "norm_reward": True},
 }
 _DQN = {
@@ -51,15 +69,6 @@ _DQN = {
     "exploration_final_eps": 0.03,
     "normalize": {"norm_obs": False, "norm_reward": True},
 }
-_OF_STRANGERS = {
-    "recurrent-ppo-discrete": _PPO | {"policy": "MlpLstmPolicy", "n_envs": 64, "batch_size": 1024},
-    "qr-dqn-discrete": _DQN,
-    "dqn-discrete": _DQN,
-}
-_POLICIES = {
-    "recurrent-ppo-discrete": {"net_arch": [64], "lstm_hidden_size": 64},
-    "qr-dqn-discrete": {"net_arch": [64, 64], "n_quantiles": 20},
-}
 T = TypeVar("T")
 
 
@@ -69,6 +78,8 @@ class Recipe(Strict):
     Attributes:
         name: the candidate's name in the suite.
         side: the side it plays.
+        steps: of training; of a search, its generations.
+        gamma: None of a search.
         log_std: initial log standard deviation of PPO's continuous actions; None for choices from the list.
         targets: the players it is trained against, one drawn per round.
         path: the opponent's path during training.
@@ -79,8 +90,8 @@ class Recipe(Strict):
     algorithm: str
     steps: int
     reward: str
-    gamma: float
-    log_std: float | None
+    gamma: float | None
+    log_std: float | None = None
     targets: Items[str]
     path: str
     training_seed: int
@@ -146,11 +157,7 @@ def draw_recipes(
             per_algorithm[algorithm] = iter(assign_balanced(values, number, seed, of, name, algorithm))
         return [next(per_algorithm[algorithm]) for algorithm in taken]
 
-    gammas, steps, log_stds = (
-        assign("gamma", GAMMAS),
-        assign("steps", STEPS),
-        assign("log_std", LOG_STDS[side]),
-    )
+    gammas, steps = assign("gamma", GAMMAS), assign("steps", STEPS)
     targets = _draw_targets(seed, of, assign("size", TARGETS), pool)
     return [
         Recipe(
@@ -159,8 +166,7 @@ def draw_recipes(
             algorithm=algorithm,
             steps=steps[i],
             reward=REWARD,
-            gamma=gammas[i],
-            log_std=log_stds[i] if algorithm in ("ppo", "ppo-stack8") else None,
+            gamma=None if algorithm in SEARCHED else gammas[i],
             targets=targets[i][0],
             path=targets[i][1],
             training_seed=FIRST_SEED + draw_number(SEEDS, seed, of, "seed", i),
@@ -190,12 +196,16 @@ def _draw_targets(
 
 
 def hyperparameters(recipe: Recipe) -> Entry:
-    """Return a recipe's hyperparameters for :class:`fpg_bench.training.config.RunConfig`."""
-    policy_kwargs: Entry = dict(_POLICIES.get(recipe.algorithm, {"net_arch": [64, 64]}))
+    """Return a trained recipe's hyperparameters for :class:`fpg_bench.training.config.RunConfig`."""
+    policy_kwargs: Entry = {"net_arch": [64, 64]}
     own = {"n_timesteps": recipe.steps, "gamma": recipe.gamma, "policy_kwargs": policy_kwargs}
-    if recipe.algorithm in _OF_STRANGERS:
-        return _OF_STRANGERS[recipe.algorithm] | own
+    if recipe.algorithm in STRANGERS:
+        policy_kwargs |= {"n_quantiles": 20} if recipe.algorithm.startswith("qr-dqn") else {}
+        return _DQN | own
     policy_kwargs["activation_fn"] = "ReLU"
-    if recipe.log_std is not None:
-        policy_kwargs["log_std_init"] = recipe.log_std
     return _PPO | own
+
+
+def kind_of(algorithm: str) -> str:
+    """Return the kind of a candidate's algorithm; of one that is drawn no more, the algorithm."""
+    return next((kind for kind, names in KINDS.items() if algorithm in names), algorithm)

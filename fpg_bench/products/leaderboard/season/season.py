@@ -48,6 +48,14 @@ class SeasonMember(Recipe):
     entries_earn: float
 
 
+class SeasonCheck(Strict):
+    """Verdict of a closing on its members, see :mod:`fpg_bench.products.leaderboard.season.checks`."""
+
+    name: str
+    holds: bool
+    line: str
+
+
 class Season(Strict):
     """A closed season, as ``season.yml`` stores it.
 
@@ -59,6 +67,7 @@ class Season(Strict):
         members: by side, in the order of selection.
         versions: package versions that trained the members.
         scenario: the preset that it is played in.
+        checks: verdicts on the members; earlier seasons have none.
     """
 
     folder: Path
@@ -71,6 +80,7 @@ class Season(Strict):
     members: dict[str, Items[SeasonMember]]
     versions: dict[str, str]
     scenario: str = "standard"
+    checks: Items[SeasonCheck] = ()
 
     @field_validator("members")
     @classmethod

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
+
 import numpy as np
 
 from fpg_bench.common.errors import UserError
@@ -20,15 +23,17 @@ def limit_influence(returns: np.ndarray) -> np.ndarray:
     return limited
 
 
-def select_representative(returns: np.ndarray, size: int) -> list[int]:
+def select_representative(returns: np.ndarray, size: int, kinds: Sequence[str] = ()) -> list[int]:
     """Select candidates against which players earn about what they earn against all candidates.
 
     Starts with the strongest candidate, against which players earn least. Each further one brings the mean
-    returns against the selection nearest to those against all candidates.
+    returns against the selection nearest to those against all candidates. No kind has more than half of the
+    places, so that no weakness of a single kind decides the ranking.
 
     Args:
         returns: return per step of each entry against each candidate, ``(entries, candidates)``.
-        size: number of candidates to select.
+        size: number of candidates to select; less where the candidates of other kinds are too few.
+        kinds: kind of each candidate; empty where kinds do not matter.
 
     Returns:
         Their indices in the order of selection.
@@ -36,22 +41,24 @@ def select_representative(returns: np.ndarray, size: int) -> list[int]:
     Raises:
         UserError: too few candidates, or returns that are not finite.
     """
-    _check_selection(returns, size)
-    selected = [_strongest(returns)]
+    count, most = returns.shape[1], size
+    if size > count:
+        raise UserError(f"season: cannot select {size} members from {count} candidates")
+    _check_finite(returns)
+    if len(set(kinds)) > 1:
+        most = min(max(size // 2, 1), count - max(Counter(kinds).values()))
+        size = min(size, 2 * most)
+    selected: list[int] = []
     overall = returns.mean(axis=1)
     while len(selected) < size:
         sums = returns[:, selected].sum(axis=1)[:, None] + returns
         distances = np.linalg.norm(sums / (len(selected) + 1) - overall[:, None], axis=0)
         distances[selected] = np.inf
-        selected.append(int(distances.argmin()))
+        if kinds:
+            places = Counter(kinds[k] for k in selected)
+            distances[[places[kind] >= most for kind in kinds]] = np.inf
+        selected.append(int(distances.argmin()) if selected else _strongest(returns))
     return selected
-
-
-def _check_selection(returns: np.ndarray, size: int) -> None:
-    count = returns.shape[1]
-    if size > count:
-        raise UserError(f"season: cannot select {size} members from {count} candidates")
-    _check_finite(returns)
 
 
 def _strongest(returns: np.ndarray) -> int:
