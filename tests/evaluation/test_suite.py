@@ -1,4 +1,6 @@
 import dataclasses
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,36 +31,8 @@ rivals: [{ally: idle}, {ally: expert}]
 """
 
 
-# A suite that changes is another suite, with a name of its own; a new one is added here.
-HASHES = {
-    "ally-link-season-4": "5371a6465dd493b07963082f339a1c13085168e4697aa328af28bcffc4bf7443",
-    "ally-link-shifted-v1": "50bb488815bc3c3304cfb0da0fc54871a52193aa3ca13e615eda76111b01496e",
-    "ally-link-v1": "b39544c5ab49db5273b39f523bc492460298d8626e53c9f6c7e8a45299565104",
-    "ally-paper-v1": "a7be5dd53db0a6f75a04c360701e2abcf13d926a628cace8b63e6322842c1216",
-    "ally-planner-v1": "9542ff8bb4e492ff7b4f8fb7e1af000b7c1a4072183944a56703fef411a857bf",
-    "ally-responses-v2": "adb17d5ae6fa9b03b67da85f95de91019022a3e0ee2147009ee4944805d087f0",
-    "ally-season-3": "d8ebb1d780ddd2e1cd4ec695a565738cb946c74eb0809bdc6245349947ebd1e0",
-    "ally-season-4": "f977620e6a5d958c6226741b565b509c71684f0a054d6184e666f45b21671dd3",
-    "ally-shifted-v2": "da4fc0f50a924d5110a172ede687c8084383b46edb634d0b26fd0d0801168f09",
-    "ally-v2": "8287bf93c1bbd16810e19ada31a8c1f992b9d6ab7b744f8639324e1cf39c8551",
-    "opponent-learned-responses-v2": "881563ac034a8039e7f48e891b3ff70969c0a64828d41f8f97fa1c3c94fe47ff",
-    "opponent-learned-season-3": "44080c758ef8389a678ab7daed360a48588ace086fa87b877369885e567586f2",
-    "opponent-learned-season-4": "14a1c4b0d059cfbdd1a358d00b1a0ddcf6719343346fe2e3b93987c1e1efff35",
-    "opponent-learned-shifted-v2": "db782c5c01bc367b7f5d7e5f3b08b0d2d4ed739987626f05384604faf19debde",
-    "opponent-learned-v2": "d860ff6d4c1c9c74e0d2ff8e9cc37f0f98423acd258eec1c1877786f022e4f09",
-    "opponent-link-season-4": "aa7169b84a29f45b689e3fcf413130bc00c7866265dd51ff8881fef53ea1e2cf",
-    "opponent-link-shifted-v1": "e4f8556120e36964a9daded4a53e49fbca5d53232ffd4b8173cc1d76fa60bacc",
-    "opponent-link-v1": "c5a2f61e35e28d5a4c96caf90049f7896f0037813203ad0b4adab96540b85dcf",
-    "opponent-paper-v1": "de7ba4370ee1e78ed09d5c7e264f71a6195ba0dde2040b633caa18e050c7d81a",
-    "opponent-responses-v2": "d4702fdac4c44093b38fa4109b7f58d97c945278795ac0e029376d20862fc4dd",
-    "opponent-season-3": "b3f647d23df55aef6ee5e9f1a58613c9221338fb9f3186b7ec35d396b883facf",
-    "opponent-season-4": "1611f60e11ad823f319d50a3fb31bdccbc2357e070f4dcafe415371bb4880e4d",
-    "opponent-shifted-v2": "0f7493c2d7878d9cb3efe1e4577a46f116c746b0929a328256f4fade5b8b44c0",
-    "opponent-v2": "36a15b69d05807970752da8db1d93be13b710344608727329682e8201653233e",
-    "planner-season-3": "2a88234a64a46134069eee68a41b8d219223411020a99e86dacc374022fcf9ed",
-    "planner-season-4": "a3cb178f7e7c996ec9e193f2b298db156e64375859fce2b95d507b894f2ce890",
-    "planner-v1": "c73eed222cd62de8f0c73c1fd27d5f49f8d5bbace21c95f39b84d34540128a1b",
-}
+# A suite that changes is another suite, with a name of its own; a new one is added there.
+HASHES = json.loads((Path(__file__).parents[1] / "golden" / "suites.json").read_text())
 
 
 def written(tmp_path, content):

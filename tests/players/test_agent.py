@@ -125,7 +125,7 @@ def test_same_bits_whatever_the_batch():
     ids=["nonsense", "truncated", "observation", "action", "noise", "input", "output"],
 )
 def test_policies_off_the_contract_are_refused(data, message):
-    with pytest.raises(UserError, match=message):
+    with pytest.raises(UserError, match=f"^policy.onnx: .*{message}"):
         OnnxPlayer(data)
 
 
