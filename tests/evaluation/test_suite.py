@@ -32,7 +32,7 @@ rivals: [{ally: idle}, {ally: expert}]
 
 
 # A suite that changes is another suite, with a name of its own; a new one is added there.
-HASHES = json.loads((Path(__file__).parents[1] / "golden" / "suites.json").read_text())
+HASHES = json.loads(Path(__file__).with_name("suites.json").read_text())
 
 
 def written(tmp_path, content):
