@@ -32,7 +32,8 @@ def test_a_verb_works_in_any_surroundings(tmp_path, verb, surroundings):
     environment, umask = SURROUNDINGS[surroundings]
     words = [*VERBS[verb]]
     if verb == "train":
-        words += ["--hyperparams", json.dumps(settings("ppo"))]
+        (tmp_path / "tiny.yml").write_text(json.dumps({ALLY: settings("ppo")}))
+        words += ["--hyperparams", "tiny.yml"]
     done = subprocess.run(
         [sys.executable, "-m", "fpg_bench", *words],
         cwd=tmp_path,
@@ -41,7 +42,11 @@ def test_a_verb_works_in_any_surroundings(tmp_path, verb, surroundings):
         capture_output=True,
     )
     assert done.returncode == 0, done.stderr.decode(errors="replace")
-    files = [path for path in tmp_path.rglob("*") if path.is_file() and path.name[0] != "."]
+    files = [
+        path
+        for path in tmp_path.rglob("*")
+        if path.is_file() and path.suffix != ".yml" and path.name[0] != "."
+    ]
     assert {"evaluate": "table.png", "play": "made.html", "train": "curve.png"}[verb] in {
         p.name for p in files
     }

@@ -22,7 +22,7 @@ from fpg_bench.common.errors import UserError, bounded
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
 from fpg_bench.common.products import load, offered
-from fpg_bench.common.starting import STOPPED, stopped
+from fpg_bench.common.starting import COMMAND, STOPPED, keep_command, stopped
 
 _display_type = TyperOption.display_type_rich
 
@@ -162,10 +162,12 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, stopped):
         signal.signal(signal.SIGINT, _interrupted)
     sys.unraisablehook = _heard_again
+    keep_command(sys.argv[1:])
     try:
         _run()
     finally:
         _DONE = True
+        del os.environ[COMMAND]
         _set_alarm(0)  # Python restores SIGALRM at its end, and the alarm would kill the process
 
 

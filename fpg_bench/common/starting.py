@@ -1,11 +1,28 @@
-"""Ctrl-C while the command line is still importing its modules."""
+"""The command line while it starts: what was typed, and Ctrl-C while modules are still imported."""
 
 import os
+import shlex
 import signal
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 STOPPED = 130
+COMMAND = "FPG_BENCH_COMMAND"  # in the environment of the command line, and of its workers
+
+
+def keep_command(words: Sequence[str]) -> None:
+    """Keep the command for what it makes; of an absolute ``--out`` the name, as agents are published."""
+    kept = ["fpg-bench", *words]
+    for place, word in enumerate(words):
+        if words[place - 1 : place] == ["--out"] and Path(word).is_absolute():
+            kept[place + 1] = Path(word).name
+    os.environ[COMMAND] = shlex.join(kept)
+
+
+def command() -> str | None:
+    """Return the command that this process works for; None where Python calls."""
+    return os.environ.get(COMMAND)
 
 
 def stop_in_one_line() -> None:

@@ -40,7 +40,7 @@ class RunDescription(Strict):
     Trainings of other libraries, logged by :func:`fpg_bench.log_evaluation`, have no game.
 
     Attributes:
-        command: the command that repeats it.
+        command: the command that made it; None: it was made from Python.
         algorithm: name of the algorithm.
         game: the game. Opening it imports the code that it names.
         side: the side that learns, or ``ally and opponent``.

@@ -39,8 +39,8 @@ class RunConfig:
         seed: training seed k; its games start at game seed k * 10^6.
         steps: training budget over all games, such as 2e6, of offline algorithms in gradient steps; None:
             that of the hyper-parameters. It is rounded up to whole rollouts.
-        hyperparams: hyper-parameters: a YAML file with an entry for the id, a shipped name such as
-            ``ppo-fast``, or an entry as JSON; None: the shipped file. In Python also the entry itself.
+        hyperparams: hyper-parameters: a YAML file with an entry for the id, or a shipped name such as
+            ``ppo-fast``; None: the shipped file. In Python also the entry itself.
         suite: suite that scores the policy during training, on tuning seeds; None: that of the id, whose
             rivals then play the run's scenario. A suite that is named must be of this scenario.
         start: folder of a finished run with the initial weights; ``ppo`` can also start from a run of ``bc``.

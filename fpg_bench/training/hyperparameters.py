@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +13,6 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import DUEL, ENVS
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Expected, Strict, problems_of
-from fpg_bench.common.strict_json import read_object
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import baselines_folder, shipped_files
 from fpg_bench.players.card import MOST_STEPS
@@ -107,7 +105,6 @@ def load_hyperparameters(
             discrete actions have their own shipped values.
         file: a YAML file, the name of a shipped one (``ppo-fast``), or its entry for the id; None takes the
             shipped file of the algorithm, and for a custom class the defaults of that class with 64 games.
-            A text that begins with a brace is the entry as JSON.
         allow: the ``package.module:object`` and agents of the Hub that the file may name; neither is run on a
             file's word.
 
@@ -122,8 +119,6 @@ def load_hyperparameters(
     else:
         game = GameSpec.of(game)
         env_id = game.id
-    if isinstance(file, str) and file.startswith("{"):
-        file = _entry_of(file)
     if isinstance(file, Mapping):
         return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
@@ -139,21 +134,6 @@ def load_hyperparameters(
         )
     check_allowed(entry, allow, f"hyper-parameters {file}")
     return _parse(algorithm, entry, f"hyper-parameters {file}: {env_id}")
-
-
-def as_option(file: Hyperparams) -> object:
-    """Return hyper-parameters as ``--hyperparams`` takes them; an entry with objects stays a mapping."""
-    try:
-        return json.dumps(dict(file)) if isinstance(file, Mapping) else file
-    except TypeError:
-        return file
-
-
-def _entry_of(text: str) -> Entry:
-    try:
-        return read_object(text)
-    except ValueError as error:
-        raise UserError(f"hyper-parameters: not valid JSON: {error}") from error
 
 
 def _named_file(file: Path) -> Path:

@@ -8,11 +8,9 @@ from fpg_bench.training import require_libraries
 require_libraries()
 
 import contextlib
-import os
-import shlex
 import shutil
 import subprocess
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, other_content
@@ -75,7 +73,7 @@ class RunFolder:
             )
         if differing:
             differences = ", ".join(differing).replace("_", " ")
-            raise other_content(self.path, f"another run ({state.command}), which differs in {differences}")
+            raise other_content(self.path, f"another run, which differs in {differences}")
         if state.suite not in (None, about.suite):
             content = f"this run scored on {state.suite}, not on {about.suite}"
             raise other_content(self.path, content, f"keep its suite (--suite {state.suite})")
@@ -112,27 +110,6 @@ class RunFolder:
             number += 1
         if transcript.exists():
             transcript.rename(kept)
-
-
-def command_line(*arguments: str, out: Path, allow: Collection[str] = (), **options: object) -> str | None:
-    """Return the ``fpg-bench`` command with these arguments and options.
-
-    Lists are comma-separated, each name of ``allow`` is an option of its own, and what is None is left out.
-    Of an ``out`` outside the current folder it has the name alone, as agents are published with it.
-
-    Returns:
-        The command; None if an option is an object or a mapping, which only Python can give.
-    """
-    words = ["fpg-bench", *arguments]
-    here = Path.cwd()
-    place = out.relative_to(here) if out.is_relative_to(here) else out.name if out.is_absolute() else out
-    for name, value in (options | {"out": place}).items():
-        parts = value if isinstance(value, list | tuple) else [] if value is None else [value]
-        if not all(isinstance(part, str | int | float | os.PathLike) for part in parts):
-            return None
-        if parts:
-            words += [f"--{name.replace('_', '-')}", ",".join(map(str, parts))]
-    return shlex.join([*words, *(word for name in sorted(allow) for word in ("--allow", name))])
 
 
 def revision() -> str | None:

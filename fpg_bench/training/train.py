@@ -33,6 +33,7 @@ from fpg_bench.common.files import naming
 from fpg_bench.common.parallel import StopRequest, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
+from fpg_bench.common.starting import command
 from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
@@ -56,10 +57,10 @@ from fpg_bench.training.checkpoint import (
 )
 from fpg_bench.training.config import N_EVALS, RunConfig
 from fpg_bench.training.export import check_exportable, write_exported
-from fpg_bench.training.hyperparameters import as_option, load_hyperparameters
+from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.models import by_side, is_finite, make_model, tells_divergence
-from fpg_bench.training.run_folder import RunFolder, command_line, revision
+from fpg_bench.training.run_folder import RunFolder, revision
 
 LOGS = 100  # at least, of a long run that learns from rollouts
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
@@ -296,7 +297,7 @@ class _Run:
         entry.pop("n_timesteps", None)
         data, policies = config.dataset, policies_of(spec)
         about = {
-            "command": self._command(budget),
+            "command": command(),
             "algorithm": name,
             "game": spec.describe(),
             "side": " and ".join(self.sides),
@@ -313,27 +314,6 @@ class _Run:
             "revision": revision(),
         }
         return RunDescription(**json.loads(json.dumps(about, default=str)))  # as it is read from JSON
-
-    def _command(self, budget: int) -> str | None:
-        """Return the command that makes the run again; None if it was given objects of Python."""
-        config, data = self.config, self.config.dataset
-        try:
-            game = config.spec.to_dict() if data is None else {"id": data.name}
-        except UserError:  # a player or a planner has no name
-            return None
-        verb, what = "train" if data is None else "offline", game.pop("id")
-        options = {
-            "seed": config.seed,
-            "steps": budget,
-            "hyperparams": as_option(config.hyperparams),
-            **game,
-            **config.options(),
-            "suite": config.suite,
-            "n_evals": self.evaluations,
-        }
-        return command_line(
-            verb, self.algorithm.name, what, out=self.folder.path, allow=config.allow, **options
-        )
 
     def setup(self) -> None:
         """Make the games and the model, and check before anything is written that it can be exported."""

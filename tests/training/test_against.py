@@ -43,7 +43,6 @@ def test_the_players_met_are_part_of_a_run_s_description(ally, tmp_path):
     respond(tmp_path / "run", [agent, "expert"])
     about = json.loads((tmp_path / "run" / "run.json").read_text())
     assert about["game"] == {"id": AGAINST_ALLIES, "ally": [agent, "expert"]}
-    assert about["command"].endswith(f"--ally {agent},expert --n-evals 0 --out run")
     assert about["policies"] == {agent: load_agent(agent).card.policy_sha256}
     assert respond(tmp_path / "run", None, ally=[agent, "expert"]) == tmp_path / "run" / "agent"
     with pytest.raises(UserError, match="holds another run"):

@@ -6,14 +6,14 @@ import json
 import os
 import shlex
 import shutil
+import sys
+from pathlib import Path
 
 import pytest
 import yaml
-from torch import nn
-from typer.testing import CliRunner
 
 from fpg_bench import GameSpec, Run, UserError
-from fpg_bench.cli.main import app
+from fpg_bench.cli.main import main
 from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.training import run_folder
 from fpg_bench.training import train as training
@@ -91,42 +91,25 @@ def test_further_keys_of_a_description_are_kept(tmp_path):
     assert RunDescription.read(tmp_path) == about
 
 
-def by_command_line(words, out):
-    """The policy that a command trains into a folder, and the command that is recorded there."""
-    result = CliRunner().invoke(app, words, catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    about = json.loads((out / "agent" / "agent.json").read_text())
-    assert about["command"] == RunDescription.read(out).command
-    return about["policy_sha256"], about["command"]
-
-
 @pytest.mark.slow
 def test_a_recorded_command_makes_the_run_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # a folder elsewhere is named without its place
     entry = settings("ppo", learning_rate=1e-5)
     entry["policy_kwargs"] = {"net_arch": [8], "features_extractor_class": CODE}
-    file, out, again = (tmp_path / name for name in ("tiny.yml", "a run", "again"))
-    file.write_text(yaml.safe_dump({ALLY: entry}))
-    options = {"hyperparams": file, "suite": "ally-shifted-v2", "n-evals": 0, "path": "circle,triangle"}
-    options |= {"seed": 3, "steps": 400, "allow": CODE, "out": out}
-    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
-    policy, command = by_command_line(["train", "ppo", ALLY, *words], out)
-    assert dict(zip(shlex.split(command)[4::2], shlex.split(command)[5::2], strict=True)) == {
-        word: words[place + 1] for place, word in enumerate(words) if place % 2 == 0
-    } | {"--out": "a run"}
-    Run(again, Run(out, allow=[CODE]).config).train(evaluations=0, progress=False)
-    same, from_folder = by_command_line(shlex.split(RunDescription.read(again).command)[1:], again)
-    assert same == policy
-    shutil.rmtree(again)
-    assert by_command_line(shlex.split(from_folder)[1:], again) == (policy, from_folder)
-    with pytest.raises(UserError, match="hyper-parameters: not valid JSON: Expecting property name"):
-        train_tiny("ppo", again, hyperparams="{n_envs: 4}")
-
-
-def test_a_run_of_python_s_objects_has_no_command(tmp_path):
-    entry = settings("ppo", policy_kwargs={"net_arch": [8], "activation_fn": nn.Tanh})
-    train_tiny("ppo", tmp_path / "run", steps=400, hyperparams=entry)
-    assert "command" not in RunDescription.read(tmp_path / "run").model_dump(exclude_none=True)
+    (tmp_path / "tiny.yml").write_text(yaml.safe_dump({ALLY: entry}))
+    line = f"fpg-bench train ppo {ALLY} --hyperparams tiny.yml --n-evals 0 --path circle,triangle --seed 3"
+    line += f" --steps 400 --allow {CODE} --out"
+    policies = []
+    for out in (tmp_path / "a run", Path("a run")):
+        monkeypatch.setattr(sys, "argv", [*shlex.split(line), str(out)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        assert not end.value.code
+        about = json.loads((out / "agent" / "agent.json").read_text())
+        assert about["command"] == RunDescription.read(out).command == f"{line} 'a run'"
+        policies.append(about["policy_sha256"])
+        shutil.rmtree(out)
+    assert len(set(policies)) == 1
 
 
 def test_another_suite_for_the_same_run_is_refused(tmp_path):

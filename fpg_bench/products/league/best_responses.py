@@ -41,7 +41,7 @@ from fpg_bench.products.league.targets import (
 )
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
-from fpg_bench.training.run_folder import RunFolder, command_line
+from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import check_run, is_finished, train
 
 ROWS, RESULT = "best_responses.jsonl", "best_responses.json"
@@ -340,19 +340,13 @@ class _Responses:
         )
 
     def add_table(self, number: int, budget: float) -> None:
-        """Add a table; the first one has the command that makes it again."""
+        """Add a table."""
         name, answered = f"tabular_{number}", self._answered(number)
         features = draw_features(other_side(self.target.side), number)
-        config, command = self.config, None
-        if number == 0:  # the verb has no options for other features and seeds
-            given = {"side": config.side, "reward": config.reward, "budget": budget, **config.game}
-            command = command_line(config.verb, answered, out=self.folder, search="tabular", **given)
 
         def search() -> float:
             game, place = self._game(answered), self.folder / name
-            return table_search(
-                game, features, place, budget=budget, seed=number, command=command, progress=self.progress
-            )
+            return table_search(game, features, place, budget=budget, seed=number, progress=self.progress)
 
         self._add_search(name, "tabular", answered, search)
 

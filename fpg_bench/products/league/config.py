@@ -30,8 +30,8 @@ class LeagueConfig:
     Attributes:
         algorithm: algorithm that is trained, as for ``train``.
         steps: training budget of one training.
-        hyperparams: hyper-parameters: a YAML file with an entry for the id, a shipped name such as
-            ``ppo-fast``, or an entry as JSON; None: the shipped file. In Python also the entry itself.
+        hyperparams: hyper-parameters: a YAML file with an entry for the id, or a shipped name such as
+            ``ppo-fast``; None: the shipped file. In Python also the entry itself.
         allow: what files may load: ``package.module:object``, or an agent of the Hub. What the files of the
             hyper-parameters name is not run on their word.
         game: options of the game that both sides share, those of :data:`GAME`.

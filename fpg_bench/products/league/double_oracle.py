@@ -35,7 +35,6 @@ from fpg_bench.products.league.evaluation import MATCHES
 from fpg_bench.products.league.folder import (
     as_json,
     check_same,
-    command_of,
     export_agent,
     search_folder,
     settings_of,
@@ -285,9 +284,8 @@ class _DoubleOracle:
 
     def _export(self, iteration: int) -> None:
         """Export the agent of an iteration; ``agent.json`` describes the whole search up to it."""
-        command = command_of(self.config, self.game, self.folder, iterations=iteration + 1)
         runs = [self.policy(number) for number in range(iteration + 1)]
-        export_agent(runs, self.folder, "agent", {"command": command, "training_seed": self.config.seed})
+        export_agent(runs, self.folder, "agent", {"training_seed": self.config.seed})
 
 
 def search_rows(folder: Path) -> list[Row]:

@@ -21,9 +21,8 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import read_card
 from fpg_bench.players.card import AgentCard
 from fpg_bench.products.league.categorical import CategoricalSearch, Generation
-from fpg_bench.products.league.config import GAME, LeagueConfig
-from fpg_bench.training.hyperparameters import as_option
-from fpg_bench.training.run_folder import RunFolder, command_line
+from fpg_bench.products.league.config import LeagueConfig
+from fpg_bench.training.run_folder import RunFolder
 
 _logger = logging.getLogger(__name__)
 
@@ -84,14 +83,6 @@ def settings_of(config: LeagueConfig, *without: str) -> JsonObject:
     """Return the fields of a configuration but the game, what is allowed, and those named."""
     fields = {each.name: getattr(config, each.name) for each in dataclasses.fields(config)}
     return {name: value for name, value in fields.items() if name not in ("game", "allow", *without)}
-
-
-def command_of(config: LeagueConfig, game: GameSpec, out: Path, **changes: object) -> str | None:
-    """Return the command of a configuration; None if it has objects of Python."""
-    options = settings_of(config) | changes
-    options |= {name: as_option(value) for name, value in options.items() if name.endswith("hyperparams")}
-    options |= {name: value for name, value in game.to_dict().items() if name in GAME}
-    return command_line(config.verb, out=out, allow=config.allow, **options)
 
 
 def as_json(content: Mapping[str, object]) -> JsonObject:

@@ -11,6 +11,7 @@ import numpy as np
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTS, other_side, policy_env
 from fpg_bench.common.rows import Row
+from fpg_bench.common.starting import command
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import expand_suites, write_agent
@@ -18,10 +19,10 @@ from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.products.league.candidates import Candidates, earnings
 from fpg_bench.products.league.categorical import CategoricalSearch
-from fpg_bench.products.league.config import GAME, RuleSearchConfig
+from fpg_bench.products.league.config import RuleSearchConfig
 from fpg_bench.products.league.folder import run_search, search_folder
 from fpg_bench.products.league.rules import NUMBERS, Option, describe_rule, rule_graph, rule_values
-from fpg_bench.training.run_folder import command_line, revision
+from fpg_bench.training.run_folder import revision
 from fpg_bench.version import versions
 
 NAME = "rule"  # of its files, and of the algorithm
@@ -88,7 +89,6 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
             "generations": generations,
             "seconds": seconds,
         }
-        options = {name: value for name, value in game.to_dict().items() if name in GAME}
         write_agent(
             folder / "agent",
             rule_graph(config.side, scenario, rule_values(config.side, best[None], scenario)[0]),
@@ -100,18 +100,7 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
             training_steps=search.rounds * scenario.steps_per_round,
             seconds=seconds,
             recipe={"rule": result["rule"], "words": result["words"]},
-            command=command_line(
-                config.verb,
-                out=folder,
-                side=config.side,
-                against=config.against,
-                goal=config.goal,
-                reward=config.reward,
-                budget=config.budget,
-                seed=config.seed,
-                allow=config.allow,
-                **options,
-            ),
+            command=command(),
             versions=versions(),
             revision=revision(),
         )

@@ -21,6 +21,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.imports import code_fingerprint
 from fpg_bench.common.rows import Row
+from fpg_bench.common.starting import command
 from fpg_bench.game.actions import IN_BAND_GATE, PREFERENCE, TUNING, TYPE_SCORES, VELOCITY
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.names import JAMMING_TYPES
@@ -288,7 +289,6 @@ def table_search(
     *,
     budget: float = 200.0,
     seed: int = 0,
-    command: str | None = None,
     progress: bool = True,
 ) -> float:
     """Search a table that responds to a fixed player.
@@ -303,7 +303,6 @@ def table_search(
             has the cells; and ``tabular.json``, the settings.
         budget: CPU seconds of the search, over all calls; the generation that it ends in is finished.
         seed: training seed of the search.
-        command: the command that makes it again, if there is one.
         progress: log a line for each quarter of the budget.
 
     Returns:
@@ -338,7 +337,7 @@ def table_search(
             training_steps=search.rounds * scenario.steps_per_round,
             seconds=seconds,
             recipe={"features": about["features"], "cells": cells},
-            command=command,
+            command=command(),
             versions=versions(),
             revision=revision(),
         )

@@ -371,7 +371,7 @@ def test_a_run_against_an_agent_on_the_hub_records_its_commit_and_notices_when_i
 
     about = learn()
     assert about["policies"] == {f"{NAME}@{first}": hashlib.sha256(policy(0)).hexdigest()}
-    assert f"--ally {NAME}@{first}" in about["command"]
+    assert about["game"]["ally"] == f"{NAME}@{first}"
     assert learn() == about
     hub.add("me/mine", agent(tmp_path / "second", 1))
     resolve.cache_clear()  # as in another program

@@ -51,7 +51,7 @@ def test_caps_hold_in_training_and_a_restart_keeps_the_transcript(tmp_path, monk
         train("ppo", LLM, tmp_path / "run", planner_options={"calls": 2}, hyperparams=TINY)
         assert len(server.requests) == 2
         about = json.loads((tmp_path / "run" / "run.json").read_text())
-        assert "--calls 2" in about["command"]
+        assert about["options"] == {"calls": 2}
         (tmp_path / "run" / "run.json").write_text(json.dumps(about | {"finished": False}))
         before = (tmp_path / "run" / "transcript.jsonl").read_bytes()
         train("ppo", LLM, tmp_path / "run", planner_options={"calls": 2}, restart=True, hyperparams=TINY)

@@ -4,13 +4,10 @@ import json
 import logging
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from fpg_bench.cli.main import app
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.rows import RowFile
@@ -103,20 +100,6 @@ def test_an_obvious_hole_is_found_in_a_second_and_exported_as_an_agent(tmp_path,
     card = load_agent(tmp_path / "out" / "agent", "opponent").card
     assert (card.algorithm, card.recipe["features"], len(card.recipe["cells"])) == ("tabular", FEW, 3)
     assert (card.command, card.to_dict()["versions"]) == (None, versions())
-
-
-@pytest.mark.slow
-def test_the_agent_of_a_table_says_the_command_that_makes_it_again(tmp_path, monkeypatch, local):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(mixing, "MATCHES", 2)
-    again = []
-    for out in ("first", "second"):
-        respond("idle", Path(out), side="ally", search="tabular", budget=0.01)
-        again.append(load_agent(tmp_path / out / "tabular_0" / "agent", "opponent").card)
-    words = again[0].command.replace("--out first", "--out third").split()[1:]
-    assert CliRunner().invoke(app, words).exit_code == 0
-    third = load_agent(tmp_path / "third" / "tabular_0" / "agent", "opponent")
-    assert third.card.policy_sha256 == again[1].policy_sha256
 
 
 @pytest.mark.slow
