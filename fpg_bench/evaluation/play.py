@@ -66,14 +66,14 @@ def play(
     if suite.side != PLANNER:
         judged = _Judged(getattr(match, suite.side), match.duel.count)
         match = dataclasses.replace(match, **{suite.side: judged})  # type: ignore[arg-type]
-    sums, hops = _Sums(suite), HopCounts(match.duel.batch)
-    for duel in rounds(match, suite, seeds, on_step=hops.count):
+    sums = RoundSums(suite, match)
+    for duel in rounds(match, suite, seeds, on_step=sums.hops.count):
         lost = lost_rounds(player, duel.count)
-        sums.add(duel, lost if judged is None else lost | judged.lost)
+        sums.add(lost if judged is None else lost | judged.lost)
         on_round(len(sums.returns))
     if judged is not None and judged.rounds:
         _tell_lost(f"{entry.name} against {rival.name}", judged.rounds, duel.count * suite.rounds_per_match)
-    record = sums.record(entry, rival, conditional_entropy(hops.counts))
+    record = sums.record(entry, rival)
     if (plans := record.plans) is not None and plans.valid == 0:
         raise UserError(
             f"planner {entry.name} against {rival.name}: none of {sum(plans.statuses.values())} plans is "
@@ -150,11 +150,12 @@ def _tell_lost(who: str, lost: int, rounds: int) -> None:
     _logger.warning("%s: %s of %s rounds are lost: an action is not finite", who, f"{lost:,}", f"{rounds:,}")
 
 
-class _Sums:
-    """Sums over the rounds, added as they end."""
+class RoundSums:
+    """Sums over the rounds of an entry against a rival, added as they end."""
 
-    def __init__(self, suite: Suite) -> None:
-        self._suite = suite
+    def __init__(self, suite: Suite, match: MatchBatch) -> None:
+        self._suite, self._duel = suite, match.duel
+        self.hops = HopCounts(match.duel.batch)
         self._tallies: list[np.ndarray] = []
         self._clean: list[dict[str, float]] = []
         self._histogram = np.zeros((2, suite.scenario.frequency_points), np.int64)
@@ -163,8 +164,9 @@ class _Sums:
         self._digest = hashlib.sha256()
         self.returns: list[np.ndarray] = []
 
-    def add(self, duel: TwoPlayerBatch, lost: np.ndarray) -> None:
-        batch = duel.batch
+    def add(self, lost: np.ndarray) -> None:
+        """Add the present round of every game, of which some are lost."""
+        batch = self._duel.batch
         self._tallies.append(batch.tallies.copy())
         self._clean.append(batch.clean_sum())
         self._histogram += batch.histograms.sum(axis=0)
@@ -177,9 +179,9 @@ class _Sums:
         ):
             self._digest.update(np.ascontiguousarray(part).tobytes())
         if self._suite.side == PLANNER:
-            self._plans += [plan for plan in duel.plans if plan is not None]
+            self._plans += [plan for plan in self._duel.plans if plan is not None]
 
-    def record(self, entry: EvaluatedPlayer, rival: Rival, hop_entropy: float) -> Record:
+    def record(self, entry: EvaluatedPlayer, rival: Rival) -> Record:
         """Return the record of the rounds that an entry played against a rival."""
         returns, lost = np.array(self.returns).T, np.array(self._lost).T
         if lost.any():
@@ -187,7 +189,7 @@ class _Sums:
             returns[lost] = min([worst, *returns[~lost]])
         tally = pooled_tally(np.concatenate(self._tallies))
         tally |= {name: sum(each[name] for each in self._clean) for name in self._clean[0]}
-        tally[HOP_BITS] = hop_entropy * tally["hops"]
+        tally[HOP_BITS] = conditional_entropy(self.hops.counts) * tally["hops"]
         ally_points, jam_points = (tuple(side) for side in self._histogram.tolist())
         return Record(
             suite=self._suite.name,

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypedDict
 
 import numpy as np
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.play import match_of
-from fpg_bench.evaluation.record import HOP_BITS, HopCounts, Pooled, conditional_entropy
+from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.play import RoundSums, match_of
+from fpg_bench.evaluation.record import Record, pool
 from fpg_bench.evaluation.rounds import MatchBatch, play_round
 from fpg_bench.evaluation.seeds import tuning_seeds
 from fpg_bench.evaluation.suite import PLANNER, Scale, Suite, load_suite
-from fpg_bench.game.metrics import pool
 from fpg_bench.game.scenario import Scenario, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import Abilities, Memory, Player, PlayerSpec
@@ -71,8 +71,8 @@ class PolicyEvaluator:
             )
         played = loaded if scenario is None else in_scenario(loaded, scenario)
         if loaded.game is not None and game is not None and (own := loaded.game.like(game)) != loaded.game:
-            played = dataclasses.replace(played, game=own, scale=Scale())
-        self.suite = dataclasses.replace(played, matches=-(-rounds // played.rounds_per_match))
+            played = replace(played, game=own, scale=Scale())
+        self.suite = replace(played, matches=-(-rounds // played.rounds_per_match))
 
     def score(self, player: PlayerSpec) -> Scored:
         """Evaluate a player: anything with ``predict``, or a name.
@@ -81,8 +81,8 @@ class PolicyEvaluator:
             ``score``, on the suite's scale; ``return``, per step; ``rivals``, the return per step against
             each; ``measures``, pooled over all rounds.
         """
-        rewards, measures = self._play(player)
-        each = rewards.mean(axis=1)
+        rewards, records = self._play(player)
+        each, measures = rewards.mean(axis=1), pool(records).measures
         names = [rival.name for rival in self.suite.rivals]
         return {
             "score": round(float(self.suite.scale.score(each.mean())), 3),
@@ -95,46 +95,32 @@ class PolicyEvaluator:
         """Return the scores ``(rivals, matches)`` of a player."""
         return self.suite.scale.score(self._play(player)[0])
 
-    def _play(self, spec: PlayerSpec) -> tuple[np.ndarray, dict[str, float | None]]:
-        """Play new matches; return the rewards per step ``(rivals, matches)`` and the pooled measures."""
-        player = self.suite.as_player(spec, self.suite.side, self.suite.scenario)
-        batches = [match_of(player, self.suite, rival) for rival in self.suite.rivals]
-        counts = [HopCounts(batch.duel.batch) for batch in batches]
-        is_shared = self.suite.game is None  # else the player has seats, and meets one rival after the other
-        if is_shared:
-            shared = _SharedPlayer(player, self.suite.side, batches)
-            batches = [
-                dataclasses.replace(batch, **{self.suite.side: _Part(shared, k)})  # type: ignore[arg-type]
-                for k, batch in enumerate(batches)
-            ]
-        groups = [batches] if is_shared else [[batch] for batch in batches]
-        hops_of = [counts] if is_shared else [[each] for each in counts]
-
-        returns, tallies, clean = [], [], []
-        points = np.zeros((2, self.suite.scenario.frequency_points), np.int64)
-        for number in range(self.suite.rounds_per_match):
-            seeds = None if number else np.array(tuning_seeds(self.suite.matches))
-            for group, hops in zip(groups, hops_of, strict=True):
-                play_round(*group, seeds=seeds, on_step=partial(_count, hops))
-            games = [batch.duel.batch for batch in batches]
-            returns.append([each.tallies[self.suite.return_name].copy() for each in games])
-            tallies += [each.tallies.copy() for each in games]
-            clean += [each.clean_sum() for each in games]
-            points += sum(each.histograms.sum(axis=0) for each in games)
-        by_round = np.array(returns).transpose(1, 2, 0)  # (rivals, matches, rounds)
-        rewards = np.array([self.suite.rewards(each.ravel()) for each in by_round])
-        played = np.concatenate(tallies)
-        tally = pool(played) | {name: sum(each[name] for each in clean) for name in clean[0]}
-        split = np.array_split(played["hops"], len(played) // self.suite.matches)  # by round and rival
-        hops_of_rival = np.sum(split, axis=1).reshape(-1, len(counts)).sum(axis=0)
-        entropies = [conditional_entropy(each.counts) for each in counts]
-        tally[HOP_BITS] = float(hops_of_rival @ entropies)
-        return rewards, Pooled(tally, points, len(played), 0, None).measures
+    def _play(self, spec: PlayerSpec) -> tuple[np.ndarray, list[Record]]:
+        """Play new matches; return the rewards per step ``(rivals, matches)`` and the records."""
+        suite, side = self.suite, self.suite.side
+        player = suite.as_player(spec, side, suite.scenario)
+        batches = [match_of(player, suite, rival) for rival in suite.rivals]
+        sums = [RoundSums(suite, batch) for batch in batches]
+        groups = [[batch] for batch in batches]
+        if suite.game is None:  # else the player has seats, and meets one rival after the other
+            shared = _SharedPlayer(player, side, batches)
+            groups = [[replace(of, **{side: _Part(shared, k)}) for k, of in enumerate(batches)]]  # type: ignore[arg-type]
+        for number in range(suite.rounds_per_match):
+            seeds = None if number else np.array(tuning_seeds(suite.matches))
+            for k, group in enumerate(groups):
+                counted = sums[k : k + 1] if suite.game is not None else sums
+                play_round(*group, seeds=seeds, on_step=partial(_count, counted))
+            for each in sums:
+                each.add(np.zeros(suite.matches, bool))
+        rewards = [suite.rewards(np.array(each.returns).T.ravel()) for each in sums]
+        entry = player_entry(player, "tuned")
+        records = [each.record(entry, rival) for each, rival in zip(sums, suite.rivals, strict=True)]
+        return np.array(rewards), records
 
 
-def _count(counts: Sequence[HopCounts]) -> None:
-    for each in counts:
-        each.count()
+def _count(sums: Sequence[RoundSums]) -> None:
+    for each in sums:
+        each.hops.count()
 
 
 def in_scenario(suite: Suite, scenario: Scenario) -> Suite:
@@ -142,10 +128,10 @@ def in_scenario(suite: Suite, scenario: Scenario) -> Suite:
     if suite.is_of(scenario):
         return suite
     rivals = tuple(
-        dataclasses.replace(rival, scenario=as_scenario(scenario, opponent_path=rival.scenario.opponent_path))
+        replace(rival, scenario=as_scenario(scenario, opponent_path=rival.scenario.opponent_path))
         for rival in suite.rivals
     )
-    return dataclasses.replace(suite, scenario=scenario, rivals=rivals, scale=Scale())
+    return replace(suite, scenario=scenario, rivals=rivals, scale=Scale())
 
 
 class _SharedPlayer:
@@ -178,7 +164,7 @@ class _SharedPlayer:
         return self._actions[index]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Part:
     """Part of a shared player in one match batch."""
 
