@@ -37,7 +37,6 @@ def evaluate(
     matches: Annotated[
         int | None, typer.Option(help="Number of matches per rival. Default: that of the suite.")
     ] = None,
-    name: Annotated[str | None, typer.Option(help="Name of the agents in the table.")] = None,
     wide: WideOption = False,
     workers: WorkersOption = Workers(1),
     allow: AllowOption = None,
@@ -55,7 +54,6 @@ def evaluate(
             suite,
             out,
             matches=matches,
-            name=name,
             progress=lambda entry, rival, rounds, *of: show(f"{entry.name} - {rival.name}", *of),
             workers=workers,
             allow=allow or (),

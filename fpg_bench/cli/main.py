@@ -38,6 +38,7 @@ _REMOVED = {  # verbs and options of earlier versions, and what does their work 
     "plan run": "play --planner NAME --rounds 10",
     "plan replay": "play --planner llm --transcript FILE",
     "fictitious-self-play": "double-oracle or tabular-self-play",
+    "evaluate --name": "NAME=PLAYER",
     "play --overwrite": "another --out",
     "hub push --benchmark": "the scores in the model card",
 }

@@ -78,7 +78,6 @@ def player_entry(
 def entries_of(
     specs: Sequence[PlayerSpec] | Mapping[str, Players],
     suite: Suite,
-    name: str | None = None,
 ) -> list[EvaluatedPlayer]:
     """Return the entries of players, one per training seed.
 
@@ -91,12 +90,11 @@ def entries_of(
             ``all-scripted``, or any of them with a name of one's own, ``mine=runs/ppo``. In a mapping, each
             key names an entry, and its value is a player or a list of agents.
         suite: the suite that they will meet.
-        name: name of the agents among them; None: their algorithm.
 
     Raises:
         UserError: no such player, one of the other side, one that sees the full state, two agents of one
-            entry with the same training seed, a name for several entries, or one that is a script's or
-            begins with a sign.
+            entry with the same training seed, a name for several entries, or one that is a script's or begins
+            with a sign.
     """
     given: dict[str, list[PlayerSpec]] = {}
     every: list[PlayerSpec] = []
@@ -117,13 +115,7 @@ def entries_of(
     groups: dict[str, list[PlayerSpec]] = {}
     for spec, player in players.items():
         groups.setdefault(_made_by(spec, player), []).append(spec)
-    agents = [members for members in groups.values() if card_of(players[members[0]]) is not None]
-    if name is not None and len(agents) > 1:
-        called = " and ".join(_label(list(map(player_name, members))) for members in agents)
-        raise UserError(f"name {name!r}: {called} were made differently, so they are several entries")
-    if name is not None:
-        check_name(name, suite.side)
-    names = _names(groups, players, name, given)
+    names = _names(groups, players, given)
     entries = [*own, *(_entry(spec, players[spec], names[spec], suite) for spec in players)]
     check_seeds(entries)
     return list({(entry.name, entry.training_seed): entry for entry in entries}.values())
@@ -187,9 +179,7 @@ def check_seeds(entries: Sequence[EvaluatedPlayer]) -> None:
         policies = known.setdefault(entry.name, {})
         if policies.setdefault(entry.training_seed, entry.fingerprint) != entry.fingerprint:
             seed = "" if entry.training_seed is None else f" of training seed {entry.training_seed}"
-            raise UserError(
-                f"{entry.name}: two different players{seed}; evaluate them one at a time, each with a --name"
-            )
+            raise UserError(f"{entry.name}: two different players{seed}; give each a name: NAME=PLAYER")
     check_distinct(known)
 
 
@@ -235,14 +225,13 @@ def _made_by(spec: PlayerSpec, player: Player) -> str:
 def _names(
     groups: Mapping[str, Sequence[PlayerSpec]],
     players: Mapping[PlayerSpec, Player],
-    name: str | None,
     given: Collection[str],
 ) -> dict[PlayerSpec, str]:
     """Return the name of each player; ``given`` are names of others."""
     first = []
     for members in groups.values():
         card = card_of(players[members[0]])
-        first.append(player_name(members[0]) if card is None else name or card.algorithm)
+        first.append(player_name(members[0]) if card is None else card.algorithm)
     folders = [list(map(player_name, members)) for members in groups.values()]
     named: dict[PlayerSpec, str] = {}
     for old, new, members in zip(first, distinct_names(first, folders, given), groups.values(), strict=True):

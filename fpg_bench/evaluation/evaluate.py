@@ -46,7 +46,6 @@ def evaluate(
     out: str | Path | None = None,
     *,
     matches: int | None = None,
-    name: str | None = None,
     progress: Progress = lambda entry, rival, rounds, done, total: None,
     workers: Workers | int = 1,
     allow: Collection[str] = (),
@@ -69,7 +68,6 @@ def evaluate(
         suite: a suite's name or YAML file.
         out: the results folder; ``records.jsonl`` grows by one record per rival. None: nothing is kept.
         matches: per rival and training seed; None: the suite's own.
-        name: name of the agents in records and tables; None: their algorithm. Not a script's name.
         progress: called before each matchup and after each of its rounds, if there is one job, with the
             player, the rival, the rounds played of this matchup, those of all matchups, and their total.
         workers: number of matchups that are played at once, or :class:`fpg_bench.common.parallel.Workers`;
@@ -90,7 +88,7 @@ def evaluate(
     played = with_matches(load_suite(suite, allow=allow), matches)
     if played.side not in ("ally", "opponent"):
         raise UserError(f"suite {suite}: measures planners; write fpg-bench plan compare --suite {suite}")
-    entries = entries_of(players, played, name)
+    entries = entries_of(players, played)
     if out is not None:
         check_writable(Path(out))
         check_kept(entries)
@@ -230,7 +228,7 @@ def _claim(out: Path, name: str, suite: Suite, wanted: Sequence[Pairing], store:
             if before.startswith(MADE) and before != entry.made:
                 raise UserError(
                     f"results {out}: hold {entry.name!r} with another budget, other hyper-parameters or "
-                    "other opponents; give this one another name with --name"
+                    "other opponents; give this one another name: NAME=PLAYER"
                 )
             about.made[entry.name] = entry.made
         if entry.training:

@@ -33,8 +33,8 @@ def agent(tmp_path, monkeypatch):
     return write
 
 
-def names(specs, suite, **words):
-    return [(entry.name, entry.training_seed) for entry in entries_of(specs, suite, **words)]
+def names(specs, suite):
+    return [(entry.name, entry.training_seed) for entry in entries_of(specs, suite)]
 
 
 def test_scripts_are_entries_without_training_seed(suite):
@@ -45,7 +45,6 @@ def test_scripts_are_entries_without_training_seed(suite):
 def test_agents_that_differ_by_their_training_seed_alone_are_one_entry(suite, agent):
     agents = [agent(f"runs/ppo_{k}/agent", k) for k in range(3)]
     assert names(agents, suite) == [("ppo", 0), ("ppo", 1), ("ppo", 2)]
-    assert names(agents, suite, name="mine") == [("mine", 0), ("mine", 1), ("mine", 2)]
 
 
 def test_a_group_stands_for_all_its_training_seeds(suite, agent):
@@ -99,7 +98,7 @@ def test_folders_that_begin_alike_have_names_that_tell_them_apart(suite, agent):
 
 def test_two_policies_of_one_training_seed_are_refused_and_one_by_two_names_is_one(suite, agent):
     one, other, same = (agent(path, 0, policy=k) for path, k in (("a/one", 1), ("b/two", 2), ("c/three", 1)))
-    with pytest.raises(UserError, match=r"ppo: two different players of training seed 0; .* with a --name"):
+    with pytest.raises(UserError, match=r"ppo: two different players of training seed 0; give each a name"):
         entries_of([one, other], suite)
     assert names([one, same], suite) == [("ppo", 0)]
 
@@ -133,12 +132,9 @@ def test_a_player_may_have_a_name_of_ones_own(suite, agent):
         ("=cmd|' /C calc'!A0", "begins with a letter or a digit"),
         ("a\nb", "printable"),
     ):
-        for use in (
-            lambda name=name: names({name: "idle"}, suite),
-            lambda name=name: names(agents, suite, name=name),
-        ):
+        for player in ("idle", agents):
             with pytest.raises(UserError, match=message):
-                use()
+                names({name: player}, suite)
 
 
 def test_names_differ_by_more_than_case(suite, agent):
@@ -156,14 +152,6 @@ def test_one_policy_is_not_several_training_seeds(suite, agent):
         with pytest.raises(UserError, match="seed_1: holds the same policy as seed_0; each seed must be"):
             entries_of(specs, suite)
     assert len(entries_of({"one": copies[0], "two": copies[1]}, suite)) == 2
-
-
-def test_a_name_for_several_entries_or_of_a_script_is_refused(suite, agent):
-    agents = [agent("a/one", 0), agent("b/two", 0, training_steps=5000)]
-    with pytest.raises(UserError, match=r"name 'mine': .* made differently, so they are several entries"):
-        entries_of(agents, suite, name="mine")
-    with pytest.raises(UserError, match="is a script's"):
-        entries_of(agents[:1], suite, name="expert")
 
 
 def test_oracles_wrong_sides_and_unknown_players_never_enter(suite):

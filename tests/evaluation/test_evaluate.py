@@ -195,7 +195,7 @@ def test_agents_of_another_policy_or_budget_are_not_merged_by_a_second_command(s
     other = str(make_agent(zoo.members()[1], tmp_path / "other", training_steps=5))
     with pytest.raises(UserError, match="hold 'ppo' with another budget, other hyper-parameters or other"):
         evaluate([other], suite, tmp_path / "out")
-    found = evaluate([other], suite, tmp_path / "out", name="mine")
+    found = evaluate([f"mine={other}"], suite, tmp_path / "out")
     assert {s.entry for s in found} == {"ppo", "mine"}
     found = evaluate(agents[1:], suite, tmp_path / "out")  # more seeds of the first join it
     assert {(s.entry, s.training_seeds) for s in found} == {("ppo", 3), ("mine", 1)}
