@@ -9,7 +9,6 @@ measured in turn with it, and the median ratio is compared with a bound. One tor
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 import resource
@@ -17,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import tracemalloc
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -28,21 +26,18 @@ import gymnasium
 import numpy as np
 import torch
 from command import run
-from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env import VecEnvWrapper
 
 import fpg_bench
 from fpg_bench.game.batch import GameBatch
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.state import ACTION_SIZE
-from fpg_bench.training.algorithms import find_algorithm
-from fpg_bench.training.fast_ppo import FastPPO
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.models import make_model
 
 ROOT = Path(__file__).parents[1]
 ENV_ID, AGAINST = "FPG/AllyVsScripted-v0", "FPG/AllyVsPolicy-v0"
-BATCH_GAMES, PPO_GAMES = 4096, 64
+BATCH_GAMES = 4096
 RIVALS = tuple(f"suite:{name}" for name in ("training-1", "season-3", "season-4"))  # 39 in all
 SEEDS = 5
 
@@ -91,13 +86,6 @@ def batch_rate(games: GameBatch, steps: int) -> float:
     games.reset(seeds=0)
     games.step(*actions[0])  # compiles
     return games.count * rate(lambda number: games.step(*actions[number % 8]), steps)
-
-
-def vec_env_rate(env: VecEnv, steps: int) -> float:
-    """Return the game steps per CPU second of an SB3 environment at random actions."""
-    actions = random_actions(env.num_envs)
-    env.reset()
-    return env.num_envs * rate(lambda number: env.step(actions[number % 8]), steps)
 
 
 def single_rate(env: gymnasium.Env[Any, Any], steps: int) -> float:
@@ -176,14 +164,7 @@ def stepping(quick: bool) -> list[Figure]:
 
 
 def learning(quick: bool) -> list[Figure]:
-    """Compare a batch of 64 games with 64 single environments; measure the share of games in PPO's time."""
-    games = fpg_bench.make_sb3(ENV_ID, n_envs=PPO_GAMES, seed=0)
-    singles = DummyVecEnv([lambda: gymnasium.make(ENV_ID)] * PPO_GAMES)
-    repeats, steps = (3, 20) if quick else (9, 100)
-    step = interleaved(
-        repeats, games=partial(vec_env_rate, games, steps), singles=partial(vec_env_rate, singles, steps)
-    )
-    ratio = float(np.median(step["games"] / step["singles"]))
+    """Measure the share of the games in PPO's time."""
     shares = {
         "": partial(share),
         ", 39 trained rivals": partial(share, env_id=AGAINST, opponent=RIVALS, path="pursuit"),
@@ -194,34 +175,8 @@ def learning(quick: bool) -> list[Figure]:
         for name, run in shares.items()
     }
     return [
-        Figure("make_sb3, 64 games / 64 single environments", ratio, 4),
-        *(
-            Figure(f"games in tuned PPO{name}, %", value, 10 if name else 5, at_least=False)
-            for name, value in found.items()
-        ),
-    ]
-
-
-def updating(quick: bool) -> list[Figure]:
-    """Compare the rollouts and updates of FastPPO with those of Stable-Baselines3's PPO."""
-    parameters = load_hyperparameters("ppo-fast", ENV_ID)
-    algorithm = find_algorithm("ppo-fast")
-    models: dict[str, Any] = {}
-    for name, kind in (("fast", FastPPO), ("sb3", PPO)):
-        games = fpg_bench.make_sb3(ENV_ID, parameters.n_envs, seed=0, stagger=True)
-        models[name] = make_model(dataclasses.replace(algorithm, kind=kind), games, parameters, seed=0)
-
-    def learn(model: Any, rollouts: int) -> float:
-        begin = time.process_time()
-        model.learn(rollouts * model.n_envs * model.n_steps)
-        return rollouts / (time.process_time() - begin)
-
-    for model in models.values():
-        learn(model, 1)  # compiles
-    runs = {name: partial(learn, model, 5) for name, model in models.items()}
-    rates = interleaved(3 if quick else 15, **runs)
-    return [
-        Figure("FastPPO / SB3's PPO, small networks", float(np.median(rates["fast"] / rates["sb3"])), 1.8)
+        Figure(f"games in tuned PPO{name}, %", value, 10 if name else 5, at_least=False)
+        for name, value in found.items()
     ]
 
 
@@ -274,37 +229,14 @@ def results() -> list[Figure]:
     ]
 
 
-def memory() -> list[Figure]:
-    """Measure the memory of a game, and what a step of all games allocates."""
-    tracemalloc.start()
-    games = GameBatch(STANDARD, BATCH_GAMES, threads=1)
-    held = tracemalloc.get_traced_memory()[0]
-    actions = np.zeros((2, BATCH_GAMES, ACTION_SIZE), np.float32)
-    games.reset(seeds=0)
-    games.step(*actions)
-    before = tracemalloc.get_traced_memory()[0]
-    tracemalloc.reset_peak()
-    for _ in range(100):
-        games.step(*actions)
-    allocated = tracemalloc.get_traced_memory()[1] - before
-    tracemalloc.stop()
-    return [
-        Figure("bytes per game", held / BATCH_GAMES, 2000, at_least=False),
-        Figure("bytes allocated per step and game", allocated / BATCH_GAMES, 1, at_least=False),
-    ]
-
-
 def main(quick: bool = False) -> None:
     """Measure and print the figures."""
     warnings.filterwarnings("ignore", module="stable_baselines3")
     torch.set_num_threads(1)
-    kinds: list[Callable[[bool], list[Figure]]] = [learning, updating, waiting]
-    rest: list[Callable[[], list[Figure]]] = [partial(kind, quick) for kind in kinds]
-    parts = [partial(stepping, quick), memory, *rest]
+    parts = [partial(kind, quick) for kind in (stepping, learning, waiting)]
     for part in parts if quick else [*parts, results]:
         for figure in part():
-            is_timed = not figure.name.startswith("bytes")
-            print(figure.value_alone() if quick and is_timed else figure, flush=True)
+            print(figure.value_alone() if quick else figure, flush=True)
 
 
 if __name__ == "__main__":

@@ -20,11 +20,6 @@ def keep_command(words: Sequence[str]) -> None:
     os.environ[COMMAND] = shlex.join(kept)
 
 
-def command() -> str | None:
-    """Return the command that this process works for; None where Python calls."""
-    return os.environ.get(COMMAND)
-
-
 def stop_in_one_line() -> None:
     """Make Ctrl-C one line and a status, if this process is the command line; nothing is begun yet."""
     module = sys.orig_argv[1:3] == ["-m", "fpg_bench"]

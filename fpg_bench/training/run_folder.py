@@ -16,6 +16,7 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import RowFile
+from fpg_bench.common.starting import COMMAND
 from fpg_bench.evaluation.run_description import CURVE, EVALUATIONS, FILE, RunDescription
 from fpg_bench.training.checkpoint import MODEL, NORMALIZE, newest_checkpoint
 
@@ -110,6 +111,11 @@ class RunFolder:
             number += 1
         if transcript.exists():
             transcript.rename(kept)
+
+
+def command() -> str | None:
+    """Return the command that this process works for; None where Python calls."""
+    return os.environ.get(COMMAND)
 
 
 def revision() -> str | None:

@@ -33,7 +33,6 @@ from fpg_bench.common.files import naming
 from fpg_bench.common.parallel import StopRequest, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
-from fpg_bench.common.starting import command
 from fpg_bench.envs.core import policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
@@ -60,7 +59,7 @@ from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.models import by_side, is_finite, make_model, tells_divergence
-from fpg_bench.training.run_folder import RunFolder, revision
+from fpg_bench.training.run_folder import RunFolder, command, revision
 
 LOGS = 100  # at least, of a long run that learns from rollouts
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged

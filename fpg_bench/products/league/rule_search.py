@@ -11,7 +11,6 @@ import numpy as np
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTS, other_side, policy_env
 from fpg_bench.common.rows import Row
-from fpg_bench.common.starting import command
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import expand_suites, write_agent
@@ -22,7 +21,7 @@ from fpg_bench.products.league.categorical import CategoricalSearch
 from fpg_bench.products.league.config import RuleSearchConfig
 from fpg_bench.products.league.folder import run_search, search_folder
 from fpg_bench.products.league.rules import NUMBERS, Option, describe_rule, rule_graph, rule_values
-from fpg_bench.training.run_folder import revision
+from fpg_bench.training.run_folder import command, revision
 from fpg_bench.version import versions
 
 NAME = "rule"  # of its files, and of the algorithm

@@ -21,7 +21,6 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.imports import code_fingerprint
 from fpg_bench.common.rows import Row
-from fpg_bench.common.starting import command
 from fpg_bench.game.actions import IN_BAND_GATE, PREFERENCE, TUNING, TYPE_SCORES, VELOCITY
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.names import JAMMING_TYPES
@@ -46,7 +45,7 @@ from fpg_bench.products.league.candidates import Candidates, away_m, earnings
 from fpg_bench.products.league.categorical import CategoricalSearch
 from fpg_bench.products.league.folder import run_search, search_folder
 from fpg_bench.training.export import Graph, Value, counted, rows_of
-from fpg_bench.training.run_folder import revision
+from fpg_bench.training.run_folder import command, revision
 from fpg_bench.version import versions
 
 MOST_CELLS = 4096
