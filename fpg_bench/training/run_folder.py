@@ -8,6 +8,7 @@ from fpg_bench.training import require_libraries
 require_libraries()
 
 import contextlib
+import os
 import shutil
 import subprocess
 from collections.abc import Sequence
