@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 from urllib.parse import urlsplit
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.extras import require_extra
@@ -38,7 +38,6 @@ class Server(Strict):
         seed: a seed is sent.
         response_format: the form in which the schema of an answer is sent.
         temperature: of sampling.
-        temperature_range: lowest and highest temperature that the server takes.
         max_tokens: longest answer, in tokens.
         max_tokens_field: the field's name.
         refusal_codes: the codes of errors by which the server refuses to answer a question.
@@ -52,9 +51,6 @@ class Server(Strict):
     seed: bool = False
     response_format: Literal["none", ResponseFormat] = "none"
     temperature: Temperature = 0.7
-    temperature_range: Annotated[
-        tuple[Temperature, Temperature], Field(strict=False), Expected("[lowest, highest]")
-    ] = (0.0, 2.0)
     max_tokens: PositiveInt = 4096
     max_tokens_field: TokenField = "max_tokens"
     refusal_codes: Annotated[Items[int | str], Expected("a list of codes")] = (
@@ -68,19 +64,8 @@ class Server(Strict):
     def _check_url(cls, value: str | None) -> str | None:
         return None if value is None else checked_url(value)
 
-    @model_validator(mode="after")
-    def _check_temperature(self) -> Server:
-        low, high = self.temperature_range
-        if not low <= self.temperature <= high:
-            raise UserError(f"temperature: {self.temperature} is outside temperature_range [{low}, {high}]")
-        return self
-
     def at_temperature(self, temperature: float | None) -> Server:
-        """Return the profile with another temperature; None: this one.
-
-        Raises:
-            UserError: the server takes no such temperature.
-        """
+        """Return the profile with another temperature; None: this one."""
         if temperature is None:
             return self
         return parse(Server, {**self.model_dump(), "temperature": temperature}, f"server {self.name}")
