@@ -14,5 +14,5 @@ def test_every_figure_but_long_ones_is_shown():
     report = python(SCRIPT, "--quick")
     assert report.returncode == 0, report.stderr
     lines = report.stdout.splitlines()
-    assert len(lines) == 11
+    assert len(lines) == 8
     assert all(float(line.rsplit(maxsplit=3)[1]) > 0 for line in lines)
