@@ -34,7 +34,7 @@ from fpg_bench.products.hub.download import (
     split_name,
 )
 from fpg_bench.products.hub.pull import copy_checked
-from fpg_bench.products.rendering.curves import draw_run
+from fpg_bench.products.rendering.curves import draw_training
 from fpg_bench.products.rendering.recording import Recording
 from fpg_bench.products.rendering.replay import write_replay
 from fpg_bench.products.sandbox.client import AGENT_FILES
@@ -134,7 +134,7 @@ def _curve(run: Path) -> bytes | None:
     """Return the picture of a run's scores, drawn here for one of several seeds; None if it has no scores."""
     if (run / CURVE).is_file():
         return (run / CURVE).read_bytes()
-    if (figure := draw_run(run)) is None:
+    if (figure := draw_training(run)) is None:
         return None
     with tempfile.TemporaryDirectory() as temporary:
         write_figure(figure, Path(temporary) / CURVE)

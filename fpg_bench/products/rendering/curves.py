@@ -15,7 +15,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.entry import distinct_names
 from fpg_bench.evaluation.record import read_records
-from fpg_bench.evaluation.run_description import EVALUATIONS, FILE, MADE_BY, RunDescription
+from fpg_bench.evaluation.run_description import EVALUATIONS, MADE_BY, RunDescription
 from fpg_bench.evaluation.statistics import student_t
 from fpg_bench.evaluation.suite import Scale, read_suite
 from fpg_bench.evaluation.summary import summarise
@@ -239,29 +239,8 @@ def draw_curves(rows: Sequence[Row], *, levels: Mapping[str, float], band: str =
 
 
 def draw_training(folder: Path) -> Figure | None:
-    """Draw one run, or the mean of the runs of a folder with ``seed_0``, ``seed_1``, ..."""
-    if (folder / FILE).exists():
-        return draw_run(folder)
-    return draw_curves(read_runs([folder]), levels=levels_of([folder]))
-
-
-@canvas.styled
-def draw_run(run: Path) -> Figure | None:
-    """Draw the score of each side over the steps of one run; return None if it was never evaluated."""
-    rows = RowFile(run / EVALUATIONS, {"side": str, "score": float | int, "steps": int}).read()
-    if not rows:
+    """Draw a run, or the mean of those in ``seed_0``, ``seed_1``, ...; None if never evaluated."""
+    rows = [row for run in seed_folders(folder) or [folder] for row in RowFile(run / EVALUATIONS).read()]
+    if not any(row["steps"] > 0 for row in rows):
         return None
-    from matplotlib.ticker import EngFormatter
-
-    about = RunDescription.read(run)
-    figure = canvas.blank_figure(canvas.COLUMN, 2.5)
-    axes = figure.subplots()
-    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    for side in dict.fromkeys(row["side"] for row in rows):
-        points = [(row["steps"], row["score"]) for row in rows if row["side"] == side]
-        axes.plot(*zip(*points, strict=True), label=side, **canvas.SIDE_STYLES[side])
-    title = about.algorithm if about.game is None else f"{about.algorithm}, {about.game.id}"
-    axes.set(xlabel="steps", ylabel="score (few rounds, tuning seeds)", title=canvas.literal(title))
-    limit_scores(axes, [np.array([row["score"] for row in rows])], levels_of([run]))
-    axes.legend()
-    return figure
+    return draw_curves(read_runs([folder]), levels=levels_of([folder]))

@@ -122,7 +122,7 @@ def test_the_model_card_says_which_data_set_an_agent_learned_from(hub, tmp_path)
 def test_one_of_several_seeds_is_pushed_with_a_curve_of_its_own(finished):
     (finished / "curve.png").unlink()
     (finished / "run.json").write_text('{"algorithm": "ppo"}')
-    rows = [{"side": "ally", "steps": steps, "score": steps / 10} for steps in (0, 100)]
+    rows = [{"side": "ally", "steps": k, "seconds": k / 50, "score": k / 10} for k in (0, 100)]
     (finished / "evaluations.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
     files = uploads.agent_files(str(finished), "me/mine")
     assert files["curve.png"].startswith(b"\x89PNG")
