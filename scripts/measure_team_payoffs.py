@@ -28,6 +28,7 @@ from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.scenario import preset
 from fpg_bench.players.player import SIDES, PlayerSpec
 from fpg_bench.products.league.payoffs import Payoffs
+from fpg_bench.products.teams.batch import TeamBatch
 from fpg_bench.products.teams.match import play_teams
 from fpg_bench.products.teams.rules import TEAM_SCRIPTS, TeamRules
 from fpg_bench.products.teams.scripts import BOUNDS
@@ -125,11 +126,42 @@ class Results:
 
 def play_pair(pair: TeamPair) -> TeamResult:
     """Play a pair of teams."""
-    allies = [pair.ally if pair.player is None else pair.player]
-    played = play_teams(allies, [pair.opponent], preset("link"), GAMES[pair.game], pair.matches)
-    counts = {name: getattr(played, name) for name in COUNTS}
+    allies, counts = [pair.ally if pair.player is None else pair.player], Counts()
+    args = allies, [pair.opponent], preset("link"), GAMES[pair.game], pair.matches
+    rewards = play_teams(*args, on_step=counts.count)
     names = dict(zip(("game", *SIDES, "matches"), pair.key, strict=True))
-    return TeamResult(**names, **counts, rewards=tuple(played.rewards.tolist()))
+    return TeamResult(**names, **counts.means(), rewards=tuple(rewards.tolist()))
+
+
+class Counts:
+    """Counts of the steps of a batch of teams.
+
+    Clashes are allies on the unspread point of an earlier seat, spreading is a share of the allies, and heard
+    the share of steps with a check in which jammers found an ally.
+    """
+
+    def __init__(self) -> None:
+        self._steps, self._sums, self._checks = -1, dict.fromkeys(COUNTS, 0.0), 0  # from the start on
+
+    def count(self, batch: TeamBatch) -> None:
+        """Count a step; the first call is at the start."""
+        self._steps += 1
+        if not self._steps:
+            return
+        allies = batch.allies
+        unspread, clashes = batch.playing("ally") & ~allies["spreading"], np.zeros(allies.shape, bool)
+        for seat in range(1, allies.shape[1]):
+            alike = (allies["point"][:, :seat] == allies["point"][:, seat : seat + 1]) & unspread[:, :seat]
+            clashes[:, seat] = alike.any(axis=1) & unspread[:, seat]
+        self._checks += allies["checked"][:, 0].sum()
+        self._sums["clashes"] += float(clashes.sum(axis=1).mean())
+        self._sums["spreading"] += (allies["spreading"].sum(axis=1) / batch.counts[:, 0]).mean()
+        self._sums["heard"] += (allies["last_check"] * allies["checked"] == 1).any(axis=1).sum()
+
+    def means(self) -> dict[str, float]:
+        """Return the means by name."""
+        over = {"heard": max(self._checks, 1)}
+        return {name: float(total / over.get(name, self._steps)) for name, total in self._sums.items()}
 
 
 def payoff_table(payoffs: Payoffs) -> str:

@@ -184,7 +184,7 @@ def make_team(games: int = 1, *, game: str | TeamSpec = TEAM_ID, **options: Any)
         game: ``FPG/team_v0``, or a specification whose options are replaced.
         **options: the attributes of :class:`TeamSpec` and of
             :class:`fpg_bench.products.teams.rules.TeamRules`: ``scenario``, ``path``, ``actions``, ``mates``,
-            ``reward``, ``side``, ``rivals``, ``allies``, ``jammers``, ``formation``, ``spacing_m``,
+            ``reward``, ``side``, ``against``, ``allies``, ``jammers``, ``formation``, ``spacing_m``,
             ``code_orthogonality`` and ``share_power``.
 
     Raises:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,22 +18,6 @@ from fpg_bench.products.teams.batch import TeamBatch
 from fpg_bench.products.teams.rules import SIDES, TeamRules
 from fpg_bench.products.teams.runner import TeamRunner
 from fpg_bench.products.teams.scripts import as_team_player
-
-
-class TeamMatches(NamedTuple):
-    """Results of matches of one round.
-
-    Attributes:
-        rewards: ``(G,)`` float64, the mean reward of an ally per step.
-        clashes: mean number per step of allies on the unspread point of an earlier seat.
-        spreading: share of steps in which an ally spreads.
-        heard: share of steps with a check in which jammers found an ally.
-    """
-
-    rewards: np.ndarray
-    clashes: float
-    spreading: float
-    heard: float
 
 
 class TeamDuel:
@@ -127,8 +110,8 @@ def play_teams(
     matches: int,
     seeds: Seeds | None = None,
     on_step: Callable[[TeamBatch], None] = lambda batch: None,
-) -> TeamMatches:
-    """Play a round of each match.
+) -> np.ndarray:
+    """Play a round of each match, and return ``(G,)`` float64, the mean reward of an ally per step.
 
     Args:
         allies, opponents: players as ``as_team_player`` takes them: one in all seats, or one for each seat.
@@ -148,25 +131,10 @@ def play_teams(
     for runner in (ally, opponent):
         runner.begin(np.ones(matches, bool))
     on_step(batch)
-    present, n = batch.playing("ally"), batch.counts[:, 0]
-    totals, clashes, spreading, checks, heard = np.zeros(matches), 0.0, 0.0, 0, 0
-    steps = scenario.steps_per_round
-    for _ in range(steps):
+    totals = np.zeros(matches)
+    for _ in range(scenario.steps_per_round):
         actions = {"opponent": opponent.act()}
         batch.step(ally.act(actions), actions["opponent"])
         on_step(batch)
-        totals += batch.allies["ally_reward"].sum(axis=1) / n
-        clashes += _clashes(batch.allies, present)
-        spreading += (batch.allies["spreading"].sum(axis=1) / n).mean()
-        checks += batch.allies["checked"][:, 0].sum()
-        heard += (batch.allies["last_check"] * batch.allies["checked"] == 1).any(axis=1).sum()
-    return TeamMatches(totals / steps, clashes / steps, spreading / steps, heard / max(checks, 1))
-
-
-def _clashes(allies: np.ndarray, present: np.ndarray) -> float:
-    """Return the mean number of allies ``(G, N)`` on the unspread point of an ally of an earlier seat."""
-    unspread, clashes = present & ~allies["spreading"], np.zeros(allies.shape, bool)
-    for seat in range(1, allies.shape[1]):
-        alike = (allies["point"][:, :seat] == allies["point"][:, seat : seat + 1]) & unspread[:, :seat]
-        clashes[:, seat] = alike.any(axis=1) & unspread[:, seat]
-    return float(clashes.sum(axis=1).mean())
+        totals += batch.allies["ally_reward"].sum(axis=1) / batch.counts[:, 0]
+    return totals / scenario.steps_per_round

@@ -30,7 +30,7 @@ class TeamParallelEnv(SeededParallelEnv):
     its side in the duel (:class:`fpg_bench.envs.pettingzoo_env.FPGParallelEnv`). If numbers are drawn by the
     round, ``agents`` are those that are present. ``state()`` is the full state ``(607,)`` float32.
 
-    >>> env = TeamParallelEnv(side="ally", rivals="watchful")
+    >>> env = TeamParallelEnv(side="ally", against="watchful")
     >>> observations, infos = env.reset(seed=0)
     >>> env.agents
     ['ally_0', 'ally_1', 'ally_2']

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.envs.core import Core
-from fpg_bench.envs.sb3_vec_env import FPGVecEnv, make_sb3
 from fpg_bench.game.batch import ActionError, Seeds, described
 from fpg_bench.products.teams.core import TeamGame
-from fpg_bench.products.teams.rules import TEAM_ID
 from fpg_bench.products.teams.runner import SeatRows
 from fpg_bench.products.teams.spec import TeamSpec
 
@@ -105,33 +101,3 @@ class TeamRows(Core):
         if self.choices is None:
             raise UserError("action_masks: actions are continuous here; use actions='discrete'")
         return self.choices.mask
-
-
-def make_sb3_team(
-    n_envs: int = 1,
-    seed: int | None = None,
-    stagger: bool = False,
-    *,
-    game: str | TeamSpec = TEAM_ID,
-    **options: Any,
-) -> FPGVecEnv:
-    """Make a native SB3 ``VecEnv`` of the seats of one side: one policy learns them all.
-
-    Observations are ``(G K, 67)`` float32, actions ``(G K, 9)`` floats in [-1, 1] or choices, rewards
-    ``(G K,)`` float32; row g K + k is seat k of game g.
-
-    >>> env = make_sb3_team(16, seed=0, side="ally", rivals="watchful", actions="discrete")
-    >>> env.reset().shape
-    (48, 67)
-
-    Args:
-        n_envs: number of games, G.
-        seed: games begin with matches as those of :func:`fpg_bench.make_sb3` do; None: random.
-        stagger: cut the first rounds after seeding at evenly spread steps, so that a batch mixes phases.
-        game: ``FPG/team_v0``, or a specification whose options are replaced.
-        **options: those of :func:`fpg_bench.products.teams.core.make_team`, with ``side``.
-
-    Raises:
-        UserError: something unknown, out of range, or impossible together.
-    """
-    return make_sb3(TeamSpec.of(game, **options), n_envs, seed, stagger)

@@ -51,7 +51,7 @@ class _Skills(Strict):
 class TeamSpec(TeamRules, OtherGame):
     """Specification of a game of teams: that of a game, the rules of teams, and these.
 
-    >>> spec = TeamSpec.of(allies=2, side="ally", rivals="watchful", mates="none")
+    >>> spec = TeamSpec.of(allies=2, side="ally", against="watchful", mates="none")
     >>> spec.to_dict()
     {'id': 'FPG/team_v0', 'opponent': 'watchful', 'allies': 2, 'mates': 'none', 'side': 'ally'}
     >>> GameSpec.from_dict(spec.to_dict()) == spec
@@ -62,8 +62,8 @@ class TeamSpec(TeamRules, OtherGame):
     of both; a mapping from ``ally`` and ``opponent`` has one for each.
 
     Attributes:
-        reward: ``own``, ``team`` or, of jammers, ``difference``; None: ``own`` of allies, ``team`` of
-            jammers. See :meth:`fpg_bench.products.teams.batch.TeamBatch.rewards`.
+        reward: ``own`` or ``team``; None: ``own`` of allies, ``team`` of jammers. See
+            :meth:`fpg_bench.products.teams.batch.TeamBatch.rewards`.
         mates: what seats observe of their mates, ``none``, ``place`` or ``full``; None: ``full``.
         side: the side that the caller plays; None: both. The other side's players, ``opponent`` or ``ally``,
             are then by default the scripts of teams, of which each round draws one for all seats.
@@ -105,10 +105,10 @@ class TeamSpec(TeamRules, OtherGame):
         return {}
 
     @classmethod
-    def of(cls, game: str | GameSpec = TEAM_ID, *, rivals: Any = None, **options: Any) -> TeamSpec:
-        """Return the specification as :meth:`GameSpec.of`; ``rivals`` is another word for ``against``."""
+    def of(cls, game: str | GameSpec = TEAM_ID, **options: Any) -> TeamSpec:
+        """Return the specification as :meth:`GameSpec.of`."""
         one_of(plain_id(game) if isinstance(game, str) else game.id, "game", [TEAM_ID])
-        spec = GameSpec.of(game, **options if rivals is None else {"against": rivals, **options})
+        spec = GameSpec.of(game, **options)
         assert isinstance(spec, TeamSpec)
         return spec
 
@@ -125,7 +125,7 @@ class TeamSpec(TeamRules, OtherGame):
         return EnvConfig(TEAM_ID, self.side, "", scripted=False)
 
     def _sideless(self) -> UserError:
-        return UserError("rivals: say which side you play, side='ally' or side='opponent'")
+        return UserError("against: say which side you play, side='ally' or side='opponent'")
 
     @property
     def others(self) -> tuple[Any, ...]:

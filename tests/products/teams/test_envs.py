@@ -27,7 +27,6 @@ from fpg_bench.game.scenario import as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.products.teams.core import make_team
 from fpg_bench.products.teams.rules import TEAM_ID, TEAM_SCRIPTS
-from fpg_bench.products.teams.sb3_vec_env import make_sb3_team
 from fpg_bench.products.teams.spec import TeamSpec
 
 SHORT = as_scenario("link", steps_per_round=STEPS, rounds_per_match=2)
@@ -71,7 +70,7 @@ def test_pettingzoo_finds_nothing_amiss(sizes, actions):
 
 @pytest.mark.filterwarnings("error", "ignore:No agents present but not all")  # as some are absent
 @pytest.mark.parametrize(
-    "options", [{"allies": (1, 5), "jammers": (1, 3)}, {"side": "ally", "rivals": "tone"}]
+    "options", [{"allies": (1, 5), "jammers": (1, 3)}, {"side": "ally", "against": "tone"}]
 )
 def test_pettingzoo_finds_nothing_amiss_with_other_agents(options):
     parallel_api_test(registered("parallel", **options), 6 * STEPS)
@@ -139,7 +138,7 @@ def test_rivals_of_the_duel_play_their_seats_as_they_play_a_duel(rivals):
     """In a team of one against one they play what the duel's rivals play, draws included."""
     options = {"scenario": SHORT, "seed": 5}
     one = fpg_bench.make_sb3("FPG/AllyVsScripted-v0", 6, opponent=rivals, **options)
-    other = make_sb3_team(6, side="ally", rivals=rivals, allies=1, jammers=1, **options)
+    other = fpg_bench.make_sb3(TEAM_ID, 6, side="ally", against=rivals, allies=1, jammers=1, **options)
     assert np.array_equal(one.reset(), other.reset()[:, :15])
     for action in tape(6, 2 * STEPS):
         expected, rewards, dones, infos = one.step(action)
@@ -152,14 +151,14 @@ def test_rivals_of_the_duel_play_their_seats_as_they_play_a_duel(rivals):
 
 
 def test_seats_of_a_random_rival_act_apart_and_games_draw_one_rival():
-    team = make_team(40, scenario=SHORT, side="ally", rivals=["random", "tone"], jammers=3, allies=1)
+    team = make_team(40, scenario=SHORT, side="ally", against=["random", "tone"], jammers=3, allies=1)
     team.reset(seeds=0)
     team.step(np.zeros((40, 1, 9)))
     tones = (team.batch.opponents["jamming_type"] == 0).all(axis=1)
     assert 5 < tones.sum() < 35
     tuned = team.batch.opponents["jamming_mhz"][~tones]
     assert (tuned[:, 0] != tuned[:, 1]).mean() > 0.9
-    by_seat = make_team(2, scenario=SHORT, side="ally", rivals=["comb", "tone"], is_by_seat=True)
+    by_seat = make_team(2, scenario=SHORT, side="ally", against=["comb", "tone"], is_by_seat=True)
     by_seat.reset(seeds=0)
     by_seat.step(np.zeros((2, 3, 9)))
     assert by_seat.batch.opponents["jamming_type"].tolist() == [[3, 0], [3, 0]]
@@ -167,7 +166,7 @@ def test_seats_of_a_random_rival_act_apart_and_games_draw_one_rival():
 
 def test_rivals_of_teams_see_all_numbers_of_their_seats():
     rival = Marked()
-    team = make_team(3, scenario=SHORT, side="opponent", rivals=rival)
+    team = make_team(3, scenario=SHORT, side="opponent", against=rival)
     team.reset(seeds=0)
     seen = team.batch.ally_observations.copy()
     step = team.step(None, np.zeros((3, 2, 9)))
@@ -177,7 +176,7 @@ def test_rivals_of_teams_see_all_numbers_of_their_seats():
 
 def test_a_shipped_agent_plays_any_seat():
     agent = min((ROOT / "baselines/agents").glob("opponent-*/*/seed_0"))
-    team = make_team(4, side="ally", rivals=str(agent))
+    team = make_team(4, side="ally", against=str(agent))
     team.reset(seeds=0)
     for _ in range(20):
         team.step(np.zeros((4, 3, 9)))
@@ -186,8 +185,10 @@ def test_a_shipped_agent_plays_any_seat():
 
 def test_rows_of_a_vec_env_are_seats():
     env, team = (
-        make_sb3_team(3, seed=7, scenario=SHORT, side="opponent", rivals="expert", reward="own"),
-        make_team(3, scenario=SHORT, side="opponent", rivals="expert", reward="own"),
+        fpg_bench.make_sb3(
+            TEAM_ID, 3, seed=7, scenario=SHORT, side="opponent", against="expert", reward="own"
+        ),
+        make_team(3, scenario=SHORT, side="opponent", against="expert", reward="own"),
     )
     assert env.num_envs == 6
     observations = env.reset()
@@ -205,7 +206,7 @@ def test_rows_of_a_vec_env_are_seats():
 
 
 def test_staggered_rounds_end_apart_and_seats_of_a_game_together():
-    env = make_sb3_team(4, seed=0, stagger=True, scenario=SHORT, side="ally", rivals="tone")
+    env = fpg_bench.make_sb3(TEAM_ID, 4, seed=0, stagger=True, scenario=SHORT, side="ally", against="tone")
     env.reset()
     ends = []
     for action in tape(12, STEPS):
@@ -218,7 +219,7 @@ def test_staggered_rounds_end_apart_and_seats_of_a_game_together():
 
 @pytest.mark.parametrize("actions", ["continuous", "discrete"])
 def test_supersuit_shares_parameters_as_its_documentation_does(actions):
-    env = parallel_env(game=TEAM_ID, scenario=SHORT, side="ally", rivals="tone", actions=actions)
+    env = parallel_env(game=TEAM_ID, scenario=SHORT, side="ally", against="tone", actions=actions)
     env = supersuit.pettingzoo_env_to_vec_env_v1(env)
     env = supersuit.concat_vec_envs_v1(env, 2, num_cpus=1, base_class="stable_baselines3")
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, n_epochs=1, device="cpu")
@@ -227,7 +228,7 @@ def test_supersuit_shares_parameters_as_its_documentation_does(actions):
     assert model.num_timesteps == 2 * 3 * 32
 
 
-@pytest.mark.parametrize("options", [{}, {"side": "opponent", "rivals": ["random", "expert"]}])
+@pytest.mark.parametrize("options", [{}, {"side": "opponent", "against": ["random", "expert"]}])
 def test_a_game_that_was_pickled_goes_on_alike(options):
     env = parallel_env(game=TEAM_ID, scenario=SHORT, **options)
     env.reset(seed=1)
@@ -241,7 +242,7 @@ def test_a_game_that_was_pickled_goes_on_alike(options):
 
 def test_a_specification_is_written_down_and_opens_the_same_game():
     spec = TeamSpec.of(
-        scenario=SHORT, allies=[2, 4], spacing_m=10, path="learned", rivals=["tone", "comb"], side="ally",
+        scenario=SHORT, allies=[2, 4], spacing_m=10, path="learned", against=["tone", "comb"], side="ally",
         actions="discrete", mates={"ally": "none"}, reward="team",
     )  # fmt: skip
     again = GameSpec.from_dict(spec.to_dict())
@@ -254,10 +255,10 @@ def test_a_specification_is_written_down_and_opens_the_same_game():
     assert team.batch.mates == {"ally": "none", "opponent": "full"}
     assert TeamSpec().to_dict() == {"id": "FPG/team_v0"}
     with pytest.raises(UserError, match="opponent: Marked is an object of this program, which cannot be"):
-        TeamSpec.of(side="ally", rivals=Marked()).to_dict()
+        TeamSpec.of(side="ally", against=Marked()).to_dict()
     with pytest.raises(UserError, match=r"agent\.json: unknown key 'mate'.*mates"):
         GameSpec.from_dict({"id": "FPG/team_v0", "mate": "none"}, "agent.json")
-    assert GameSpec.of("FPG/team_v0", side="ally", against="tone") == TeamSpec.of(side="ally", rivals="tone")
+    assert GameSpec.of("FPG/team_v0", side="ally", against="tone") == TeamSpec.of(side="ally", against="tone")
 
 
 def test_without_a_name_the_rivals_are_the_scripts_of_teams():
@@ -277,16 +278,16 @@ def test_without_a_name_the_rivals_are_the_scripts_of_teams():
         ({"allies": 6}, "allies: expected a whole number from 1 to 5"),
         ({"jammers": (0, 2)}, "jammers: expected a whole number from 1 to 3"),
         ({"path": "circle"}, "teams: opponent_path 'circle'"),
-        ({"rivals": "tone"}, "rivals: say which side you play"),
-        ({"opponent": "tone"}, "rivals: say which side you play"),
+        ({"against": "tone"}, "against: say which side you play"),
+        ({"opponent": "tone"}, "against: say which side you play"),
         ({"side": "ally", "ally": "greedy"}, "ally: you play this side; name the opponent"),
-        ({"side": "ally", "rivals": "tone", "opponent": "comb"}, "against: names the opponent, and so does"),
+        ({"side": "ally", "against": "tone", "opponent": "comb"}, "against: names the opponent, and so does"),
         ({"planner": "interceptor"}, "unexpected keyword argument 'planner': teams do not have it"),
-        ({"side": "planner", "rivals": "tone"}, "side: expected one of ally, opponent"),
-        ({"side": "ally", "rivals": "expert"}, "expert"),
-        ({"side": "ally", "rivals": "oracle"}, "opponent: BayesJammer sees the state of a duel"),
+        ({"side": "planner", "against": "tone"}, "side: expected one of ally, opponent"),
+        ({"side": "ally", "against": "expert"}, "expert"),
+        ({"side": "ally", "against": "oracle"}, "opponent: BayesJammer sees the state of a duel"),
         (
-            {"side": "ally", "rivals": ["tone"], "is_by_seat": True},
+            {"side": "ally", "against": ["tone"], "is_by_seat": True},
             "opponent: expected 2 players, one per seat",
         ),
         ({"mates": "all"}, "mates of the ally: expected one of none, place, full"),
@@ -325,17 +326,17 @@ def test_actions_of_other_agents_are_refused_in_one_line(actions, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "rivals: say which side you play"),
-        ({"side": "ally", "rivals": "tone", "allies": (1, 3)}, "allies: .* give one number, not 1 to 3"),
+        ({}, "against: say which side you play"),
+        ({"side": "ally", "against": "tone", "allies": (1, 3)}, "allies: .* give one number, not 1 to 3"),
     ],
 )
 def test_vec_envs_that_cannot_be_are_refused(options, message):
     with pytest.raises(UserError, match=message):
-        make_sb3_team(2, **options)
+        fpg_bench.make_sb3(TEAM_ID, 2, **options)
 
 
 def test_actions_of_the_rivals_are_refused():
-    team = make_team(1, side="ally", rivals="tone")
+    team = make_team(1, side="ally", against="tone")
     team.reset(seeds=0)
     with pytest.raises(UserError, match="opponent actions: rivals play this side"):
         team.step(np.zeros((1, 3, 9)), np.zeros((1, 2, 9)))

@@ -21,7 +21,7 @@ def test_a_recording_is_the_round_that_is_played():
     assert recording.frames.shape == (21, 3)
     assert recording.jammers.shape == (21, 3)
     played = play_teams(*PLAYERS, SHORT, GAME["team"], 1, seeds=7)
-    assert recording.frames["ally_reward"][1:].mean() == pytest.approx(played.rewards[0])
+    assert recording.frames["ally_reward"][1:].mean() == pytest.approx(played[0])
     assert (recording.jams.any(axis=1) == recording.frames["covered"]).all()
     assert recording.jams.any()
 

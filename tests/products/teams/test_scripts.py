@@ -22,7 +22,7 @@ EVERY = [
 
 def rewards(side, name, rival, matches):
     players = (name, rival) if side == "ally" else (rival, name)
-    return play_teams(*([one] for one in players), SHORT, TEAM, matches).rewards
+    return play_teams(*([one] for one in players), SHORT, TEAM, matches)
 
 
 @pytest.mark.parametrize(("side", "name", "rival"), EVERY)
@@ -35,7 +35,7 @@ def test_a_script_plays_alike_in_any_batch(side, name, rival):
 def opening(side, name, **options):
     """The batch after a step of a script against players that do nothing."""
     other = "opponent" if side == "ally" else "ally"
-    team = make_team(4, scenario=SHORT, side=other, rivals=name, **options)
+    team = make_team(4, scenario=SHORT, side=other, against=name, **options)
     team.reset(seeds=0)
     idle = np.zeros((4, team.seats[other], 9))
     team.step(*((None, idle) if side == "ally" else (idle, None)))
@@ -62,7 +62,7 @@ def test_jammers_divide_the_band():
 
 def test_a_script_of_the_other_side_or_of_a_duel_is_refused():
     with pytest.raises(UserError, match="'genie' plays the ally; name a player of the opponent"):
-        make_team(side="ally", rivals="genie")
+        make_team(side="ally", against="genie")
     with pytest.raises(UserError, match="'assign' plays the opponent"):
         as_team_player("assign", "ally", SHORT, TEAM)
     with pytest.raises(UserError, match="greedy: plays a seat of a team, which observes 67 numbers"):

@@ -28,7 +28,7 @@ def test_an_entry_of_a_suite_plays_all_seats_as_in_matches_of_teams():
     (listen,) = evaluate(["listen"], suite.name, matches=2)
     for k, rival in enumerate(suite.rivals):
         played = play_teams(["listen"], rival.players, rival.scenario, suite.game.team, 2)
-        assert np.allclose(listen.rewards[0, k], played.rewards, atol=1e-4)
+        assert np.allclose(listen.rewards[0, k], played, atol=1e-4)
     assert listen.pooled.tally["steps"] == 2 * 6 * 300 * 3
 
 
@@ -38,7 +38,7 @@ def test_one_ally_beside_strangers_is_scored_by_its_whole_team():
     for k, rival in enumerate(suite.rivals[:4]):
         seats = ["cdma", *rival.mates]
         played = play_teams(seats, rival.players, rival.scenario, suite.game.team, 1)
-        assert np.allclose(cdma.rewards[0, k], played.rewards, atol=1e-4)
+        assert np.allclose(cdma.rewards[0, k], played, atol=1e-4)
 
 
 def test_all_scripted_stands_for_the_scripts_of_teams():

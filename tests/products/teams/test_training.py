@@ -25,8 +25,7 @@ from fpg_bench.products.rendering.watching import watch
 from fpg_bench.products.teams.core import make_team
 from fpg_bench.products.teams.match import play_teams
 from fpg_bench.products.teams.pettingzoo_env import TeamParallelEnv
-from fpg_bench.products.teams.rules import TEAM_SCRIPTS, TeamRules
-from fpg_bench.products.teams.sb3_vec_env import make_sb3_team
+from fpg_bench.products.teams.rules import TEAM_ID, TEAM_SCRIPTS, TeamRules
 from fpg_bench.products.teams.scripts import as_team_player
 from fpg_bench.products.teams.spec import TeamSpec
 from fpg_bench.training.export import Graph, draw_choices, rows_of
@@ -59,7 +58,7 @@ def test_one_policy_is_trained_for_all_seats_and_its_card_says_where_it_plays(bl
     card = read_card(blind / "agent")
     assert card.skills == {"seats": {"allies": [3, 3], "jammers": [2, 2]}, "mates": "none"}
     assert card.sample
-    assert card.game == TeamSpec.of(rivals=["tone", "assign"], actions="discrete", mates="none", side="ally")
+    assert card.game == TeamSpec.of(against=["tone", "assign"], actions="discrete", mates="none", side="ally")
     assert Run(blind).config.spec == card.game
     rows = [json.loads(line) for line in (blind / "evaluations.jsonl").read_text().splitlines()]
     assert [row["side"] for row in rows] == ["ally"] * len(rows)
@@ -72,10 +71,10 @@ def test_one_policy_is_trained_for_all_seats_and_its_card_says_where_it_plays(bl
 def test_a_team_agent_plays_by_its_name_alone_with_mates_and_as_rivals(blind):
     agent = str(blind / "agent")
     once, again = (play_teams([agent], ["tone"], LINK, TeamRules(), 2) for _ in range(2))
-    assert np.array_equal(once.rewards, again.rewards)
+    assert np.array_equal(once, again)
     mixed = play_teams([agent, "cdma", agent], ["tone"], LINK, TeamRules(), 2)
-    assert not np.array_equal(once.rewards, mixed.rewards)
-    team = make_team(2, side="opponent", rivals=[agent, "listen"])
+    assert not np.array_equal(once, mixed)
+    team = make_team(2, side="opponent", against=[agent, "listen"])
     team.reset(seeds=0)
     assert np.isfinite(team.step(opponent_actions=np.zeros((2, 2, 9))).opponent_rewards).all()
 
@@ -100,7 +99,7 @@ def test_an_agent_sees_no_more_of_its_mates_than_in_its_training(blind):
     """In a game whose mates tell all it plays as in one whose mates tell nothing."""
     scores = []
     for mates in ("none", "full"):
-        team = make_team(2, side="opponent", rivals=str(blind / "agent"), mates={"ally": mates})
+        team = make_team(2, side="opponent", against=str(blind / "agent"), mates={"ally": mates})
         team.reset(seeds=0)
         scores.append([team.step(opponent_actions=np.zeros((2, 2, 9))).ally_rewards for _ in range(20)])
     assert np.array_equal(*scores)
@@ -116,7 +115,7 @@ def test_an_agent_sees_no_more_of_its_mates_than_in_its_training(blind):
 )
 def test_an_agent_of_other_sizes_of_teams_is_refused_in_one_line(blind, options, message):
     with pytest.raises(UserError, match=message) as refused:
-        make_team(1, side="opponent", rivals=str(blind / "agent"), **options)
+        make_team(1, side="opponent", against=str(blind / "agent"), **options)
     assert "\n" not in str(refused.value)
 
 
@@ -126,7 +125,7 @@ def test_an_agent_whose_mates_told_it_more_is_refused_in_one_line(blind, tmp_pat
     card["skills"]["mates"] = "full"
     write_agent(tmp_path / "told", blind / "agent" / "policy.onnx", **card)
     with pytest.raises(UserError, match="trained with mates='full', here they tell 'place'"):
-        make_team(1, side="opponent", rivals=str(tmp_path / "told"), mates={"ally": "place"})
+        make_team(1, side="opponent", against=str(tmp_path / "told"), mates={"ally": "place"})
 
 
 @pytest.mark.slow
@@ -167,7 +166,7 @@ def test_a_policy_of_another_framework_plays_the_seats_of_a_team(tmp_path, capsy
     capsys.readouterr()
     (measures,) = watch(tmp_path / "two", "watchful", every=100, seed=3)  # in its own game
     played = play_teams([tmp_path / "two"], ["watchful"], LINK, TeamRules(2, 1), 1, seeds=3)
-    assert measures["ally_return"] == pytest.approx(played.rewards[0] * 300)
+    assert measures["ally_return"] == pytest.approx(played[0] * 300)
     heads = capsys.readouterr().out.splitlines()[3]
     assert re.findall(r"\w+_\d", heads) == ["ally_0", "ally_1", "opponent_0"]
 
@@ -212,14 +211,14 @@ def test_a_model_of_supersuits_games_is_exported_for_the_seats_of_a_team(tmp_pat
         agent = load_agent(tmp_path / actions)
         assert agent.card.sample
         assert agent.noise_size == (9 if actions == "continuous" else 1)
-        assert play_teams([agent], ["tone"], SHORT_ROUND, TeamRules(), 1).rewards.size == 1
+        assert play_teams([agent], ["tone"], SHORT_ROUND, TeamRules(), 1).size == 1
 
 
 def test_a_live_model_of_a_team_is_exported_before_it_plays():
-    games = make_sb3_team(2, seed=0, **SHORT)
+    games = fpg_bench.make_sb3(TEAM_ID, 2, seed=0, **SHORT)
     model = make_model("ppo", games, load_hyperparameters("ppo", games.game_spec, settings("ppo")), 0)
     with pytest.raises(UserError, match="ally PPO: plays a seat of a team, which draws its actions"):
-        make_team(1, side="opponent", rivals=model)
+        make_team(1, side="opponent", against=model)
 
 
 @pytest.mark.parametrize("actions", ["continuous", "discrete", "multi-discrete", "discrete-uniform"])
