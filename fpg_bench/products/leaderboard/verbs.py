@@ -10,7 +10,6 @@ import typer
 from fpg_bench.cli.fields import with_fields
 from fpg_bench.cli.options import WorkersOption, print_wrapped, share
 from fpg_bench.common.extras import require_extra
-from fpg_bench.common.files import write_whole
 from fpg_bench.common.locks import locked
 from fpg_bench.common.output import page, print_line
 from fpg_bench.common.parallel import Workers
@@ -160,16 +159,7 @@ def verify(
     seed = secrets.randbits(32) if sample_seed is None else sample_seed
     how = Verification(names or (), drawn, seed, since, update, workers)
     with at_work(folder):
-        verdicts = verify_entries(
-            folder,
-            how.names,
-            sample=how.sample,
-            sample_seed=how.seed,
-            update=update,
-            since=since,
-            changes_known=changes_known,
-            workers=workers,
-        )
+        verdicts = verify_entries(folder, how, changes_known)
         verdicts += verify_responses(folder, how) + verify_pairs(folder, how)
     bad = sum(not verdict.is_good for verdict in verdicts)
     print_line(f"{len(verdicts)} verdicts, {bad} bad" if bad else f"{len(verdicts)} verdicts, all good")
@@ -209,30 +199,23 @@ def build(
         typer.Option(help="URL of the documentation, relative to OUT. Default: where it is published."),
     ] = "",
 ) -> None:
-    """Build the static site, unless nothing has changed since the last time; it can be viewed offline.
+    """Build the static site; it can be viewed offline.
 
     Example: fpg-bench leaderboard build
     """
     require_extra("leaderboard", "jinja2")
-    from fpg_bench.products.leaderboard.site.mark import MARK, check_folder, inputs_of, mark_of
+    from fpg_bench.products.leaderboard.board import make_board
+    from fpg_bench.products.leaderboard.entries import load_entries
+    from fpg_bench.products.leaderboard.site.build import build_site, check_folder
+    from fpg_bench.products.leaderboard.site.page_data import submitted_policies
+    from fpg_bench.products.leaderboard.site.replays import make_replays
 
     check_folder(out)
     with locked(out):
-        mark, inputs = out / MARK, inputs_of(folder, out, replays, docs)
-        if mark.exists() and mark.read_text(encoding="utf-8") == mark_of(inputs, out):
-            print_line(f"nothing has changed since it was built: open {out / 'index.html'}")
-            return
-        from fpg_bench.products.leaderboard.board import make_board
-        from fpg_bench.products.leaderboard.entries import load_entries
-        from fpg_bench.products.leaderboard.site.build import build_site
-        from fpg_bench.products.leaderboard.site.page_data import submitted_policies
-        from fpg_bench.products.leaderboard.site.replays import make_replays
-
         entries = load_entries(folder)
         rounds = make_replays(entries, out, simulate=replays)
         board = make_board(entries, {key: [replay.file for replay in shown] for key, shown in rounds.items()})
         files = build_site(board, out, rounds, docs, submitted_policies(entries))
-        write_whole(mark, mark_of(inputs, out))
     n_entries, n_rounds = len(entries.verified) + len(entries.rejected), sum(map(len, rounds.values()))
     print_line(
         f"{n_entries} entries, {n_rounds} rounds to watch, {len(files)} files: open {out / 'index.html'}"

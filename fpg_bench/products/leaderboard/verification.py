@@ -27,6 +27,7 @@ from fpg_bench.products.leaderboard.cases import (
     shared_players,
 )
 from fpg_bench.products.leaderboard.changed_entries import changed_entries
+from fpg_bench.products.leaderboard.encounters import Verification
 from fpg_bench.products.leaderboard.folders import (
     TRACK_FOLDERS,
     at_work,
@@ -152,31 +153,20 @@ def _missing_isolation(played: Sequence[PlayedPart]) -> str:
 
 def verify(
     board: str | Path,
-    names: Sequence[str] = (),
-    *,
-    sample: float | None = None,
-    sample_seed: int | None = None,
-    update: bool = False,
-    since: str | None = None,
+    how: Verification = Verification(),  # noqa: B008
     changes_known: bool = False,
-    workers: Workers | int = 1,
 ) -> list[Verdict]:
     """Verify submissions; one with problems does not stop the others.
 
     A submission without a result is played and its result written. Any other is played again and compared
-    with its result. An interrupted verification is resumed.
+    with its result. An interrupted verification is resumed. Of a sample, at least one record per submission
+    is played.
 
     Args:
         board: the leaderboard's folder.
-        names: ``track/name`` each; empty: all.
-        sample: play only this share of the records again, drawn at random, at least one per submission.
-        sample_seed: of the draw; None: a new one, which is reported.
-        update: play again, and replace, results that do not fit the submission or were edited.
-        since: a trusted git revision. Entries whose submission or result differs from it are played in full,
-            whatever the sample, and their results are replaced; the results that came along are compared. Of
-            the others only those that are named, or a sample, are played again.
+        how: which are played again. With ``since``, entries whose submission or result differs are played in
+            full, whatever the sample, and the results that came along are compared.
         changes_known: accept that other files changed since, too.
-        workers: number of policies that are played at once, or :class:`fpg_bench.common.parallel.Workers`.
 
     Returns:
         The verdicts, by track and name.
@@ -184,23 +174,23 @@ def verify(
     Raises:
         UserError: no such board or submission, a share out of range, unknown changes, or no cluster.
     """
-    if sample is not None:
-        check_share(sample)
+    if how.sample is not None:
+        check_share(how.sample)
     board = Path(board)
-    new = frozenset() if since is None else _new_entries(board, since, changes_known)
+    new = frozenset() if how.since is None else _new_entries(board, how.since, changes_known)
     with at_work(board):
         verification = _Verification(board, new)
-        cases = verification.cases(names, update)
-        if sample is not None:
-            seed = random.SystemRandom().randrange(2**32) if sample_seed is None else sample_seed
-            _logger.info(f"sample: {100 * sample:g} % of all records, --sample-seed {seed}")
-            cases = draw_sample(cases, sample, seed)
-        elif since is not None and not names:
-            cases = verification.changed(cases, since)
-        if not names:
+        cases = verification.cases(how.names, how.update)
+        if how.sample is not None:
+            seed = random.SystemRandom().randrange(2**32) if how.seed is None else how.seed
+            _logger.info(f"sample: {100 * how.sample:g} % of all records, --sample-seed {seed}")
+            cases = draw_sample(cases, how.sample, seed)
+        elif how.since is not None and not how.names:
+            cases = verification.changed(cases, how.since)
+        if not how.names:
             verification.check_orphans()
         every = [job for case in cases for job in verification.jobs(case)]
-        verification.failed |= run_jobs(every, workers, level=logging.DEBUG)
+        verification.failed |= run_jobs(every, how.workers, level=logging.DEBUG)
         for case in cases:
             verification.settle(case)
     return verification.verdicts.all()
@@ -323,5 +313,5 @@ def run_one(
         raise UserError(f"{given}: expected a folder {expected}{hint}")
     board = Path(short_path(folder.parents[2]))
     name = f"{track}/{folder.name}"
-    (verdict,) = verify(board, [name], update=update, workers=workers)
+    (verdict,) = verify(board, Verification([name], update=update, workers=workers))
     return verdict

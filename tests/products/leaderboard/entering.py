@@ -100,7 +100,7 @@ def enter(board: Path, track: str, slug: str, **other: Any) -> Path:
 
 def verdicts_of(board: Path, *names: str, **options: Any) -> dict[str, tuple[bool, str]]:
     """Verify a board and return its verdicts by name: whether good, and the line."""
-    return {v.name: (v.is_good, v.line) for v in verify(board, names, **options)}
+    return {v.name: (v.is_good, v.line) for v in verify(board, Verification(names, **options))}
 
 
 def case_of(board: Path, folder: Path, reader: Reader | None = None) -> Case:

@@ -12,6 +12,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.products.leaderboard import crossplay, verification
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.changed_entries import Changes, changed_entries, rows_at
+from fpg_bench.products.leaderboard.encounters import Verification
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.folders import crossplay_file, result_file
 from fpg_bench.products.leaderboard.result import read_result
@@ -71,14 +72,14 @@ def test_new_and_changed_entries_are_found(trusted):
 def test_the_lines_of_who_verifies_take_the_place_of_forged_ones(trusted):
     kept, case = forged(trusted, "ally/honest")
     assert read_result(case.path, case.suites).records != kept.records
-    (verdict,) = verify(trusted, ["ally/honest"], sample=0.01, since="HEAD")
+    (verdict,) = verify(trusted, Verification(["ally/honest"], sample=0.01, since="HEAD"))
     assert not verdict.is_good
     assert verdict.line.startswith("replaced: the result that came along does not hold: ")
     assert "; commit this one: public " in verdict.line
     assert read_result(case.path, case.suites).records == kept.records
     played = case.path.read_text()
     case.path.write_text("[" * 500)
-    (verdict,) = verify(trusted, ["ally/honest"], since="HEAD")
+    (verdict,) = verify(trusted, Verification(["ally/honest"], since="HEAD"))
     assert verdict.line.startswith(
         "replaced: the result that came along does not hold: it is not of this entry, or was edited"
     )
@@ -87,9 +88,9 @@ def test_the_lines_of_who_verifies_take_the_place_of_forged_ones(trusted):
 
 def test_an_honest_result_that_came_along_is_good(trusted):
     enter(trusted, "ally", "newcomer", script="expert")
-    (first,) = verify(trusted, ["ally/newcomer"])
+    (first,) = verify(trusted, Verification(["ally/newcomer"]))
     before = result_file(trusted, "ally", "newcomer").read_bytes()
-    (verdict,) = verify(trusted, ["ally/newcomer"], since="HEAD")
+    (verdict,) = verify(trusted, Verification(["ally/newcomer"], since="HEAD"))
     assert (verdict.is_good, verdict.line) == (True, first.line)
     assert result_file(trusted, "ally", "newcomer").read_bytes() == before
 
@@ -99,7 +100,7 @@ def test_what_was_claimed_is_not_forgotten_when_playing_is_broken_off(trusted, m
     with monkeypatch.context() as broken:
         broken.setattr("fpg_bench.products.leaderboard.verification.run_jobs", lambda *how, **more: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            verify(trusted, since="HEAD")
+            verify(trusted, Verification(since="HEAD"))
     verdicts = verdicts_of(trusted, since="HEAD")
     assert verdicts["ally/honest"][1].startswith("replaced: ")
     assert verdicts["opponent/script"][0]
@@ -115,7 +116,7 @@ def test_entries_that_did_not_change_are_not_played_again(trusted, monkeypatch):
     verdicts = verdicts_of(trusted, since="HEAD")
     assert played == ["ally/newcomer"]
     assert verdicts["ally/honest"] == (True, "unchanged since HEAD, not played again")
-    verify(trusted, since="HEAD", sample=1.0)
+    verify(trusted, Verification(since="HEAD", sample=1.0))
     assert played[1:] == ["ally/honest", "ally/newcomer", "opponent/script"]
 
 
@@ -191,8 +192,8 @@ def test_changes_of_other_files_are_named_and_refused_until_they_are_known(trust
     (trusted / "results/best_responses.jsonl").write_text("")
     message = "2 files outside of entries have changed: results/best_responses.jsonl, season.yml; review them"
     with pytest.raises(UserError, match=message):
-        verify(trusted, since="HEAD")
-    assert all(v.is_good for v in verify(trusted, since="HEAD", changes_known=True))
+        verify(trusted, Verification(since="HEAD"))
+    assert all(v.is_good for v in verify(trusted, Verification(since="HEAD"), changes_known=True))
 
 
 def test_a_link_or_a_repository_that_came_is_named_wherever_it_lies(trusted):

@@ -25,6 +25,7 @@ from fpg_bench.products.leaderboard.crossplay import (
     players_of,
     read_pairs,
 )
+from fpg_bench.products.leaderboard.encounters import Verification
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.folders import crossplay_file
 from fpg_bench.products.leaderboard.playing import Part
@@ -154,7 +155,7 @@ def test_only_new_pairs_are_played(played):
     assert play_all(entered) == 1
     enter(entered, "ally", "always-hop", script="always-hop")
     enter(entered, "ally", "unplayed", script="reactive")
-    verify(entered, ["ally/always-hop"])
+    verify(entered, Verification(["ally/always-hop"]))
     assert play_all(entered) == 3
     assert rows(entered)[2:] == first
     assert rows(entered)[0]["ally"] == "always-hop"
@@ -164,7 +165,7 @@ def test_those_who_play_one_scenario_meet_each_other_alone(played, small_suites)
     before = rows(played)
     enter(played, "ally", "bold", script="idle", scenario="link")
     enter(played, "opponent", "apt", script="adaptive", scenario="link")
-    verify(played, ["ally/bold", "opponent/apt"])
+    verify(played, Verification(["ally/bold", "opponent/apt"]))
     assert play_all(played) == 2
     *first, new = rows(played)
     assert first == before
@@ -180,7 +181,7 @@ def test_those_who_play_one_scenario_meet_each_other_alone(played, small_suites)
         "link": (["bold"], ["apt"]),
     }
     close_season(small_suites)  # of the other scenario
-    verify(played, update=True)
+    verify(played, Verification(update=True))
     assert play_all(played) == 5
     assert rows(played)[-1] == new
 
@@ -278,7 +279,7 @@ def test_a_new_season_wants_new_pairs(played, small_suites):
     close_season(small_suites)
     assert bad_pairs(entered) == {}
     assert rows(entered) == []
-    verify(entered, update=True)
+    verify(entered, Verification(update=True))
     assert play_all(entered) == 4
     assert not {row["key"] for row in before} & {row["key"] for row in rows(entered)}
 

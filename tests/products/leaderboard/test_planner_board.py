@@ -48,7 +48,7 @@ def test_a_board_of_planners_holds_and_tells_tier_model_and_valid_answers(entere
     assert list(first) == NAMES
     assert all(good and line.startswith("verified: public ") for good, line in first.values())
     kept = {path: path.read_bytes() for path in (entered / "results").rglob("*.jsonl")}
-    again = verdicts_of(entered, sample=0.01, sample_seed=1)
+    again = verdicts_of(entered, sample=0.01, seed=1)
     assert all(good and line.startswith("holds: 1 of 1 records") for good, line in again.values())
     assert {path: path.read_bytes() for path in kept} == kept
     track = next(track for track in make_board(load_entries(entered)).tracks if track.key == "planner")

@@ -11,6 +11,7 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.products.leaderboard.board import make_board
+from fpg_bench.products.leaderboard.encounters import Verification
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.result import summaries_of
 from fpg_bench.products.leaderboard.tracks import PUBLIC
@@ -280,7 +281,7 @@ def test_a_sample_holds_a_line_of_each_and_can_be_drawn_again(board, in_process)
     assert drawn(0.3, 5) == drawn(0.3, 5)
     assert len({str(drawn(0.3, seed)) for seed in range(5)}) > 1
     with logged() as lines:
-        verify(board, sample=0.05)
+        verify(board, Verification(sample=0.05))
     assert lines[0].startswith("sample: 5 % of all records, --sample-seed ")
     assert all("holds: 1 of 1 records" in line for line in lines[1:])
 

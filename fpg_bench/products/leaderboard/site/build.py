@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import write_whole
+from fpg_bench.common.files import check_own_folder, write_whole
 from fpg_bench.common.output import published
 from fpg_bench.products.leaderboard.board import Board
 from fpg_bench.products.leaderboard.site import views
 from fpg_bench.products.leaderboard.site.entry_page import badge_file, badge_text, entry_view
-from fpg_bench.products.leaderboard.site.mark import MARK, check_folder
 from fpg_bench.products.leaderboard.site.page_data import Policies, data_files
 from fpg_bench.products.leaderboard.site.replays import Replay, Replays, label_of
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
+MARK = ".fpg-site"  # a file of a folder that holds a site, and may be cleared
 PAPER = "https://doi.org/10.3390/drones10020147"  # the article whose game it is, as in CITATION.cff
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 
@@ -65,6 +65,11 @@ def build_site(
     kept = {folder / name for name in files}
     _remove_others(folder, kept)
     return sorted(kept)
+
+
+def check_folder(folder: Path) -> None:
+    """Raise UserError where a folder holds something other than a site."""
+    check_own_folder(folder, MARK, "leaderboard's site")
 
 
 def _check_names(board: Board) -> None:
