@@ -8,7 +8,7 @@ python scripts/train_zoo.py --tables    adds missing records and drops those tha
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -142,10 +142,16 @@ def _tell(suite: Suite, entry: EvaluatedPlayer, rival: Rival, rounds: int, *of: 
 
 
 def compact(zoo: Zoo, group: ZooGroup) -> None:
-    """Keep each record of a group's agents once, the newest, of its own suites and without the board's."""
-    suites, file = [*map(load_suite, group.suites)], RowFile(zoo.records_file(group))
-    hashes = {suite.hash[:16] for suite in suites}
+    """Keep each record of a group and of scripts once, the newest, of its suites, without the board's."""
+    suites = [*map(load_suite, group.suites)]
     board = {record.key for suite in suites for record in zoo.read_board(group, suite)}
+    _keep(RowFile(zoo.records_file(group)), suites, board)
+    for suite in suites:
+        _keep(RowFile(zoo.records_file(suite)), [suite], {of.key for of in zoo.read_script_board(suite)})
+
+
+def _keep(file: RowFile, suites: Sequence[Suite], board: Collection[object]) -> None:
+    hashes = {suite.hash[:16] for suite in suites}
     newest = {read_record(row, f"records {file.path}").key: row for row in file.read()}
     if kept := [row for key, row in newest.items() if key[0] in hashes and key not in board]:
         file.replace(kept)

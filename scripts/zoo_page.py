@@ -70,9 +70,16 @@ def write_page(zoo: Zoo) -> Path:
 
 
 def write_scores(zoo: Zoo) -> None:
-    """Write what ``fpg-bench zoo`` prints: the scores of all shipped agents on the first suite of a group."""
+    """Write what ``fpg-bench zoo`` prints, the scores of all shipped agents on the first suite of a group.
+
+    Beside them stands the best script on each suite, by the suite's hash, for the levels of learning curves.
+    """
     rows = [row for group in zoo.groups for row in _scores(zoo, group)]
-    write_whole(zoo.folder / SCORES, json.dumps({"agents": rows}, indent=1) + "\n")
+    best: dict[str, dict[str, float]] = {}
+    for suite in map(load_suite, dict.fromkeys(name for group in zoo.groups for name in group.suites)):
+        found = summarise(zoo.read_script_records(suite), suite)[:1]
+        best[suite.hash[:16]] = {each.entry: each.score.value for each in found}
+    write_whole(zoo.folder / SCORES, json.dumps({"agents": rows, "best_scripts": best}, indent=1) + "\n")
 
 
 def _scores(zoo: Zoo, group: ZooGroup) -> Iterator[Row]:

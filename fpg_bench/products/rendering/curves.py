@@ -12,13 +12,12 @@ import numpy as np
 
 from fpg_bench.common import canvas
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import read_json
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.entry import distinct_names
-from fpg_bench.evaluation.record import read_records
 from fpg_bench.evaluation.run_description import EVALUATIONS, MADE_BY, RunDescription
 from fpg_bench.evaluation.statistics import student_t
 from fpg_bench.evaluation.suite import Scale, read_suite
-from fpg_bench.evaluation.summary import summarise
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.agent import baselines_folder, seed_folders
 
@@ -187,9 +186,8 @@ def score_levels(suites: Iterable[str], scenario: Scenario | None = None) -> dic
             continue
         if suite.scale != Scale():
             levels["random"] = 0.0
-        file = baselines_folder() / "scores" / "scripts" / f"{suite.name}.jsonl"
-        for best in summarise(read_records(RowFile(file).read(), str(file)), suite)[:1]:
-            levels[best.entry] = best.score.value
+        best = read_json(baselines_folder() / "scores" / "summary.json", "scores")["best_scripts"]
+        levels |= best.get(suite.hash[:16], {})
     return levels
 
 

@@ -184,8 +184,23 @@ class Zoo:
 
     def read_script_records(self, suite: Suite) -> list[Record]:
         """Return the records of the present scripts and oracles on a suite; empty where there are none."""
-        names = (*SCRIPTED.get(suite.side, ()), *ORACLES)
-        return _read(self.records_file(suite), suite, {(name, None): name[:16] for name in names})
+        players = _scripts(suite)
+        return [*self.read_script_board(suite), *_read(self.records_file(suite), suite, players)]
+
+    def read_script_board(self, suite: Suite) -> list[Record]:
+        """Return the records of scripts that the board beside the zoo's folder has; the zoo has no copy."""
+        results, players = self.folder.parent / "leaderboard" / "results" / suite.side, _scripts(suite)
+        return [
+            record
+            for name, _ in players
+            for table in ("", "-learned", "-link")  # a script may be entered in several
+            for record in _read(results / f"{name}{table}.jsonl", suite, players, entry=name)
+        ]
+
+
+def _scripts(suite: Suite) -> Players:
+    names = (*SCRIPTED.get(suite.side, ()), *ORACLES)
+    return {(name, None): name[:16] for name in names}
 
 
 def _read(file: Path, suite: Suite, players: Players, **names: str) -> list[Record]:
