@@ -11,7 +11,7 @@ from fpg_bench.common.ids import ALLIES, OPPONENTS
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.player import Player
-from fpg_bench.players.scripted import Scripted
+from fpg_bench.players.scripted import Scripted, js_db, scenario_scales, separation_m
 
 from .playing import opponent_sees
 
@@ -38,6 +38,15 @@ def test_sweep_goes_up_the_band_one_point_a_step_and_round_again():
         places.append(round((actions[0, 4] + 1) / 2 * 14))
     assert places == [*range(15), 0, 1]
     assert player.predict(opponent_sees(), state, np.array([True]))[0][0, 4] == -1
+
+
+def test_a_script_works_out_the_distance_and_the_jamming_over_the_signal():
+    """In the middle of the box, and with both in free space."""
+    seen, scales = opponent_sees((300.0, -40.0, 12.0))[0], scenario_scales(STANDARD)[0]
+    apart_m = np.linalg.norm([300, 40, 12])
+    base_m = np.linalg.norm(np.divide(STANDARD.box_m, 2) - STANDARD.base_station_m)
+    assert separation_m(seen, scales) == pytest.approx(apart_m, rel=1e-5)
+    assert js_db(seen, scales) == pytest.approx(scales["js_db"] + 20 * np.log10(base_m / apart_m), abs=1e-3)
 
 
 @pytest.mark.parametrize("side", ["ally", "opponent"])
