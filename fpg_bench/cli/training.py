@@ -137,10 +137,11 @@ def train_runs(
         raise UserError("seed, seeds: give only one of them")
     if resume and seeds is None and not (out / "run.json").exists():
         raise UserError(f"resume: {out} holds no run; omit --resume to start one there")
-    if n_evals:
+    listed_seeds = [] if seeds is None else parse_seeds(seeds)
+    folders = [RunFolder(out / f"seed_{each}") for each in listed_seeds] or [RunFolder(out)]
+    if n_evals and not all(folder.is_finished() for folder in folders):
         print_unmet(config)
     if seeds is not None:
-        listed_seeds = parse_seeds(seeds)
         train_seeds(
             config,
             out,
@@ -149,13 +150,13 @@ def train_runs(
             restart=restart,
             workers=workers,
         )
-        for each in listed_seeds:
-            print_scores(RunFolder(out / f"seed_{each}"), f"seed {each}: ")
+        for each, folder in zip(listed_seeds, folders, strict=True):
+            print_scores(folder, f"seed {each}: ")
         if (curve := RunFolder(out).curve).exists():
             typer.echo(f"learning curve: {curve}")
         typer.echo(f"agents: {out}/seed_*/agent\nall curves: tensorboard --logdir {shlex.quote(str(out))}")
         return
-    folder = RunFolder(out)
+    (folder,) = folders
     already = folder.is_finished()
     try:
         agent = train_run(config, out, evaluations=n_evals, resume=resume, restart=restart)

@@ -73,9 +73,7 @@ def title(text: str) -> str:
     return text
 
 
-def first_difference(
-    now: object, then: object, where: str = "", but: Collection[str] = ()
-) -> tuple[str, object, object] | None:
+def first_difference(now: object, then: object, where: str = "") -> tuple[str, object, object] | None:
     """Return the path and both values of the first thing in which two values differ; None if nothing does.
 
     >>> first_difference({"a": [1, 2], "b": 3}, {"a": [1, 4], "b": 0})
@@ -84,12 +82,10 @@ def first_difference(
     Args:
         now, then: the values; mappings and lists are compared item by item.
         where: the path to them.
-        but: keys of the values themselves that are not compared.
     """
     inner: list[tuple[str, object, object]] = []
     if isinstance(now, dict) and isinstance(then, dict):
-        keys = [key for key in {**now, **then} if key not in but]
-        inner = [(f"{where}.{key}" if where else key, now.get(key), then.get(key)) for key in keys]
+        inner = [(f"{where}.{key}" if where else key, now.get(key), then.get(key)) for key in {**now, **then}]
     elif isinstance(now, list | tuple) and isinstance(then, list | tuple) and len(now) == len(then):
         inner = [(f"{where}[{k}]", *both) for k, both in enumerate(zip(now, then, strict=True))]
     else:

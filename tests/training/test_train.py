@@ -11,9 +11,10 @@ import torch
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from fpg_bench.cli.training import print_scores
+from fpg_bench.cli.training import print_scores, train_runs
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL
+from fpg_bench.common.parallel import Workers
 from fpg_bench.common.rows import RowFile
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.game.metrics import measures
@@ -322,3 +323,13 @@ def test_seeds_are_ranges_and_lists():
         parse_seeds("5")
     with pytest.raises(UserError, match=r"--seed 1 for this seed alone$"):
         parse_seeds("1")
+
+
+@pytest.mark.slow
+def test_rivals_that_a_training_never_meets_are_named_before_it_and_not_once_it_is_finished(tmp_path, capsys):
+    config = run_config("ppo", hyperparams=settings("ppo"))
+    for is_told in (True, False):
+        train_runs(config, tmp_path / "run", None, None, 1, False, False, Workers(1))
+        said = capsys.readouterr().out
+        assert ("of its 15 rivals are never met here" in said) == is_told
+        assert ("already finished" in said) != is_told

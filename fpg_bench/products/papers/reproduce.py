@@ -10,7 +10,7 @@ from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
@@ -22,30 +22,12 @@ from fpg_bench.products.papers.page import write_page
 from fpg_bench.products.papers.reproduction import Paper, PaperResults
 from fpg_bench.version import __version__
 
-
-class Study(Protocol):
-    """The experiments of a paper, with choices of what to run of them."""
-
-    @property
-    def arguments(self) -> str:
-        """Return the paper's name and these choices, as on the command line."""
-
-    @property
-    def seeds(self) -> Mapping[str, int]:
-        """Return the default number of training seeds by the name of a budget."""
-
-    def file(self, out: Path, budget: str) -> Path:
-        """Return the file of the runs."""
-
-    def missing(self, out: Path, budget: str, seeds: range) -> list[Job]:
-        """Return a job for each run that the file lacks; the job adds it."""
-
-    def report(self, out: Path, budget: str, seeds: range, command: str) -> list[Path]:
-        """Write figures and reports on the runs of these seeds, and return the files."""
+if TYPE_CHECKING:
+    from fpg_bench.products.papers.yang_2026.study import DuelStudy
 
 
 def reproduce(
-    study: Study,
+    study: GameStudy | DuelStudy,
     out: str | Path = "reproduced",
     *,
     budget: str = "quick",

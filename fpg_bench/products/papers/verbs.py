@@ -85,13 +85,13 @@ def reproduce(
     if name not in PAPERS:
         raise UserError(f"unknown paper {name!r}{nearest(name, PAPERS)}")
     require_extra("train", "torch", "stable_baselines3", "matplotlib", "jinja2")
-    from fpg_bench.products.papers.reproduce import GameStudy, Study
+    from fpg_bench.products.papers.reproduce import GameStudy
     from fpg_bench.products.papers.reproduce import reproduce as run_study
 
     if name == YANG:
         from fpg_bench.products.papers.yang_2026.study import DuelStudy
 
-        study: Study = DuelStudy(target, scenario, learner, llm, transcript)
+        study: GameStudy | DuelStudy = DuelStudy(target, scenario, learner, llm, transcript)
     else:
         given = {
             f"target {target!r}": target != "all",
