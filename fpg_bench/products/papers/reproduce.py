@@ -6,7 +6,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -19,8 +18,7 @@ from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, run_jobs
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.products.papers.page import write_page
-from fpg_bench.products.papers.reproduction import Paper, PaperResults
-from fpg_bench.version import __version__
+from fpg_bench.products.papers.reproduction import Paper, PaperResults, versions
 
 if TYPE_CHECKING:
     from fpg_bench.products.papers.yang_2026.study import DuelStudy
@@ -130,11 +128,6 @@ def run(paper: Paper, player: str, condition: str, seed: int, share: float) -> R
         "seconds": round(time.monotonic() - start, 1),
         "versions": versions(*_LIBRARIES),
     }
-
-
-def versions(*libraries: str) -> str:
-    """Return the versions of the package and of these libraries."""
-    return ", ".join([f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in libraries)])
 
 
 def read_rows(file: Path) -> dict[tuple[str, str, int], Row]:

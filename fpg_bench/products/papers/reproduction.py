@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,6 +16,7 @@ from fpg_bench.common.files import read_yaml
 from fpg_bench.common.rows import Row
 from fpg_bench.common.schema import Items, Strict, parse
 from fpg_bench.evaluation.statistics import student_half
+from fpg_bench.version import __version__
 
 ENOUGH_ALIKE = 6  # seeds from which on equal values show a sign: 0.025 ** (1 / 6) > 1 / 2
 HOLDS, FAILS, OPEN, ONE_SEED, NOT_RUN = "holds", "does not hold", "open", "one seed", "not run"
@@ -137,6 +139,11 @@ class Paper:
     claims: tuple[PaperClaim, ...]
     play: Callable[[str, str, int, float], Mapping[str, float]]
     curve: Mapping[float, str] = field(default_factory=dict)
+
+
+def versions(*libraries: str) -> str:
+    """Return the versions of the package and of these libraries."""
+    return ", ".join([f"fpg-bench {__version__}", *(f"{name} {version(name)}" for name in libraries)])
 
 
 def checked_action(action: Any, space: gymnasium.Space[Any]) -> int:

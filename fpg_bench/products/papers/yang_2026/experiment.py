@@ -25,7 +25,7 @@ from fpg_bench.game.actions import KNOWLEDGE_GATE
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.language_models.training import training_planner
-from fpg_bench.products.papers.reproduce import versions
+from fpg_bench.products.papers.reproduction import versions
 from fpg_bench.products.papers.yang_2026.conditions import Condition, swapped
 from fpg_bench.products.papers.yang_2026.runs import FINAL, PaperRun, RunAbout, window_row, windows_of
 from fpg_bench.training.hyperparameters import Hyperparameters, load_hyperparameters
