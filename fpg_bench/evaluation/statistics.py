@@ -66,11 +66,11 @@ def student_t(count: int, error: float = 0.05) -> float:
     return float(stdtrit(count - 1, 1 - error / 2))
 
 
-def student_half(values: np.ndarray) -> float:
+def student_half(values: np.ndarray, error: float = 0.05) -> float:
     """Return half of the interval of the mean of values ``(n,)``; NaN for a single value."""
     if len(values) < 2:
         return math.nan
-    return student_t(len(values)) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    return student_t(len(values), error) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
 
 
 def mean_interval(values: np.ndarray, over: str) -> Interval:
@@ -174,16 +174,17 @@ def probability_of_improvement(one: np.ndarray, other: np.ndarray) -> Interval:
     return Interval(share, low, high, TRAINING_SEEDS)
 
 
-def correlation_interval(value: float, count: int) -> Interval:
+def correlation_interval(value: float, count: int, given: int = 0) -> Interval:
     """Return a rank correlation of ``count`` units with its interval, by Fisher's z (Bonett and Wright 2000).
 
     Args:
-        value: Spearman's correlation.
+        value: Spearman's correlation, or a partial one.
         count: number of units.
+        given: number of variables at which a partial correlation is held.
     """
-    if count < 4 or not abs(value) < 1:
+    if count - given < 4 or not abs(value) < 1:
         return Interval(value, over="units")
-    half = 1.959963984540054 * math.sqrt((1 + value**2 / 2) / (count - 3))
+    half = 1.959963984540054 * math.sqrt((1 + value**2 / 2) / (count - given - 3))
     low, high = (math.tanh(math.atanh(value) + by) for by in (-half, half))
     return Interval(value, low, high, "units")
 

@@ -216,6 +216,7 @@ def test_the_interval_of_a_correlation_is_fishers():
     assert np.arctanh([found.low, found.value, found.high]) == pytest.approx(
         np.arctanh(0.61) + np.array([-half, 0, half])
     )
+    assert correlation_interval(0.61, 11, given=1) == found
     assert correlation_interval(0.5, 4).low == pytest.approx(np.tanh(np.arctanh(0.5) - 1.959964 * 1.125**0.5))
     for value, count in ((0.5, 3), (1.0, 10), (np.nan, 10)):
         assert np.isnan(correlation_interval(value, count).low)

@@ -17,7 +17,6 @@ from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 from fpg_bench.evaluation.statistics import nash
 
 Strategies = tuple[np.ndarray, np.ndarray]  # of rows and of columns
-_SOLUTIONS = 50  # of minimax-Q's table in the course of a training
 
 
 class PrioritisedBuffer(ReplayBuffer):
@@ -198,7 +197,7 @@ def fictitious_play(
 
 
 def minimax_q(
-    payoffs: np.ndarray, rounds: Sequence[int], seed: int, *, exploration: float
+    payoffs: np.ndarray, rounds: Sequence[int], seed: int, *, exploration: float, solutions: int = 50
 ) -> list[Strategies]:
     """Let both sides of a zero-sum game of one state learn its pay-offs and play its solution (Littman 1994).
 
@@ -207,12 +206,13 @@ def minimax_q(
         rounds: numbers of rounds after which the strategies are returned, ascending.
         seed: of the choices.
         exploration: share of random choices.
+        solutions: how often the table is solved in the course of the training.
 
     Returns:
         The solutions of the table, rows and columns, after each of these numbers of rounds.
     """
     generator, table = np.random.default_rng(seed), np.zeros(payoffs.shape)
-    every, strategies = max(1, rounds[-1] // _SOLUTIONS), []
+    every, strategies = max(1, rounds[-1] // solutions), []
     sides: Strategies = (np.ones(len(payoffs)), np.ones(len(payoffs.T)))
     for played in range(1, rounds[-1] + 1):
         row, column = (
