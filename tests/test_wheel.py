@@ -125,7 +125,7 @@ EXTRAS = {
         (
             "best-response nobody --out nowhere",
             "double-oracle --side nobody --out nowhere",
-            "leaderboard close-season ../nothing --work nowhere --folder nowhere",
+            "leaderboard close-season 5 --work nowhere --folder nowhere",
         ),
     ),
     "tune": Extra(

@@ -101,10 +101,6 @@ class ZooAgent:
         """True if the agent is in its folder."""
         return (self.folder / "agent.json").is_file()
 
-    def is_whole(self) -> bool:
-        """Return True if the policy is the file that ``agent.json`` describes."""
-        return policy_digest(self.folder) == self.card().policy_sha256
-
     def card(self) -> AgentCard:
         """Return the agent's card; raises UserError where it cannot be read."""
         return read_card(self.folder)
