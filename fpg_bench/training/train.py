@@ -10,15 +10,18 @@ require_libraries()
 import dataclasses
 import json
 import logging
+import math
 import platform
 import re
 import shutil
+import time
 from collections.abc import Iterable, Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import TensorBoardOutputFormat, configure
@@ -33,13 +36,15 @@ from fpg_bench.common.files import naming
 from fpg_bench.common.parallel import StopRequest, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
-from fpg_bench.envs.core import policies_of
+from fpg_bench.envs.core import first_seeds, policies_of
 from fpg_bench.envs.sb3_vec_env import make_sb3
 from fpg_bench.evaluation.policy_evaluator import PolicyEvaluator
 from fpg_bench.evaluation.run_description import CURVE, RunDescription
 from fpg_bench.evaluation.seeds import TRAINING_STRIDE, training_seed
+from fpg_bench.players.agent import load_agent
 from fpg_bench.players.card import OfflineData
 from fpg_bench.players.planner import CountsPlans, asks_language_model
+from fpg_bench.players.policy_runner import PolicyRunner
 from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.callbacks import (
     Clock,
@@ -61,6 +66,8 @@ from fpg_bench.training.imitation import imitate, teacher_of
 from fpg_bench.training.models import by_side, is_finite, make_model, tells_divergence
 from fpg_bench.training.run_folder import RunFolder, command, revision
 
+_ROUNDS = 32  # that the exported agent plays in the training's games
+_BEYOND = 4  # standard errors that the training must earn more
 LOGS = 100  # at least, of a long run that learns from rollouts
 _OVERSHOOT = 1.2  # ratio of played to requested steps above which a warning is logged
 _logger = logging.getLogger(__name__)
@@ -454,11 +461,43 @@ class _Run:
             write_exported(player, self.folder.agent_of(side, self.sides), about.to_dict() | {"side": side})
             for side, player in by_side(self.model, self.sides).items()
         )
+        self._compare_play()
         save_model(self.model, self.folder.path)
         rate = round(steps / self.seconds)
         result = {"finished": True, "part": self._part, "steps_per_s": rate, "largest_difference": difference}
         about.model_copy(update=result).write(self.folder.path)
         shutil.rmtree(self.folder.checkpoints, ignore_errors=True)
+
+    def _compare_play(self) -> None:
+        """Warn if the exported agent earns less than the training did in the same games, beyond chance.
+
+        It takes at most 2 % of the CPU time so far, and is given up otherwise.
+        """
+        infos = getattr(self.model, "ep_info_buffer", None) or ()
+        steps = self.games.core.scenario.steps_per_round
+        earned = np.array([info["r"] / steps for info in infos if info["l"] == steps])
+        if len(earned) < _ROUNDS or asks_language_model(self.config.planner):
+            return
+        game = dataclasses.replace(self.config.spec, actions=None, observation=None, history=None)
+        core, latest = make_sb3(game, _ROUNDS).core, 1.02 * time.process_time()
+        core.reset(seeds=first_seeds(training_seed(self.config.seed), core.count))
+        agents = {side: load_agent(self.folder.agent_of(side, self.sides)) for side in self.sides}
+        runners = [PolicyRunner(side, [agent], core.batch) for side, agent in agents.items()]
+        for runner in runners:
+            runner.begin(np.ones(core.count, bool))
+        while not core.truncated.all():
+            if time.process_time() > latest:
+                return
+            core.step(np.concatenate([runner.act() for runner in runners], axis=1))
+        name = f"{core.side}_return"
+        played = np.array([(core.measures(row)[name] or 0) / core.length(row) for row in range(core.count)])
+        error = math.hypot(*(each.std(ddof=1) / math.sqrt(len(each)) for each in (earned, played)))
+        if earned.mean() - played.mean() > _BEYOND * error + abs(earned.mean()) / 100:
+            _logger.warning(
+                f"{self.folder.path}: in the training's games the agent earns {played.mean():.2f} a step, "
+                f"and the last {len(earned)} rounds of the training {earned.mean():.2f}: it lacks something "
+                "that the training had, or the training's random actions earn more"
+            )
 
 
 def _log_interval(model: BaseAlgorithm, budget: int) -> int:

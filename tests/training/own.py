@@ -6,6 +6,8 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 
+from fpg_bench import FastPPO
+
 
 class Mine(PPO):
     """PPO with one number more."""
@@ -13,6 +15,16 @@ class Mine(PPO):
     def __init__(self, *args, bonus: float = 0.0, n_steps: int = 50, **kwargs):
         super().__init__(*args, n_steps=n_steps, batch_size=100, n_epochs=1, **kwargs)
         self.bonus = bonus
+
+
+class Losing(FastPPO):
+    """PPO whose policy is another after the training than it was in it."""
+
+    def learn(self, *args, **kwargs):
+        super().learn(*args, **kwargs)
+        self.policy.action_net.weight.data *= -1
+        self.policy.action_net.bias.data *= -1
+        return self
 
 
 class Doubling(ActorCriticPolicy):

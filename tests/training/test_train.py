@@ -21,7 +21,9 @@ from fpg_bench.game.metrics import measures
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import TALLY
 from fpg_bench.players.agent import load_agent
+from fpg_bench.training.algorithms import find_algorithm
 from fpg_bench.training.config import RunConfig
+from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import parse_seeds, train_seeds
 from tests.logged import logged
@@ -333,3 +335,14 @@ def test_rivals_that_a_training_never_meets_are_named_before_it_and_not_once_it_
         said = capsys.readouterr().out
         assert ("of its 15 rivals are never met here" in said) == is_told
         assert ("already finished" in said) != is_told
+
+
+@pytest.mark.parametrize(("algorithm", "is_told"), [("ppo-fast", False), ("tests.training.own:Losing", True)])
+def test_an_agent_that_earns_less_than_its_training_is_told(
+    tmp_path, caplog, monkeypatch, algorithm, is_told
+):
+    monkeypatch.setattr("time.process_time", lambda: 0.0)  # it is never given up for its time
+    values = load_hyperparameters(find_algorithm("ppo-fast"), GameSpec(ALLY), None)
+    train(algorithm, ALLY, tmp_path / "run", steps=150_000, hyperparams=values.entry())
+    told = [record.message for record in caplog.records if "in the training's games" in record.message]
+    assert ["it lacks something that the training had" in line for line in told] == [True] * is_told
