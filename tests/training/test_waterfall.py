@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from fpg_bench import evaluate, export_agent, load_agent, make_sb3
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.preprocessing import preprocessing_of
@@ -82,7 +83,8 @@ def test_a_model_and_its_agent_score_the_same_and_the_agent_may_be_submitted(tmp
     playing = pytest.importorskip("fpg_bench.products.leaderboard.playing")
     client = pytest.importorskip("fpg_bench.products.sandbox.client")
     data = (tmp_path / "agent" / "policy.onnx").read_bytes()
-    assert playing.smoke_test(client.Policy(0, None, data, hashlib.sha256(data).hexdigest())) == []
+    policy = client.Policy(0, None, data, hashlib.sha256(data).hexdigest())
+    assert playing.smoke_test(policy, load_suite("ally-v2")) == []
 
 
 def test_models_that_see_something_else_are_refused(tmp_path):

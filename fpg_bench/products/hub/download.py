@@ -26,7 +26,7 @@ from fpg_bench.version import __version__
 if TYPE_CHECKING:
     from huggingface_hub import HfApi
 
-PUSHED_FILES = (*AGENT_FILES, "README.md", "replay.html", "curve.png", "records.jsonl", ".gitattributes")
+PUSHED_FILES = (*AGENT_FILES, "README.md", "curve.png", "records.jsonl", ".gitattributes")
 _NAME = re.compile(rf"{HUB}([\w.-]+/[\w.-]+)(?:@(\S+))?")
 _COMMIT = re.compile(r"[0-9a-f]{40}")
 TIMEOUT_S = 10  # of a request that transfers no file

@@ -9,10 +9,11 @@ from pathlib import Path
 from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_own_folder, check_writable, folder_beside, read_json, write_json
 from fpg_bench.common.locks import locked
+from fpg_bench.evaluation.suite import load_suite, suite_of
 from fpg_bench.products.hub.download import Snapshot
 from fpg_bench.products.leaderboard.playing import smoke_test
 from fpg_bench.products.leaderboard.submission import read_policy
-from fpg_bench.products.sandbox.client import AGENT_FILES, check_policy
+from fpg_bench.products.sandbox.client import AGENT_FILES, Policy, check_policy
 
 PULLED = "hub.json"  # in the folder of a pulled agent: where it comes from
 
@@ -20,8 +21,8 @@ PULLED = "hub.json"  # in the folder of a pulled agent: where it comes from
 def keep(snapshot: Snapshot, out: Path) -> bool:
     """Copy a downloaded agent into a folder, with its origin in ``hub.json``.
 
-    The policy is checked as those of submissions are: its files, hash, contents and cost, and random
-    observations that it answers in a sandbox. The folder is there as a whole, or not at all.
+    The policy is checked as those of submissions are: its files, hash, contents and cost, and a few rounds
+    in a sandbox. The folder is there as a whole, or not at all.
 
     Args:
         snapshot: the downloaded agent.
@@ -68,9 +69,14 @@ def copy_checked(source: Path, into: Path, name: str) -> None:
     policy, lines = read_policy(into, None, None)
     lines = [line.lstrip("/") for line in lines]
     if policy is not None and not lines:
-        lines = [f"policy.onnx: {line}" for line in check_policy(policy.model) or smoke_test(policy)]
+        lines = [f"policy.onnx: {line}" for line in check_policy(policy.model) or _play(policy)]
     if lines:
         raise UserError(f"{name}: {lines[0]}")
+
+
+def _play(policy: Policy) -> list[str]:
+    assert policy.card is not None
+    return smoke_test(policy, load_suite(suite_of(policy.card.game, policy.card.side)))
 
 
 def _check_same(out: Path, origin: dict[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""Upload of an agent to the Hub, with its records, a model card and a replay of a round."""
+"""Upload of an agent to the Hub, with its records and a model card."""
 
 from __future__ import annotations
 
@@ -8,22 +8,15 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
-
-from fpg_bench.common.canvas import write_figure
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.evaluate import read_results
-from fpg_bench.evaluation.play import match_of
 from fpg_bench.evaluation.record import Record
-from fpg_bench.evaluation.rounds import begin_round, finish_round
 from fpg_bench.evaluation.run_description import CURVE
-from fpg_bench.evaluation.seeds import evaluation_seeds
 from fpg_bench.evaluation.store import RECORDS, Store
 from fpg_bench.evaluation.suite import Suite, load_suite, suite_of
 from fpg_bench.evaluation.summary import TrainingCost, summarise
-from fpg_bench.players.agent import agent_folder, load_agent
+from fpg_bench.players.agent import agent_folder, read_card
 from fpg_bench.players.card import AgentCard
-from fpg_bench.players.player import Player
 from fpg_bench.products.hub.card import model_card
 from fpg_bench.products.hub.download import (
     PUSHED_FILES,
@@ -34,9 +27,6 @@ from fpg_bench.products.hub.download import (
     split_name,
 )
 from fpg_bench.products.hub.pull import copy_checked
-from fpg_bench.products.rendering.curves import draw_training
-from fpg_bench.products.rendering.recording import Recording
-from fpg_bench.products.rendering.replay import write_replay
 from fpg_bench.products.sandbox.client import AGENT_FILES
 from fpg_bench.products.zoo.zoo import load_zoo
 
@@ -110,35 +100,21 @@ def agent_files(source: str, repository: str, results: Path | None = None) -> di
     folder = agent_folder(inside if (inside / "agent.json").is_file() else source)
     with tempfile.TemporaryDirectory() as temporary:
         copy_checked(folder, Path(temporary) / "agent", f"agent {folder}")
-    player = load_agent(folder)
-    card = player.card
-    assert card is not None
-    side, suite = card.side, load_suite(suite_of(card.game, card.side))
+    card = read_card(folder)
     records = list(_records(folder, card, run, results))
     files = {file: (folder / file).read_bytes() for file in AGENT_FILES}
-    files["replay.html"] = _replay(player, side, suite, repository)
     if records:
         rows = (json.dumps(record.row(), separators=(",", ":")) for _, of in records for record in of)
         files["records.jsonl"] = "".join(f"{row}\n" for row in rows).encode()
-    if run is not None and (curve := _curve(run)) is not None:
-        files[CURVE] = curve
+    if run is not None and (run / CURVE).is_file():
+        files[CURVE] = (run / CURVE).read_bytes()
     training = TrainingCost(card.played_steps, card.seconds)
     summaries = [
         dataclasses.replace(each, training=training) for suite, of in records for each in summarise(of, suite)
     ]
-    files["README.md"] = model_card(card, repository, suite.name, summaries, files).encode()
+    suite_name = suite_of(card.game, card.side)
+    files["README.md"] = model_card(card, repository, suite_name, summaries, files).encode()
     return files
-
-
-def _curve(run: Path) -> bytes | None:
-    """Return the picture of a run's scores, drawn here for one of several seeds; None if it has no scores."""
-    if (run / CURVE).is_file():
-        return (run / CURVE).read_bytes()
-    if (figure := draw_training(run)) is None:
-        return None
-    with tempfile.TemporaryDirectory() as temporary:
-        write_figure(figure, Path(temporary) / CURVE)
-        return (Path(temporary) / CURVE).read_bytes()
 
 
 def _run_of(source: Path) -> Path | None:
@@ -169,18 +145,3 @@ def _records(
             for suite in map(load_suite, agent.group.suites):
                 if records := own(zoo.read_records(agent.group, suite)):
                     yield suite, records
-
-
-def _replay(player: Player, side: str, suite: Suite, repository: str) -> bytes:
-    """Return a page that replays a round against the last rival of a suite, on its first evaluation seed."""
-    rival = suite.rivals[-1]
-    match = match_of(player, suite, rival, matches=1)
-    begin_round(match, seeds=np.array(evaluation_seeds(1, suite.season)))
-    recording = Recording(match.duel.batch)
-    finish_round(match, on_step=recording.add)
-    names = [repository, " or ".join(rival.players)]
-    ally, opponent = names if side == "ally" else reversed(names)
-    with tempfile.TemporaryDirectory() as folder:
-        page = Path(folder) / "replay.html"
-        write_replay([recording], page, f"{ally} against {opponent}", ally, opponent)
-        return page.read_bytes()

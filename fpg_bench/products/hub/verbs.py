@@ -34,7 +34,7 @@ def push(
         ),
     ] = None,
 ) -> None:
-    """Upload an agent with its records, a model card and a replay; HF_TOKEN holds the token.
+    """Upload an agent with its records and a model card; HF_TOKEN holds the token.
 
     Example: fpg-bench hub push runs/ppo_0 me/ppo-ally
     """

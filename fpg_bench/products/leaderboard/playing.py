@@ -12,8 +12,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.rows import RowFile
 from fpg_bench.envs.two_player import PlannerSpec
@@ -22,7 +20,6 @@ from fpg_bench.evaluation.play import play
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.store import RECORDS, EncounterStore, Pairing, R, Store
 from fpg_bench.evaluation.suite import Rival, Suite
-from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.players.agent import OnnxPlayer
 from fpg_bench.players.player import PlayerSpec
 from fpg_bench.products.language_models.comparison import replaying, transcript_file
@@ -37,7 +34,7 @@ from fpg_bench.products.sandbox.process import PolicyFailed, missing_here
 NOTES = "notes.jsonl"  # in a part's folder, beside a folder for each suite
 FAILED = "failed"  # key of a row that says why a part could not be finished
 OPEN = "open"  # key of a row that names what the policy could not be kept from
-_GAMES, _STEPS, _ROUNDS = 16, 25, 6  # of a smoke test
+_ROUNDS = 6  # against each rival of a smoke test
 
 Matchup = tuple[Suite, Rival]
 Key = tuple[str, str, str]  # of a matchup: the suite's name, its hash's first digits, the rival's name
@@ -219,38 +216,13 @@ def read_part(folder: Path) -> PlayedPart:
     return played
 
 
-def smoke_test(policy: Policy, suite: Suite | None = None) -> list[str]:
-    """Play random observations and a few rounds with a policy, and return what goes wrong, one line each.
-
-    Args:
-        policy: the policy.
-        suite: the policy plays a few rounds against its first and last rival; None: no rounds.
-    """
+def smoke_test(policy: Policy, suite: Suite) -> list[str]:
+    """Play a few rounds against the first and last rival of a suite, and return what goes wrong."""
+    few = dataclasses.replace(suite, matches=-(-_ROUNDS // suite.rounds_per_match))
+    rivals = dict.fromkeys([suite.rivals[0], suite.rivals[-1]])
     try:
         with client.PolicyClient(policy) as player:
-            is_lost = _loses_random_rounds(player)
-            for matchup in _few_matchups(suite):
-                play(player_entry(player), *matchup)
+            lost = sum(play(player_entry(player), few, rival).lost for rival in rivals)
     except PolicyFailed as error:
         return [str(error)]
-    line = "loses rounds: an answer is not finite, not in [-1, 1], or of another shape"
-    return [line] if is_lost else []
-
-
-def _loses_random_rounds(player: client.PolicyClient) -> bool:
-    """Play random observations; return whether any round is lost."""
-    rng = np.random.default_rng(0)
-    player.reset(np.ones(_GAMES, bool), np.arange(_GAMES, dtype=np.uint64))
-    state, starts = None, np.ones(_GAMES, bool)
-    for _ in range(_STEPS):
-        observation = rng.uniform(-1, 1, (_GAMES, OBSERVATION_SIZE)).astype(np.float32)
-        _, state = player.predict(observation, state, starts)
-        starts = np.zeros(_GAMES, bool)
-    return bool(player.invalid.any())
-
-
-def _few_matchups(suite: Suite | None) -> list[Matchup]:
-    if suite is None:
-        return []
-    few = dataclasses.replace(suite, matches=-(-_ROUNDS // suite.rounds_per_match))
-    return [(few, rival) for rival in dict.fromkeys([suite.rivals[0], suite.rivals[-1]])]
+    return ["loses rounds: an answer is not finite, not in [-1, 1], or of another shape"] if lost else []

@@ -106,8 +106,7 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     records = [json.loads(line) for line in files["records.jsonl"].splitlines()]
     assert {record["fingerprint"] for record in records} == {about["policy_sha256"][:16]}
     assert {record["suite"] for record in records} == {"ally-v2", "ally-season-4"}
-    assert files["replay.html"].startswith(b"<!DOCTYPE html>")
-    assert "curve.png" not in files
+    assert files.keys() == {".gitattributes", "README.md", "agent.json", "policy.onnx", "records.jsonl"}
     assert TOKEN.encode() not in b"".join(files.values())
 
 
@@ -116,17 +115,6 @@ def test_the_model_card_says_which_data_set_an_agent_learned_from(hub, tmp_path)
     run("push", tmp_path / "own", "me/mine")
     _, text = metadata(hub.repositories["me/mine"].files()["README.md"])
     assert "1,000 steps of gradient descent on the data set `fpg/ally-mixed-v0`" in text
-
-
-@pytest.mark.slow
-def test_one_of_several_seeds_is_pushed_with_a_curve_of_its_own(finished):
-    (finished / "curve.png").unlink()
-    (finished / "run.json").write_text('{"algorithm": "ppo"}')
-    rows = [{"side": "ally", "steps": k, "seconds": k / 50, "score": k / 10} for k in (0, 100)]
-    (finished / "evaluations.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
-    files = uploads.agent_files(str(finished), "me/mine")
-    assert files["curve.png"].startswith(b"\x89PNG")
-    assert b"](curve.png)" in files["README.md"]
 
 
 @pytest.mark.full
@@ -153,7 +141,6 @@ def test_a_run_is_pushed_with_its_curve_and_results_and_again_without_them(hub, 
         "agent.json",
         "notes.txt",
         "policy.onnx",
-        "replay.html",
     }
     _, text = metadata(repository.files("next")["README.md"])
     assert "No records of an evaluation were uploaded." in text

@@ -164,6 +164,6 @@ def test_a_process_that_cannot_begin_is_named():
 
 @pytest.mark.slow
 def test_a_smoke_test_says_what_would_go_wrong():
-    assert smoke_test(as_policy(policy(0))) == []
-    assert "loses rounds" in smoke_test(as_policy(through("Sqrt")))[0]
-    assert "operator 'ConstantOfShape' is not played" in smoke_test(as_policy(GIGABYTES))[0]
+    assert smoke_test(as_policy(policy(0)), SUITE) == []
+    assert "loses rounds" in smoke_test(as_policy(through("Sqrt")), SUITE)[0]
+    assert "operator 'ConstantOfShape' is not played" in smoke_test(as_policy(GIGABYTES), SUITE)[0]
