@@ -85,6 +85,23 @@ def test_links_lead_somewhere(page):
     assert broken_links(page) == []
 
 
+def installs_of(text):
+    """How a text installs fpg-bench with pip: options and source, without extras and from its folder."""
+    for line in re.findall(r"\bpip install ([^\n`]*)", text.replace("\\", "").replace("../", "")):
+        words = re.sub(r"--quiet |-r \S+ |\[[\w,]+\]", "", line.replace('"..[', '".[')).replace('"', "").split()
+        if "." in words or "fpg-bench" in words:
+            yield [word.rstrip(",") for word in words]
+
+
+def test_all_install_as_the_page_of_installation_does():
+    """What works today stands there; a release changes it, and this test names what else says it."""
+    (today,) = installs_of((DOCS / "start/install.md").read_text())
+    texts = [*PAGES, README, *(ROOT / "examples").glob("*.*"), *(ROOT / "fpg_bench").rglob("*.md")]
+    found = {path: list(installs_of(path.read_text())) for path in texts}
+    assert {path.name: ways for path, ways in found.items() if any(way != today for way in ways)} == {}
+    assert sum(path.suffix == ".ipynb" and len(ways) == 1 for path, ways in found.items()) == 3
+
+
 def test_every_page_has_its_place_in_the_site():
     listed = {
         (page.parent / place).relative_to(DOCS).as_posix()

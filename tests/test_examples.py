@@ -100,7 +100,7 @@ def kind_of(code):
 def test_a_notebook_runs_from_its_first_cell_to_its_last(name, last, tmp_path):
     cells = code_cells(name)
     install, *codes = ("".join(cell["source"]) for cell in cells)
-    assert re.fullmatch(r'%pip install --quiet "fpg-bench\[[\w,]+\]"', install)
+    assert install.startswith("%pip install")
     reader = Reader(tmp_path / "here", small_baselines(tmp_path / "baselines"), MPLBACKEND="agg")
     reader.writes("IPython/__init__.py", "get_ipython = lambda: None\nversion_info = (9, 0)")
     reader.writes("IPython/display.py", "Image = lambda *_, **__: None")
