@@ -15,7 +15,7 @@ from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.site.replays import Replay, simulate_round
 from fpg_bench.products.leaderboard.submission import Submission
-from tests.products.leaderboard.example_board import HOSTILE, example_board, small_zoo
+from tests.products.leaderboard.example_board import HOSTILE, example_board, small_zoo, with_entry
 
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium")
 if CHROMIUM is None and not os.environ.get("CI"):
@@ -54,8 +54,9 @@ def rounds() -> list[Replay]:
 
 
 def build_small_site(folder: Path, entries: int) -> None:
-    """Build a site with two agents of the zoo, two rounds of one entry, and a past season."""
+    """Build a site with two agents of the zoo, one of them the leader of many, two rounds, and a past season."""
     board = example_board(entries, hostile=True, season=2)
+    board = with_entry(board, "player-8", kind="zoo", plays="ally-champion/ppo-stack8")
     with small_zoo():
         build_site(board, folder, {("ally", "player-3"): rounds()})
 

@@ -26,7 +26,7 @@ from fpg_bench.game.names import CHOSEN, JAMMING_TYPES, OBSERVED
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import TALLY
 from fpg_bench.players.agent import load_agent
-from fpg_bench.products.leaderboard.site import page_data, views
+from fpg_bench.products.leaderboard.site import build, page_data, views
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.site.page_data import agent_file, zoo_policies
 from fpg_bench.products.leaderboard.site.replays import Replay
@@ -271,17 +271,25 @@ def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, page
     assert "film.js" not in without_rounds
 
 
-def test_the_leader_of_the_game_is_the_leader_of_the_board():
+def test_the_leader_of_the_game_is_the_best_of_the_board_that_the_page_can_play():
     board, zoo = example_board(6), page_data.zoo_policies()
-    slug = next(board.tracks[0].verified())[0].slug
-    data = page_data.data_files(with_entry(board, slug, kind="zoo", plays=next(iter(zoo))), {})[
-        "data/play.js"
-    ]
-    file = f"agents/{next(iter(zoo)).replace('/', '-')}.js"
-    assert (
-        json.loads(data.removeprefix("window.fpgData = ")[:-2])["games"]["standard"]["leaders"]["ally"]
-        == f"agent:{file}"
+    first, second, *_ = [entry.slug for entry, _ in board.tracks[0].verified()]
+    board = with_entry(board, first, kind="submitted", plays=None)  # without a policy that the page has
+    data = page_data.data_files(with_entry(board, second, kind="zoo", plays=next(iter(zoo))), {})
+    games = json.loads(data["data/play.js"].removeprefix("window.fpgData = ")[:-2])["games"]
+    assert games["standard"]["leaders"]["ally"] == f"agent:agents/{next(iter(zoo)).replace('/', '-')}.js"
+
+
+def test_the_axis_of_a_ranking_has_0_to_100_wide_however_low_the_last_is():
+    axis = views.Axis.of_scores([Interval(-436.0, -440.0, -432.0), Interval(60.0, 58.0, 62.0)], lowest=-20)
+    assert axis.place(100) - axis.place(0) == 100
+    assert axis.place(-436.0) == axis.place(-20) == axis.margin
+    macros = build._environment(example_board(2), "").from_string(
+        '{% from "macros.html" import interval %}{{ interval(low, axis) }}|{{ interval(high, axis) }}'
     )
+    low, high = macros.render(axis=axis, low=Interval(-436.0), high=Interval(60.0)).split("|")
+    assert "M8 5l-6 5l6 5" in low
+    assert "l-6" not in high
 
 
 def test_each_scenario_has_a_page_of_cross_play_with_its_own_players(tmp_path):

@@ -10,7 +10,6 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -217,14 +216,14 @@ def _play_files(board: Board, submitted: Policies, zoo: Zoo) -> dict[str, str]:
 
 
 def _leaders(tracks: Sequence[BoardTrack], submitted: Policies, zoo: Zoo) -> dict[str, str]:
-    """Return the player that leads the first table of each side, as far as the page can play it."""
+    """Return the best player of the first table of each side that the page can play."""
     first = {track.side: track for track in reversed(tracks)}
-    leaders = {}
-    for side, track in first.items():
-        for entry, _ in islice(track.verified(), 1):
-            if player := _page_player(track, entry, submitted, zoo):
-                leaders[side] = player
-    return leaders
+    return {
+        side: player
+        for side, track in first.items()
+        for entry, _ in reversed(list(track.verified()))
+        if (player := _page_player(track, entry, submitted, zoo))
+    }
 
 
 def agent_file(name: str) -> str:

@@ -177,15 +177,15 @@ class Axis:
     margin: float = 5
 
     @classmethod
-    def of_scores(cls, scores: Iterable[Interval]) -> Axis:
-        """Return the axis that spans scores with their intervals, and 0 to 100."""
+    def of_scores(cls, scores: Iterable[Interval], lowest: float = -math.inf) -> Axis:
+        """Return the axis that spans scores with their intervals as far as ``lowest``, and 0 to 100."""
         ends = [end for score in scores for end in (score.value, score.low, score.high)]
         ends = [0.0, 100.0, *filter(math.isfinite, ends)]
-        return cls(min(ends), max(ends))
+        return cls(max(min(ends), lowest), max(ends))
 
     def place(self, value: float) -> float:
-        """Return the position of a value."""
-        share = (value - self.low) / (self.high - self.low)
+        """Return the position of a value, or of the axis's lower end if it is lower."""
+        share = max(0.0, (value - self.low) / (self.high - self.low))
         return round(self.margin + share * (self.width - 2 * self.margin), 1)
 
     def ends(self, score: Interval) -> tuple[float, float]:
@@ -315,7 +315,8 @@ def track_view(board: Board, track: BoardTrack) -> dict[str, Any]:
         "scale": scale_text(track),
         "axis": Axis.of_scores(
             [of.scores[track.ranked_by] for _, of in verified if track.ranked_by in of.scores]
-            + [Interval(seed) for _, figures in verified for seed in figures.by_seed.values()]
+            + [Interval(seed) for _, figures in verified for seed in figures.by_seed.values()],
+            lowest=-20,
         ),
         "has_tiers": any(figures.planner is not None for _, figures in verified),
         "has_shifted": any(SHIFTED in figures.scores for _, figures in verified),

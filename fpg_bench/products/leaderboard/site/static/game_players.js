@@ -2,7 +2,7 @@
    own, so that none can stop the page; its answers are promises. */
 "use strict";
 const fpgPlayers = (() => {
-  const { games, agents, form } = window.fpgData, policies = {}, workers = {};
+  const { games, form } = window.fpgData, policies = {}, workers = {};
   const ANSWER_MS = 2_000, ALL_MS = 120_000; // what an answer, and all of a policy's answers, may take
 
   /** In the worker: read a policy, then answer for its rounds, one message after the other. */
@@ -100,11 +100,8 @@ const fpgPlayers = (() => {
     return (workers[name] ??= policyOf({ held: await fetched(name) }));
   }
 
-  /** The board's leader of a side in a game, as a choice; an agent of the zoo where the page cannot play that one. */
-  function leaderOf(side, game) {
-    const agent = agents.find((one) => one.side === side && one.game === game && one.name.includes("champion"));
-    return games[game].leaders[side] ?? (agent && `agent:${agent.file}`);
-  }
+  /** The best of the board's entries of a side in a game that the page can play, as a choice. */
+  const leaderOf = (side, game) => games[game].leaders[side];
 
   return { load, policyOf, leaderOf };
 })();

@@ -54,7 +54,7 @@
     const trained = (wanted) => agents.filter((one) => one.side === side && one.kind === wanted && one.game === byId("game").value).map(({ name, file }) => new Option(name, `agent:${file}`));
     const groups = [["Submitted", trained("submitted")], ["Zoo", trained("zoo")], ["Scripts", fpgScripts.NAMES[side].map((name) => new Option(name, `script:${name}`))]];
     select.replaceChildren(...groups.filter(([, options]) => options.length).map(([label, options]) => group(label, options)));
-    select.value = [...select.options].find(({ text }) => text.includes("champion"))?.value ?? select.options[0].value;
+    select.value = leaderOf(side) ?? select.options[0].value;
   }
 
   function listRivals() {
