@@ -9,6 +9,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 from command import run
 from PIL import Image
 
@@ -22,13 +23,24 @@ from fpg_bench.products.rendering.recording import Recording
 STEPS, SEED = 170, 12
 EVERY = 3  # steps per frame
 PLOTS = (522, 94, 1120, 640)  # of a frame: left, top, right and bottom, in pixels; a phone shows them legibly
+NIGHT = (13, 17, 23)  # GitHub's ground
 SCREENS = {"leaderboard.png": (1440, 900), "leaderboard-phone.png": (390, 844)}
 
 
-def make_film(path: Path) -> None:
-    """Film the first steps of a round of expert-spread against adaptive.
+class DarkPicture(Picture):
+    """The same by night: light is dark and dark light, of the same hue, down to the page's ground."""
 
-    The still beside the film, a PNG, has the plots of its last frame.
+    def draw(self, step: int | None = None) -> np.ndarray:
+        """Return the picture after a step."""
+        image = super().draw(step).astype(int)
+        turned = image + (255 - image.max(axis=-1) - image.min(axis=-1))[..., None]
+        return np.maximum(turned, NIGHT).astype(np.uint8)
+
+
+def make_film(path: Path) -> None:
+    """Film the first steps of a round of expert-spread against adaptive, by day and by night.
+
+    The still beside each film, a PNG, has the plots of its last frame.
     """
     duel = make_duel(1)
     ally, opponent = (
@@ -42,9 +54,10 @@ def make_film(path: Path) -> None:
     for _ in range(STEPS):
         duel.batch.step(ally.act(), opponent.act())
         recording.add()
-    write_gif([recording], path, every=EVERY)
-    plots = Image.fromarray(Picture(recording).draw()).crop(PLOTS)
-    plots.quantize(128).save(path.with_suffix(".png"), optimize=True)
+    for of, picture in ((path, Picture), (path.with_stem(f"{path.stem}-dark"), DarkPicture)):
+        write_gif([recording], of, every=EVERY, picture=picture)
+        plots = Image.fromarray(picture(recording).draw()).crop(PLOTS)
+        plots.quantize(128).save(of.with_suffix(".png"), optimize=True)
 
 
 def take_screenshots(site: Path, folder: Path) -> None:

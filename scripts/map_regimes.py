@@ -24,6 +24,7 @@ from lineage import fill
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from measure_payoffs import Frozen, Values
 
@@ -321,9 +322,12 @@ def draw(rows: Sequence[Line]) -> Figure:
             axes.set_xticks(range(len(HOPS)), [f"{hop:g}" for hop in HOPS])
             axes.set_yticks(range(len(names)), names if levers == ("value",) else [])
             axes.set_title(title)
-            axes.plot(2, others.index((REACTIONS[0], POWERS_DBM[0])), "s", ms=26, mfc="none", mec="black")
-            axes.set(xlim=(-0.5, len(HOPS) - 0.5), ylim=(-0.5, len(names) - 0.5))
-            if others[0][1] == others[-1][1]:
+            link = 1.5, others.index((REACTIONS[0], POWERS_DBM[0])) - 0.5
+            axes.add_patch(Rectangle(link, 1, 1, fill=False, lw=1.5))
+            has_radios = others[0][1] == others[-1][1]
+            room = 0.6 * has_radios  # for radios off the map
+            axes.set(xlim=(-0.5, len(HOPS) - 0.5 + room), ylim=(-0.5 - room, len(names) - 0.5 + room))
+            if has_radios:
                 _mark_radios(axes)
         axes_row[0].set_ylabel(label)
     radios = ", ".join(f"{mark} {name}" for mark, (name, *_) in RADIOS.items())
@@ -332,12 +336,12 @@ def draw(rows: Sequence[Line]) -> Figure:
 
 
 def _mark_radios(axes: Axes) -> None:
-    """Mark radios under a follower of 1 ms; those off the map lie on its edge."""
+    """Mark radios under a follower of 1 ms; those off the map lie beside it."""
     rows = [sum(checks) / 2 for checks in sorted(REACTIONS)]
     for mark, (_, hop, reaction, side) in RADIOS.items():
         x, y = np.interp(hop, HOPS, range(len(HOPS))), np.interp(reaction, rows, range(len(rows)))
-        x += 0.38 * (hop > HOPS[-1])
-        y += 0.36 * ((reaction > rows[-1]) - (reaction < rows[0]))
+        x += 0.8 * (hop > HOPS[-1])
+        y += 0.8 * ((reaction > rows[-1]) - (reaction < rows[0]))
         text = axes.text(x, y, mark, weight="bold", color=OPPONENT, ha=side, va="center")
         text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 

@@ -17,7 +17,7 @@ from lineage import ROOT, fill
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fpg_bench.common.canvas import COLOURS, PAGE, Style, blank_figure, styled, write_figure
+from fpg_bench.common.canvas import COLOURS, GREY, MARKERS, PAGE, Style, blank_figure, styled, write_figure
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.players.agent import baselines_folder
@@ -30,10 +30,7 @@ from fpg_bench.products.league.double_oracle import ROWS, keep_search
 AGENTS = baselines_folder() / "agents"
 OTHERS = "searches.jsonl"
 DASHES = {"weights": "-", "nash": "--", "self-play": ":"}  # by the meta-solver; self-play had none
-MARKS: Mapping[str, Style] = {
-    "high": {"color": COLOURS[2], "marker": "v"},
-    "low": {"color": COLOURS[3], "marker": "^"},
-}
+ENDS = {"high": COLOURS[2], "low": COLOURS[4]}  # apart in grey, too
 EVEN = "uniform-hop"  # the action mode without the points by name, which are the best answer to some mixtures
 
 
@@ -87,25 +84,33 @@ def _lowest(rows: Sequence[Row]) -> str:
 
 
 @styled
-def draw(rows: Sequence[Row]) -> Figure:
-    """Draw low and high of each seed over the iterations, a panel for each scenario."""
+def draw(rows: Sequence[Row], kept: Mapping[str, tuple[str, Attack]]) -> Figure:
+    """Draw low and high of each seed over the iterations and the bracket, a panel for each scenario."""
     scenarios = [scenario for scenario in SCENARIOS if any(row["scenario"] == scenario for row in rows)]
-    figure = blank_figure(PAGE, 2.6)
+    figure = blank_figure(PAGE, 3)
     panels = figure.subplots(1, len(scenarios), squeeze=False)[0]
     for axes, scenario in zip(panels, scenarios, strict=True):
         own = [row for row in rows if row["scenario"] == scenario]
         for search, seed in dict.fromkeys((row["search"], row["seed"]) for row in own):
             _lines(axes, [row for row in own if (row["search"], row["seed"]) == (search, seed)])
+        if scenario in kept:
+            ends = kept[scenario][1].return_per_step.value, min(row["high"] for row in own)
+            axes.axhspan(
+                *ends, color=GREY, alpha=0.4, lw=0, zorder=0, label="from kept to left, as in the table"
+            )
         axes.set_title(scenario)
         axes.set_xlabel("iteration")
         axes.xaxis.get_major_locator().set_params(integer=True)
     panels[0].set_ylabel("ally's return per step")
-    known = {
-        label: handle
-        for axes in panels
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(known.values(), known, loc="outside lower center", ncols=3)
+    for name, colour in ENDS.items():
+        panels[0].plot([], [], color=colour, marker="", lw=3, label=name)
+    for solver in dict.fromkeys(map(_solver, rows)):
+        name = "double oracle" if solver == "weights" else solver
+        panels[0].plot([], [], color=GREY, marker="", ls=DASHES[solver], lw=1, label=name)
+    for seed in sorted({row["seed"] for row in rows}):
+        panels[0].plot([], [], color=GREY, marker=MARKERS[seed], ls="", label=f"seed {seed}")
+    known = dict(zip(*reversed(panels[0].get_legend_handles_labels()), strict=True))
+    figure.legend(known.values(), known, loc="outside lower center", ncols=4)
     return figure
 
 
@@ -116,11 +121,15 @@ def _solver(row: Row) -> str:
 
 
 def _lines(axes: Axes, rows: Sequence[Row]) -> None:
-    iterations, solver = [row["iteration"] for row in rows], _solver(rows[0])
-    dashes: Style = {"ls": DASHES[solver], "lw": 1}
-    for name, style in MARKS.items():
-        label = name if solver == "weights" else f"{name}, {solver}"
-        axes.plot(iterations, [row[name] for row in rows], label=label, **style, **dashes)
+    iterations = [row["iteration"] for row in rows]
+    for name, colour in ENDS.items():
+        style: Style = {
+            "color": colour,
+            "marker": MARKERS[rows[0]["seed"]],
+            "ls": DASHES[_solver(rows[0])],
+            "lw": 1,
+        }
+        axes.plot(iterations, [row[name] for row in rows], **style)
     later = [row for row in rows if row["confirmed"] is not None]
     second = [row["confirmed"] for row in later]
     axes.plot([row["iteration"] for row in later], second, "kx", ms=5, label="low by a second response")
@@ -133,8 +142,9 @@ def main(page: Path, search: list[str] = [], agents: Path = AGENTS) -> None:  # 
         keep_search(Path(folder), page.with_name(OTHERS), name)
     rows = read_searches(agents, page)
     picture = page.with_suffix(".svg")
-    write_figure(draw(rows), picture)
-    table = markdown_table(bracket(rows, kept_by_entries(make_board(load_entries(ROOT / "leaderboard")))))
+    kept = kept_by_entries(make_board(load_entries(ROOT / "leaderboard")))
+    write_figure(draw(rows, kept), picture)
+    table = markdown_table(bracket(rows, kept))
     shown = f"![Low and high over the iterations of each search]({picture.name})"
     fill(page, {"value": f"{table}\n\n{shown}"})
 

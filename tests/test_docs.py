@@ -88,7 +88,9 @@ def test_links_lead_somewhere(page):
 def installs_of(text):
     """How a text installs fpg-bench with pip: options and source, without extras and from its folder."""
     for line in re.findall(r"\bpip install ([^\n`]*)", text.replace("\\", "").replace("../", "")):
-        words = re.sub(r"--quiet |-r \S+ |\[[\w,]+\]", "", line.replace('"..[', '".[')).replace('"', "").split()
+        words = (
+            re.sub(r"--quiet |-r \S+ |\[[\w,]+\]", "", line.replace('"..[', '".[')).replace('"', "").split()
+        )
         if "." in words or "fpg-bench" in words:
             yield [word.rstrip(",") for word in words]
 

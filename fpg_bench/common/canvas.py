@@ -42,7 +42,8 @@ _PLAYERS = (
 # On a dark page ink turns light and blue lighter; other colours are read on both, and the cells of an image
 # stay as they are, with their text. Python's colours stand in an SVG as they are written here.
 _ON_CELLS = "#010101"
-_DARK_INKS = {"#000000": "#e6e6e6", "#0072b2": "#4aa8e8", "#ffffff": "#15191e"}
+_DARK_INKS = {"#000000": "#e6e6e6", "#1b1f24": "#e6e6e6", "#5f6773": "#a3acb8"}
+_DARK_INKS |= {"#0072b2": "#4aa8e8", "#ffffff": "#15191e", "#f1f4f8": "#1c222b"}
 _TURNED = "".join(
     f":is(path,use{',text' * (ink != '#ffffff')})[style*='{kind}: {ink}']{{{kind}:{dark}!important}}"
     for ink, dark in _DARK_INKS.items()

@@ -228,10 +228,10 @@ class TimePanel(Panel):
         return image
 
     def _mark(self, value: float, text: str, colour: str) -> None:
-        """Draw a dashed line across the panel, labelled at its right end."""
+        """Draw a dashed line across the panel, and at its right end what begins below it."""
         self._axes.axhline(value, color=colour, lw=0.9, ls="--")
-        place = self._axes.get_yaxis_transform()
-        self._axes.text(1.008, value, text, transform=place, color=colour, size=8, va="center")
+        place, below = self._axes.get_yaxis_transform(), f"{text}\nbelow {value:g}"
+        self._axes.text(1.008, value, below, transform=place, color=colour, size=7, va="center")
 
     def _opacity(self, image: AxesImage, opacity: np.ndarray) -> None:
         pixels = image.get_array()
@@ -293,12 +293,12 @@ class SpectrumPanel(TimePanel):
 
 
 class SnrPanel(TimePanel):
-    """Panel of the SNR over time, with and without jamming, and the threshold M."""
+    """Panel of the SNR over time, with and without jamming, and the threshold of an outage."""
 
     def __init__(self, axes: Axes, recording: Recording) -> None:
         super().__init__(axes, recording, "SNR, dB", -20, 100)
         threshold = recording.scenario.snr_threshold_db
-        self._mark(threshold, f"M {threshold:g}", INK)
+        self._mark(threshold, "outage", INK)
         self._clean = self._line(GREY, lw=1, alpha=0.8)
         self._snr = self._line(ALLY, lw=1.5)
         self._outage = self._line(INK, ls="", marker="o", ms=3.5)
@@ -325,7 +325,7 @@ class DistancePanel(TimePanel):
         low, high = max(radius, 1) / 4, 1.1 * float(np.linalg.norm(s.box_m))
         axes.set_yscale("log")
         super().__init__(axes, recording, "distance, m", low, high)
-        self._mark(radius, f"{radius:g} m", OPPONENT)
+        self._mark(radius, "bonus", OPPONENT)
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_locator(NullLocator())
         axes.tick_params(bottom=True, labelbottom=True)

@@ -19,6 +19,7 @@ from fpg_bench.common.canvas import (
     styled,
     write_figure,
 )
+from fpg_bench.evaluation.statistics import student_half
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import preset as scenario_of
 from fpg_bench.products.papers.yang_2026.conditions import (
@@ -65,14 +66,19 @@ def draw(results: Runs, preset: str, folder: Path) -> dict[str, list[Path]]:
 def rewards(
     conditions: Sequence[str], columns: int, base: str = _TITLES[BASE]
 ) -> Callable[[Runs, str], Figure | None]:
-    """Return a function that draws both sides' rewards over training, with a panel per condition."""
+    """Return a function that draws both sides' rewards over training, with a panel per condition.
+
+    A last panel has the conditions' differences from the base, if that is there.
+    """
 
     def paint(results: Runs, preset: str) -> Figure | None:
         present = [condition for condition in conditions if condition in results.runs]
         if not present or present == [BASE] != list(conditions):
             return None
-        across = min(columns, len(present))
-        lines = -(-len(present) // across)
+        others = [condition for condition in present if condition != BASE]
+        n_panels = len(present) + (others != present)
+        across = min(columns, n_panels)
+        lines = -(-n_panels // across)
         figure = blank_figure(PAGE, 0.8 + 1.5 * lines)
         panels = figure.subplots(lines, across, sharex=True, sharey=True, squeeze=False)
         for axes, condition in zip(panels.flat, present, strict=False):
@@ -82,7 +88,10 @@ def rewards(
             axes.set_title(f"{title} (n = {len(results.seeds(condition))})")
             axes.set_xticks((0, 0.5, 1))
         for axes in panels.flat[len(present) :]:
-            axes.set_visible(False)
+            axes.remove()
+        if others != present:
+            last = figure.add_subplot(panels.flat[len(present)].get_subplotspec())
+            _draw_differences(last, results, others, base)
         for axes in panels[:, 0]:
             axes.set_ylabel("reward per step")
         for axes in panels.flat[max(0, len(present) - across) : len(present)]:  # the lowest of each column
@@ -95,6 +104,19 @@ def rewards(
         return figure
 
     return styled(paint)
+
+
+def _draw_differences(axes: Axes, results: Runs, conditions: Sequence[str], base: str) -> None:
+    """Draw what each side earns more after training than under the base, with a 95 % interval over seeds."""
+    for line, condition in enumerate(conditions):
+        seeds = results.seeds(condition, BASE)
+        for shift, (side, style) in zip((-0.15, 0.15), SIDE_STYLES.items(), strict=True):
+            one, other = (results.final(name, f"{side}_reward", seeds) for name in (condition, BASE))
+            half, mark = student_half(one - other), {"color": style["color"], "fmt": style["marker"]}
+            axes.errorbar(np.mean(one - other), line + shift, xerr=half, **mark)
+    axes.axvline(0, color=GREY, lw=0.8)
+    axes.set_yticks(range(len(conditions)), [_TITLES.get(name, name) for name in conditions])
+    axes.set(title=f"minus {base}", xlabel="reward per step", ylim=(len(conditions) - 0.5, -0.5))
 
 
 def _draw_reward(axes: Axes, results: Runs, condition: str, side: str) -> None:
