@@ -25,9 +25,10 @@ NAMED = {
 }
 MARKS = """apart => [...document.querySelectorAll("path, use, text")].filter(mark => {
   const style = mark.getAttribute("style") ?? "";
-  return !mark.closest("defs, clipPath") && !apart.some(colour => style.includes(colour)) && !style.includes("opacity");
+  return !mark.closest("defs, clipPath") && ![...apart, "opacity"].some(word => style.includes(word));
 }).flatMap(mark => {
-  const shown = getComputedStyle(mark), drawn = mark.tagName === "text" ? "fill:" : mark.getAttribute("style") ?? "";
+  const shown = getComputedStyle(mark);
+  const drawn = mark.tagName === "text" ? "fill:" : mark.getAttribute("style") ?? "";
   return ["fill", "stroke"].filter(kind => drawn.includes(`${kind}:`)).map(kind => shown[kind]);
 }).filter(colour => colour.startsWith("rgb("))"""
 

@@ -54,7 +54,7 @@ def rounds() -> list[Replay]:
 
 
 def build_small_site(folder: Path, entries: int) -> None:
-    """Build a site with two agents of the zoo, one of them the leader of many, two rounds, and a past season."""
+    """Build a site with two agents of the zoo, one the leader of many, two rounds, and a past season."""
     board = example_board(entries, hostile=True, season=2)
     board = with_entry(board, "player-8", kind="zoo", plays="ally-champion/ppo-stack8")
     with small_zoo():
