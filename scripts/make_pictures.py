@@ -34,7 +34,8 @@ class DarkPicture(Picture):
         """Return the picture after a step."""
         image = super().draw(step).astype(int)
         turned = image + (255 - image.max(axis=-1) - image.min(axis=-1))[..., None]
-        return np.maximum(turned, NIGHT).astype(np.uint8)
+        night: np.ndarray = np.maximum(turned, NIGHT).astype(np.uint8)
+        return night
 
 
 def make_film(path: Path) -> None:
