@@ -25,7 +25,7 @@ from typing import Any
 
 HEAVY = (
     "fpg_bench.cli.main",
-    "fpg_bench.products.planning.compare",
+    "fpg_bench.products.planning.search",
     "fpg_bench.products.leaderboard.verification",
     "fpg_bench.products.papers.yang_2026.experiment",
     "fpg_bench.products.league.best_responses",

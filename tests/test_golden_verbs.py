@@ -72,8 +72,8 @@ CASES = {
     "play-planned": Case(
         "play --planner hill-climb --ally reactive --rounds 2 --seed 5 --out match.html", ("match.html",)
     ),
-    "plan-compare": Case(
-        "plan compare circle pursuit --suite planner-v1 --matches 1 --out comparison",
+    "evaluate-planners": Case(
+        "evaluate circle pursuit --suite planner-v1 --matches 1 --out comparison",
         ("comparison/*.jsonl", "comparison/*.csv"),
     ),
     "dataset-list": Case("dataset list"),

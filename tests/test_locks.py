@@ -30,7 +30,6 @@ WRITERS = {
         "reproduced/figures-hundredth.jsonl.gz",
     ),
     "tune export": ("study best.yml", "study/export"),
-    "plan compare": ("circle pursuit --suite planner-v1 --matches 1 --out plans", "plans/evaluation.json"),
     "dataset make": ("ally-random-v0 --steps 600 --out made", "made/fpg/ally-random-v0"),
     "hub pull": ("hf://owner/agent --out pulled", "pulled"),
     "submit run": ("board/submissions/ally/idle", BOARD),

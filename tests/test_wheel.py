@@ -86,7 +86,7 @@ EXTRAS = {
         (
             f"evaluate expert {AGENT} --matches 1 --n-jobs 2 --out results",
             "table results",
-            "plan compare circle --matches 1 --out planners",
+            "evaluate circle --suite planner-v1 --matches 1 --out planners",
             f"submit check {ROOT}/leaderboard/submissions/opponent/adaptive",
         ),
         (

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from fpg_bench.cli.fields import Given
 from fpg_bench.cli.options import (
     AllowOption,
     JsonOption,
@@ -15,6 +16,7 @@ from fpg_bench.cli.options import (
     WideOption,
     WorkersOption,
     complete_player,
+    llm_options,
     print_json,
 )
 from fpg_bench.common.files import check_target
@@ -27,8 +29,8 @@ def evaluate(
     players: Annotated[
         list[str],
         typer.Argument(
-            help="Scripts, agents, all-scripted, or groups of training seeds: runs/ppo, ally-scripted/sac. "
-            "NAME=PLAYER names its row.",
+            help="Scripts, agents, all-scripted, or groups of training seeds: runs/ppo, ally-scripted/sac; "
+            "planners for a suite of these. NAME=PLAYER names its row.",
             autocompletion=complete_player,
         ),
     ],
@@ -41,6 +43,8 @@ def evaluate(
     workers: WorkersOption = Workers(1),
     allow: AllowOption = None,
     reuse: ReuseOption = False,
+    *,
+    planner_options: Annotated[Given, llm_options("evaluate")],
 ) -> None:
     """Evaluate players on a suite; existing records are kept and not played again.
 
@@ -58,6 +62,7 @@ def evaluate(
             workers=workers,
             allow=allow or (),
             reuse=reuse,
+            planner_options=planner_options,
         )
     table(out, wide)
 

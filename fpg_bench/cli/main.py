@@ -35,8 +35,7 @@ def _shown_type(option: TyperOption, ctx: Any) -> str | None:
 TyperOption.display_type_rich = _shown_type  # type: ignore[method-assign, assignment]
 _REMOVED = {  # verbs and options of earlier versions, and what does their work now
     "leaderboard crossplay": "leaderboard verify",
-    "plan run": "play --planner NAME --rounds 10",
-    "plan replay": "play --planner llm --transcript FILE",
+    "plan": "evaluate --suite planner-v1, or play --planner NAME",
     "fictitious-self-play": "double-oracle or tabular-self-play",
     "evaluate --name": "NAME=PLAYER",
     "play --overwrite": "another --out",

@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from fpg_bench.common.checks import title
 from fpg_bench.common.errors import UserError
@@ -20,8 +21,9 @@ from fpg_bench.common.schema import Word, parse
 from fpg_bench.envs.two_player import PlannerSpec
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.run_description import MADE_BY
-from fpg_bench.evaluation.suite import Rival, Suite, identity
+from fpg_bench.evaluation.suite import PLANNER, Rival, Suite, identity
 from fpg_bench.players.agent import agents_named, is_shipped
+from fpg_bench.players.planner import PLANNERS, as_planner, asks_language_model
 from fpg_bench.players.player import Abilities, Player, PlayerSpec
 from fpg_bench.players.registry import card_of, player_name, policy_hash
 from fpg_bench.players.remote import is_remote, pinned
@@ -86,9 +88,10 @@ def entries_of(
     differ in these are called by their folders.
 
     Args:
-        specs: players of the suite's side, groups of training seeds (``ally-scripted/sac``, ``runs/ppo``),
-            ``all-scripted``, or any of them with a name of one's own, ``mine=runs/ppo``. In a mapping, each
-            key names an entry, and its value is a player or a list of agents.
+        specs: players of the suite's side (planners, where it measures these), groups of training seeds
+            (``ally-scripted/sac``, ``runs/ppo``), ``all-scripted``, or any of them with a name of one's
+            own, ``mine=runs/ppo``. In a mapping, each key names an entry, and its value is a player or a list
+            of agents.
         suite: the suite that they will meet.
 
     Raises:
@@ -123,13 +126,15 @@ def entries_of(
 
 def _each(spec: PlayerSpec, suite: Suite) -> Sequence[PlayerSpec]:
     """Return the players that a specification stands for."""
-    side = suite.side
+    side, scripts = suite.side, NAMED.get(suite.side, PLANNERS)
+    if spec == ALL_SCRIPTED and side == PLANNER:
+        return [name for name in PLANNERS if not asks_language_model(name)]
     if spec == ALL_SCRIPTED:
         return SCRIPTED[side] if suite.game is None else suite.game.scripts[side]
     if is_remote(spec):
         return [pinned(spec)]
     name = os.fspath(spec) if isinstance(spec, str | os.PathLike) else ""
-    named = agents_named(name, side) if name and ":" not in name and name not in NAMED[side] else [name]
+    named = agents_named(name, side) if name and ":" not in name and name not in scripts else [name]
     return [spec] if named == [name] else named
 
 
@@ -149,7 +154,7 @@ def _named_entry(name: str, specs: list[PlayerSpec], suite: Suite) -> list[Evalu
 
 def check_name(name: str, side: str) -> None:
     """Refuse a name for an entry that is a script's, or that a table or a spreadsheet cannot show."""
-    if name.casefold() in (*NAMED[side], *ORACLES):
+    if name.casefold() in (*NAMED.get(side, PLANNERS), *ORACLES):
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
     try:
         title(name)
@@ -202,7 +207,11 @@ def same_policies(policies: Mapping[int | None, str]) -> Iterator[str]:
             yield f"seed_{seed}: holds the same policy as seed_{same}; {rule}"
 
 
-def _player(spec: PlayerSpec, suite: Suite) -> Player:
+def _player(spec: Any, suite: Suite) -> Any:
+    if suite.side == PLANNER:
+        if asks_language_model(spec):
+            raise UserError(f"planner {spec}: its answers are kept by its own name; write {spec}")
+        return as_planner(spec, suite.scenario)
     player = suite.as_player(spec, suite.side, suite.scenario)
     is_oracle = isinstance(spec, str) and spec in ORACLES
     if (Abilities.of(player).sees_state and not is_oracle) or hasattr(player, "join"):

@@ -10,6 +10,8 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import pydantic
 
@@ -18,6 +20,7 @@ from fpg_bench.common.errors import UserError, other_content
 from fpg_bench.common.files import check_writable, read_json, write_json
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.parallel import Workers
+from fpg_bench.common.products import load
 from fpg_bench.common.schema import PositiveInt, Strict, parse
 from fpg_bench.evaluation.entry import (
     MADE,
@@ -29,9 +32,10 @@ from fpg_bench.evaluation.entry import (
 )
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.store import RECORDS, Pairing, Progress, Store, pairings
-from fpg_bench.evaluation.suite import Suite, load_suite, read_suite
+from fpg_bench.evaluation.suite import PLANNER, Suite, load_suite, read_suite
 from fpg_bench.evaluation.summary import Summary, TrainingCost, summarise
 from fpg_bench.evaluation.table import Results
+from fpg_bench.players.planner import asks_language_model
 from fpg_bench.players.player import PlayerSpec
 
 ABOUT = "evaluation.json"  # beside a results folder's records
@@ -50,6 +54,7 @@ def evaluate(
     workers: Workers | int = 1,
     allow: Collection[str] = (),
     reuse: bool = False,
+    planner_options: Mapping[str, Any] = MappingProxyType({}),
 ) -> Results:
     """Evaluate players on a suite; records that the folder has already are not played again.
 
@@ -62,9 +67,9 @@ def evaluate(
     ['mine', 'still']
 
     Args:
-        players: names by the one grammar of players, ``all-scripted``, or anything with ``predict``; agents
-            that differ by their training seed alone become one entry. In a mapping, each key names an entry,
-            and its value is a player or a list of agents.
+        players: names by the one grammar of players, ``all-scripted``, or anything with ``predict``; for a
+            suite of planners, these. Agents that differ by their training seed alone become one entry. In a
+            mapping, each key names an entry, and its value is a player or a list of agents.
         suite: a suite's name or YAML file.
         out: the results folder; ``records.jsonl`` grows by one record per rival. None: nothing is kept.
         matches: per rival and training seed; None: the suite's own.
@@ -76,6 +81,9 @@ def evaluate(
             :func:`fpg_bench.evaluation.suite.load_suite`.
         reuse: keep the folder's records of players of code, and those against rivals of code, if the sources
             are the same. The table says from when they are.
+        planner_options: options of language models that plan, by name. Their caps hold for all rivals
+            together; answers are recorded in the folder's ``transcripts``, and played again from
+            ``transcripts``.
 
     Returns:
         The summaries of all entries in the folder, best first, with ``table()`` and ``dataframe()``.
@@ -86,15 +94,33 @@ def evaluate(
             folder for players without a name to recognize them by.
     """
     played = with_matches(load_suite(suite, allow=allow), matches)
-    if played.side not in ("ally", "opponent"):
-        raise UserError(f"suite {suite}: measures planners; write fpg-bench plan compare --suite {suite}")
-    entries = entries_of(players, played)
-    if out is not None:
-        check_writable(Path(out))
-        check_kept(entries)
-    _warn_of_loop(entries, played)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
+        entries = _entries(players, played, Path(folder), planner_options, workers)
+        if out is not None:
+            check_writable(Path(out))
+            check_kept(entries)
+        _warn_of_loop(entries, played)
         return play_into(Path(folder), suite, played, entries, progress, workers, reuse)
+
+
+def _entries(
+    players: Any, suite: Suite, folder: Path, planner_options: Mapping[str, Any], workers: Workers | int
+) -> list[EvaluatedPlayer]:
+    """Return the entries of players; of language models that plan with their transcripts in the folder."""
+    asked: list[str] = []
+    if suite.side == PLANNER and isinstance(players, list | tuple):
+        asked = [each for each in players if isinstance(each, str) and asks_language_model(each)]
+        players = [each for each in players if each not in asked]
+    if not asked and not planner_options:
+        return entries_of(players, suite)
+    if asked and not Workers.of(workers).is_alone:
+        raise UserError("n_jobs: one process asks a language model, several questions at once by concurrency")
+    others = entries_of(players, suite) if players else []
+    taken = [each.name for each in others]
+    asking: list[EvaluatedPlayer] = load("language_model", "entries")(
+        asked, suite, folder, planner_options, taken
+    )
+    return others + asking
 
 
 def _warn_of_loop(entries: Sequence[EvaluatedPlayer], suite: Suite) -> None:

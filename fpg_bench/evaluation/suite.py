@@ -444,8 +444,7 @@ def _read(name: str, side: str | None = None) -> tuple[Suite, _SuiteFile]:
     where = f"suite {path}"
     content = parse(_SuiteFile, read_yaml(path, "suite"), where)
     if side not in (None, content.side):
-        verb = "plan compare" if content.side == PLANNER else "evaluate"
-        raise UserError(f"suite {name}: measures the {content.side}, not the {side}; write fpg-bench {verb}")
+        raise UserError(f"suite {name}: measures the {content.side}, not the {side}; choose another")
     try:
         return content.build(path.stem), content
     except UserError as error:

@@ -94,7 +94,7 @@ WORKING = (
     "tune run ppo FPG/AllyVsScripted-v0 --n-trials 1 --n-seeds 1 --rounds 1 --steps 1 --out out",
     "tune export nowhere best.yml",
     "play --planner hill-climb --rounds 2",
-    "plan compare circle --suite planner-v1",
+    "evaluate circle --suite planner-v1 --prompt paper",
     "dataset make ally-random-v0",
     "dataset check nowhere",
     "hub push nowhere me/mine",

@@ -22,7 +22,6 @@ from fpg_bench.players.card import AgentCard
 from fpg_bench.products.league.best_responses import best_responses
 from fpg_bench.products.league.champions import load_champions
 from fpg_bench.products.league.config import BestResponseConfig
-from fpg_bench.products.planning.compare import compare
 from fpg_bench.products.tuning.export import export_values
 from fpg_bench.products.tuning.study import open_storage, open_study
 from fpg_bench.products.tuning.tune import tune
@@ -71,9 +70,6 @@ def test_a_suite_runs_no_code_that_is_not_allowed(content, tmp_path, ran):
     for load in (load_suite, PolicyEvaluator, lambda file: evaluate(["expert"], file)):
         with pytest.raises(UserError, match=REFUSED):
             load("suite.yml")
-    if content["side"] == "planner":
-        with pytest.raises(UserError, match=REFUSED):
-            compare(["circle"], "suite.yml", tmp_path / "out")
     with pytest.raises(UserError, match="of the package alone"):
         load_suite("suite.yml", shipped=True)
     assert read_suite("suite.yml").rivals

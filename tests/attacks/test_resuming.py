@@ -31,7 +31,7 @@ __all__ = ["hub"]
 
 VERBS = {
     "evaluate": "evaluate expert idle --suite ally-v2 --matches 1 --out FOLDER",
-    "compare": "plan compare hold hill-climb --suite planner-v1 --matches 1 --out FOLDER",
+    "planners": "evaluate hold hill-climb --suite planner-v1 --matches 1 --out FOLDER",
     "data set": "dataset make ally-random-v0 --steps 600 --out FOLDER",
     "reproduce": "reproduce yang-2026 fig4 --n-seeds 1 --n-jobs 1 --out FOLDER",
 }

@@ -213,9 +213,13 @@ def test_a_second_command_adds_no_policy_as_another_training_seed(suite, agents,
     assert len(rows(tmp_path / "out")) == 2
 
 
-def test_a_suite_of_planners_names_the_other_command(tmp_path):
-    with pytest.raises(UserError, match="measures planners; write fpg-bench plan compare --suite planner-v1"):
+def test_a_suite_of_planners_takes_planners_alone(tmp_path):
+    with pytest.raises(UserError, match="unknown planner 'idle'"):
         evaluate(["idle"], "planner-v1", tmp_path / "out")
+    with pytest.raises(UserError, match="unknown ally 'hold'"):
+        evaluate(["hold"], "ally-v2", tmp_path / "out")
+    (still,) = evaluate({"still": "hold"}, "planner-v1", matches=1)
+    assert (still.entry, still.pooled.plans.statuses["ok"]) == ("still", 50)
 
 
 # From Python

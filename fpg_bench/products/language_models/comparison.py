@@ -1,10 +1,10 @@
-"""Language models that plan in comparisons: recorded, described and replayed."""
+"""Language models that plan in evaluations: recorded, described and replayed."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,25 +18,45 @@ from fpg_bench.evaluation.suite import Rival, Suite
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.planner import PLANNERS
 from fpg_bench.products.language_models.budget import CallBudget
-from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlanner
-from fpg_bench.products.language_models.options import LLMOptions
+from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlanner, check_asked
+from fpg_bench.products.language_models.options import EvaluationOptions
 from fpg_bench.products.language_models.prompts import Prompt, load_prompt, prompt_file
 from fpg_bench.products.language_models.servers import endpoint_from_environment
 from fpg_bench.products.language_models.transcript import Header, RunHeader, Transcript
 
+TRANSCRIPTS = "transcripts"  # in a results folder
 ABOUT, PROMPT = "planner.json", "prompt.yml"  # beside a planner's transcripts, one per ally
 _SAMPLING = ("temperature", "sampling_seed")
 _DECIDING = ("model", "control", "prompt_hash", *_SAMPLING)
 _CAPS = ("calls", "tokens", "seconds")
 
 
-def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, Any]) -> EvaluatedPlayer:
-    """Return a language model whose answers are recorded in a folder; recorded answers are not asked again.
+def entries(
+    names: Sequence[str], suite: Suite, out: Path, options: Mapping[str, Any], taken: Collection[str]
+) -> list[EvaluatedPlayer]:
+    """Return the entries of language models, recorded in a results folder, and of those in other transcripts.
+
+    Args:
+        names: the planners that ask.
+        suite: the suite that they will meet.
+        out: the results folder; recorded answers are not asked again.
+        options: the attributes of :class:`EvaluationOptions`.
+        taken: names of the other planners.
 
     Raises:
-        UserError: no endpoint, no such prompt, or a folder with transcripts of another model or prompt.
+        UserError: no endpoint, no such prompt, a folder with transcripts of another model or prompt, options
+            and no planner that asks, or transcripts that do not hold these matches.
     """
-    llm = LLMOptions.of(options)
+    asking = {key: value for key, value in options.items() if key != "transcripts"}
+    check_asked(bool(names), asking)
+    llm = EvaluationOptions.of(options)
+    recorded = [_recorded_entry(name, suite, out / TRANSCRIPTS / name, llm) for name in names]
+    if llm.transcripts is None:
+        return recorded
+    return recorded + _replayed_entries(Path(llm.transcripts), suite, [*taken, *names])
+
+
+def _recorded_entry(name: str, suite: Suite, folder: Path, llm: EvaluationOptions) -> EvaluatedPlayer:
     control, endpoint = LLM_CONTROLS[name], endpoint_from_environment(llm.server)
     prompt, season = llm.prompt or endpoint.server.prompt, _current_season()
     content = {
@@ -75,16 +95,11 @@ def recorded_entry(name: str, suite: Suite, folder: Path, options: Mapping[str, 
     return EvaluatedPlayer(name, None, _fingerprint(about), make)
 
 
-def replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> list[EvaluatedPlayer]:
-    """Return the language models whose transcripts are in the subfolders of a folder; no server is asked.
-
-    Raises:
-        UserError: no transcripts there, those of another suite, or a planner by the name of another one,
-            which is in ``taken`` or in the package.
-    """
+def _replayed_entries(folder: Path, suite: Suite, taken: Collection[str]) -> list[EvaluatedPlayer]:
+    """Return the language models whose transcripts are in the subfolders of a folder; no server is asked."""
     folders = sorted(path.parent for path in folder.glob(f"*/{ABOUT}"))
     if not folders:
-        raise UserError(f"transcripts {folder}: hold no planner; name the folder transcripts of a comparison")
+        raise UserError(f"transcripts {folder}: hold no planner; name an evaluation's folder transcripts")
     for path in folders:
         if path.name in taken:
             raise UserError(f"transcripts {path}: another planner here has this name; rename the folder")
@@ -141,7 +156,7 @@ def _check_suite(folder: Path, about: RunHeader, suite: Suite) -> None:
     if about.suite_hash != suite.hash:
         raise UserError(
             f"transcripts {folder}: hold matches of another suite, {about.suite!r} with "
-            f"{about.matches} matches per ally; compare them with its --suite and --matches"
+            f"{about.matches} matches per ally; evaluate them with its --suite and --matches"
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
@@ -319,6 +319,12 @@ def request_problem(attempt: Attempt, header: Header, limits: Limits) -> str | N
 
 def _text(raw: object) -> str:
     return raw if isinstance(raw, str) else json.dumps(raw)
+
+
+def check_asked(asks: bool, options: Iterable[str]) -> None:
+    """Raise UserError for options of language models where no planner asks one."""
+    if not asks and (given := next(iter(options), None)):
+        raise UserError(f"{given}: is for the planners {', '.join(LLM_CONTROLS)}; name one of them")
 
 
 @cache

@@ -53,7 +53,7 @@ class LLMOptions:
     def arguments(self) -> dict[str, Any]:
         """Return them as arguments of :class:`fpg_bench.products.language_models.llm_planner.LLMPlanner`."""
         named = dataclasses.asdict(self) | {"deadline_s": self.deadline}
-        others = ("server", "deadline", "transcript", "record")
+        others = ("server", "deadline", "transcript", "transcripts", "record")
         return {k: v for k, v in named.items() if v is not None and k not in others}
 
 
@@ -69,6 +69,17 @@ class TrainingOptions(LLMOptions):
 
 
 @dataclass(frozen=True)
+class EvaluationOptions(LLMOptions):
+    """Options of an evaluation with language models.
+
+    Attributes:
+        transcripts: folder of transcripts of language models; each adds a planner, which asks no server.
+    """
+
+    transcripts: str | Path | None = None
+
+
+@dataclass(frozen=True)
 class PlayOptions(TrainingOptions):
     """Options of rounds with a language model.
 
@@ -79,15 +90,13 @@ class PlayOptions(TrainingOptions):
     record: str | Path | None = None
 
 
-def _fields(*names: str) -> Fields:
+def _fields(*names: str, kind: type = PlayOptions) -> Fields:
     """Return the options of a verb, by name."""
     details: dict[str, Given] = {name: {"min": 1} for name in ("calls", "tokens", "concurrency")}
     details |= {name: {"min": 0} for name in ("sampling_seed", "seconds", "deadline")}
-    return Fields(
-        PlayOptions, names, panel=LANGUAGE_MODEL, details=details | {"temperature": {"min": 0, "max": 2}}
-    )
+    return Fields(kind, names, panel=LANGUAGE_MODEL, details=details | {"temperature": {"min": 0, "max": 2}})
 
 
 OF_TRAIN = _fields("transcript", "prompt", "server", "calls", "tokens", "seconds", "deadline")
 OF_PLAY = _fields("record", "transcript", "prompt", *_ASKED)
-OF_COMPARE = _fields("prompt", *_ASKED, "concurrency")
+OF_EVALUATE = _fields("transcripts", "prompt", *_ASKED, "concurrency", kind=EvaluationOptions)

@@ -9,7 +9,7 @@ from typing import Any
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlanner
+from fpg_bench.products.language_models.llm_planner import LLM_CONTROLS, LLMPlanner, check_asked
 from fpg_bench.products.language_models.options import PlayOptions, TrainingOptions
 from fpg_bench.products.language_models.servers import endpoint_from_environment
 from fpg_bench.training.run_folder import TRANSCRIPT
@@ -58,8 +58,7 @@ def playing_planner(spec: object, options: Mapping[str, Any]) -> Any:
 def _asks(spec: object, options: Mapping[str, Any]) -> bool:
     """Return whether a planner is a language model by its name; raise UserError where others have options."""
     asks = isinstance(spec, str) and spec in LLM_CONTROLS
-    if not asks and (given := next(iter(options), None)):
-        raise UserError(f"{given}: is for the planners {', '.join(LLM_CONTROLS)}; name one of them")
+    check_asked(asks, options)
     return asks
 
 

@@ -99,7 +99,7 @@ def read_recording(folder: Path, suite: Suite) -> tuple[RunHeader, Prompt]:
 
 def _file_problems(where: Path, suite: Suite) -> Iterator[str]:
     if problem := folder_problem(where):
-        yield f"{FOLDER}: {problem}; it holds what plan compare has recorded"
+        yield f"{FOLDER}: {problem}; it holds what evaluate has recorded"
         return
     needed = [transcript_name(ally.name) for ally in suite.rivals]
     known = {*_LARGEST, *needed, *(name + PACKED for name in needed)}
@@ -132,7 +132,7 @@ def _about(file: Path, suite: Suite) -> RunHeader:
         raise UserError(f"{file}: control: expected one of {', '.join(CONTROLS)}")
     if about.suite_hash != suite.hash:
         asked = f"--suite {suite.name} --matches {suite.matches}"
-        raise UserError(f"{file}: is of other matches; record those of plan compare {asked}")
+        raise UserError(f"{file}: is of other matches; record those of evaluate {asked}")
     return about
 
 
@@ -201,7 +201,7 @@ def _at(where: Where) -> str:
 
 def _attempt(row: Row, where: str) -> Attempt:
     if row.get("kind") != "attempt":
-        raise UserError(f"{where} is not an attempt; a transcript of plan compare has no other rows")
+        raise UserError(f"{where} is not an attempt; a transcript has no other rows")
     attempt = Attempt.read(row, where)
     for name in ("seed", "match", "round", "attempt", *_LIMITS):
         value = getattr(attempt, name)

@@ -1,1 +1,1 @@
-"""Planners of the opponent's path, their matches and comparisons."""
+"""Planners of the opponent's path that learn or see the ally."""

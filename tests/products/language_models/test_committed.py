@@ -2,8 +2,8 @@
 
 import pytest
 
+from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.table import write_table
-from fpg_bench.products.planning.compare import compare
 from tests.programs import ROOT
 
 COMMITTED = ROOT / "results/language-model"
@@ -26,7 +26,8 @@ def rows(text):
 @pytest.mark.slow
 def test_the_transcripts_give_the_table(tmp_path):
     field = str(ROOT / "scripts/planner-expert.yml")
-    compared = compare(["circle"], field, tmp_path, matches=4, transcripts=COMMITTED / "transcripts")
+    options = {"transcripts": COMMITTED / "transcripts"}
+    compared = evaluate(["circle"], field, tmp_path, matches=4, planner_options=options)
     write_table(compared, compared[0].suite, tmp_path)
     committed = rows((COMMITTED / "table.md").read_text())
     replayed = rows((tmp_path / "table.md").read_text())

@@ -10,9 +10,8 @@ import pytest
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import read_json
 from fpg_bench.common.rows import RowFile
-from fpg_bench.evaluation.evaluate import read_results
+from fpg_bench.evaluation.evaluate import evaluate, read_results
 from fpg_bench.evaluation.table import write_table
-from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.fault_server import FaultServer, answer, ok
 
 MATCHES, ROUNDS, ALLIES = 2, 3, ("idle", "expert")
@@ -68,7 +67,7 @@ def first_round_only(body):
 
 
 def test_planners_side_by_side_and_their_table(folder):
-    found = compare(["hold", "circle", "chasing:Chaser"], "mine.yml", "out")
+    found = evaluate(["hold", "circle", "chasing:Chaser"], "mine.yml", "out")
     assert {s.entry for s in found} == {"chasing:Chaser", "hold", "circle"}
     assert found[0].entry == "chasing:Chaser"
     again, suite = read_results("out")
@@ -88,22 +87,22 @@ def test_planners_side_by_side_and_their_table(folder):
 
 
 def test_more_planners_join_a_folder_of_the_same_size_and_nothing_is_played_twice(folder):
-    compare(["hold"], "mine.yml", "out")
+    evaluate(["hold"], "mine.yml", "out")
     before = (folder / "out" / "records.jsonl").read_bytes()
     played = []
-    compare(["hold", "circle"], "mine.yml", "out", progress=lambda who, *_: played.append(who.name))
+    evaluate(["hold", "circle"], "mine.yml", "out", progress=lambda who, *_: played.append(who.name))
     assert set(played) == {"circle"}
     assert (folder / "out" / "records.jsonl").read_bytes().startswith(before)
     with pytest.raises(UserError, match=r"records of mine.yml with 2 matches.* with 3; choose another"):
-        compare(["hold"], "mine.yml", "out", matches=3)
+        evaluate(["hold"], "mine.yml", "out", matches=3)
     with pytest.raises(UserError, match="matches: expected a whole number above 0, got 0"):
-        compare(["hold"], "mine.yml", "out", matches=0)
+        evaluate(["hold"], "mine.yml", "out", matches=0)
 
 
 def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
     known = ("circle", "random", "hold", "llm", "llm-no-history")
-    monkeypatch.setattr("fpg_bench.products.planning.compare.PLANNERS", known)
-    found = compare(["all", "circle"], "mine.yml", "out")
+    monkeypatch.setattr("fpg_bench.evaluation.entry.PLANNERS", known)
+    found = evaluate(["all-scripted", "circle"], "mine.yml", "out")
     assert {s.entry for s in found} == {"circle", "random", "hold"}
 
 
@@ -113,15 +112,15 @@ def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
 def test_a_language_model_is_recorded_and_replayed_without_a_server(folder, asks):
     with FaultServer([answer(first_round_only)]) as server:
         asks(server)
-        compare(["llm"], "mine.yml", "out", llm={"concurrency": 1})
+        evaluate(["llm"], "mine.yml", "out", planner_options={"concurrency": 1})
     options = {"concurrency": 1}
-    found = {s.entry: s for s in compare(["llm", "hold"], "mine.yml", "out", llm=options)}
+    found = {s.entry: s for s in evaluate(["llm", "hold"], "mine.yml", "out", planner_options=options)}
     assert found["llm"].pooled.plans.valid == pytest.approx(1 / ROUNDS)
     assert found["llm"].pooled.plans.tokens > 0
     assert found["hold"].pooled.plans.valid is None
 
     shutil.copytree(folder / "out" / "transcripts" / "llm", folder / "kept" / "toy-model")
-    (replayed,) = compare([], "mine.yml", "again", transcripts="kept")
+    (replayed,) = evaluate([], "mine.yml", "again", planner_options={"transcripts": "kept"})
     assert (replayed.entry, replayed.score) == ("toy-model", found["llm"].score)
     assert records_of(folder / "again", "toy-model") == records_of(folder / "out", "llm")
 
@@ -131,23 +130,23 @@ def test_temperature_and_sampling_seed_are_asked_for_told_and_kept_to(folder, as
     with FaultServer([ok(PATH)]) as server:
         asks(server)
         for out, more in (("usual", {}), ("cold", {"temperature": 0.0}), ("other", {"sampling_seed": 1})):
-            compare(["llm"], "mine.yml", out, llm=dict(server="server.yml", **more))
+            evaluate(["llm"], "mine.yml", out, planner_options=dict(server="server.yml", **more))
         bodies = [received.body for received in server.requests]
         usual, cold, other = (bodies[k : k + PLANS] for k in range(0, 3 * PLANS, PLANS))
         with pytest.raises(UserError, match="holds records of another 'llm'"):
-            compare(["llm"], "mine.yml", "cold")
+            evaluate(["llm"], "mine.yml", "cold")
         (folder / "cold" / "records.jsonl").unlink()
         with pytest.raises(UserError, match=r"recorded with temperature 0\.0, not 0\.7; choose another"):
-            compare(["llm"], "mine.yml", "cold")
+            evaluate(["llm"], "mine.yml", "cold")
         with pytest.raises(UserError, match=r"temperature: expected a number from 0 to 2, got 3"):
-            compare(["llm"], "mine.yml", "hot", llm={"temperature": 3})
+            evaluate(["llm"], "mine.yml", "hot", planner_options={"temperature": 3})
     assert {body["temperature"] for body in cold} == {0.0}
     assert {body["temperature"] for body in usual + other} == {0.7}
     assert [body["seed"] for body in cold] == [body["seed"] for body in usual]
     assert not {body["seed"] for body in other} & {body["seed"] for body in usual}
     told = read_json(folder / "other" / "transcripts" / "llm" / "planner.json", "told")
     assert (told["temperature"], told["sampling_seed"]) == (0.7, 1)
-    (replayed,) = compare([], "mine.yml", "again", transcripts="other/transcripts")
+    (replayed,) = evaluate([], "mine.yml", "again", planner_options={"transcripts": "other/transcripts"})
     assert replayed.pooled.plans.valid_but_useless == pytest.approx(1 - 1 / ROUNDS)  # all but each first
     (record, *_) = RowFile(folder / "again" / "records.jsonl").read()
     assert record["plans"]["useless"] == {"repeated": MATCHES * (ROUNDS - 1)}
@@ -161,13 +160,13 @@ def test_a_stopped_run_goes_on_calls_nothing_twice_and_keeps_its_cap(folder, ask
         if (ally.name, rounds) == ("expert", 2):
             raise Stop
 
-    options = {"llm": {"calls": PLANS - 1}}  # of all allies together
+    options = {"planner_options": {"calls": PLANS - 1}}  # of all allies together
     with FaultServer([ok(PATH)]) as server:
         asks(server)
         with pytest.raises(Stop):
-            compare(["llm"], "mine.yml", "out", progress=stop, **options)
+            evaluate(["llm"], "mine.yml", "out", progress=stop, **options)
         assert len(server.requests) == PLANS - MATCHES
-        compare(["llm"], "mine.yml", "out", **options)
+        evaluate(["llm"], "mine.yml", "out", **options)
         assert len(server.requests) == PLANS - 1
     records = records_of(folder / "out", "llm")
     statuses = sum((Counter(record["plans"]["statuses"]) for record in records), Counter())
@@ -180,21 +179,21 @@ def test_controls_and_prompts_of_ones_own_are_recorded_as_such(folder, asks):
     (folder / "mine-prompt.yml").write_bytes(prompt_file("paper").read_bytes())
     with FaultServer([answer(lambda body: PATH)]) as server:
         asks(server)
-        compare(["llm-no-history"], "mine.yml", "out", llm={"prompt": "mine-prompt.yml"})
+        evaluate(["llm-no-history"], "mine.yml", "out", planner_options={"prompt": "mine-prompt.yml"})
         texts = {json.dumps(request.body["messages"]) for request in server.requests}
     assert len(texts) == MATCHES  # nothing that a round or an ally showed: the match's start alone
     (folder / "mine-prompt.yml").unlink()
-    found = compare([], "mine.yml", "again", transcripts="out/transcripts")
+    found = evaluate([], "mine.yml", "again", planner_options={"transcripts": "out/transcripts"})
     assert "llm-no-history" in {s.entry for s in found}
 
 
 def test_folders_without_transcripts_and_names_that_stand_for_two_are_refused(folder, asks):
     (folder / "kept").mkdir()
     with pytest.raises(UserError, match="hold no planner"):
-        compare([], "mine.yml", "out", transcripts="kept")
+        evaluate([], "mine.yml", "out", planner_options={"transcripts": "kept"})
     with FaultServer([ok(PATH)]) as server:
         asks(server)
-        compare(["llm"], "mine.yml", "out")
+        evaluate(["llm"], "mine.yml", "out")
         for planners, name, message in (
             ([], "circle", "a planner of the package has this name"),
             (["llm"], "llm", "llm: another planner here has this name; rename"),
@@ -202,18 +201,18 @@ def test_folders_without_transcripts_and_names_that_stand_for_two_are_refused(fo
         ):
             shutil.copytree(folder / "out/transcripts/llm", folder / "kept" / name)
             with pytest.raises(UserError, match=message):
-                compare(planners, "mine.yml", "more", transcripts="kept")
+                evaluate(planners, "mine.yml", "more", planner_options={"transcripts": "kept"})
             shutil.rmtree(folder / "kept")
         assert len(server.requests) == PLANS
     with pytest.raises(UserError, match=r"another suite, 'mine' with 2 matches per ally; .* and --matches"):
-        compare([], "mine.yml", "more", matches=3, transcripts="out/transcripts")
+        evaluate([], "mine.yml", "more", matches=3, planner_options={"transcripts": "out/transcripts"})
 
 
 def test_a_model_without_a_valid_plan_against_an_ally_has_no_score(folder, asks):
     with FaultServer([ok("To the north.")]) as server:
         asks(server)
         with pytest.raises(UserError, match=r"idle: none of 6 plans is valid, .*\(6 times: no points found"):
-            compare(["llm"], "mine.yml", "out")
+            evaluate(["llm"], "mine.yml", "out")
     assert not (folder / "out" / "records.jsonl").exists()
 
 
@@ -224,21 +223,21 @@ def test_a_folder_of_other_files_is_left_alone(folder, asks, planner):
     with FaultServer([ok(PATH)]) as server:
         asks(server)
         with pytest.raises(UserError, match="out: holds other files, but no results; choose another"):
-            compare([planner], "mine.yml", "out")
+            evaluate([planner], "mine.yml", "out")
     assert [path.name for path in (folder / "out").iterdir()] == ["notes.txt"]
 
 
-@pytest.mark.parametrize("transcripts", [None, "out/transcripts"])
+@pytest.mark.parametrize("transcripts", [{}, {"transcripts": "out/transcripts"}])
 def test_options_of_a_language_model_need_one(folder, transcripts):
     with pytest.raises(UserError, match=r"^prompt: is for the planners llm, .*; name one of them"):
-        compare(["circle"], "mine.yml", "out", llm={"prompt": "paper"}, transcripts=transcripts)
+        evaluate(["circle"], "mine.yml", "out", planner_options={"prompt": "paper"} | transcripts)
     assert not (folder / "out").exists()
 
 
 def test_transcripts_that_were_changed_are_refused(folder, asks):
     with FaultServer([ok(PATH)]) as server:
         asks(server)
-        compare(["llm"], "mine.yml", "out", llm={"prompt": "paper"})
+        evaluate(["llm"], "mine.yml", "out", planner_options={"prompt": "paper"})
     for name, old, new, message in (
         ("planner.json", '"toy"', '"huge"', "with model toy, and not huge as its header says"),
         ("prompt.yml", "UAV", "UFO", r"its prompt.yml is not the prompt that was recorded"),
@@ -249,5 +248,5 @@ def test_transcripts_that_were_changed_are_refused(folder, asks):
         assert old in text
         file.write_text(text.replace(old, new))
         with pytest.raises(UserError, match=message):
-            compare([], "mine.yml", "again", transcripts="out/transcripts")
+            evaluate([], "mine.yml", "again", planner_options={"transcripts": "out/transcripts"})
         file.write_text(text)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.products.language_models.transcript import Attempt
-from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.fault_server import FaultServer, answer
 
 PLANNER_SUITE = """\
@@ -43,7 +43,7 @@ def toy(body: dict[str, Any]) -> str:
 def record(folder: Path, suite: Path, say: Callable[[dict[str, Any]], str] = toy, **options: Any) -> Any:
     """Record the planner ``llm`` under ``folder/out``; gives what the comparison says of it."""
     with FaultServer([answer(say)]) as server, environment(server.url):
-        summaries = compare(["llm"], str(suite), folder / "out", llm=options)
+        summaries = evaluate(["llm"], str(suite), folder / "out", planner_options=options)
     return next(summary for summary in summaries if summary.entry == "llm")
 
 

@@ -74,7 +74,7 @@ def test_a_model_without_transcripts_is_refused_and_nothing_else_is_touched(ente
     folder = entered / "submissions" / "planner" / "toy"
     shutil.rmtree(folder / "transcripts")
     verdicts = verdicts_of(entered)
-    line = "transcripts: does not exist; it holds what plan compare has recorded"
+    line = "transcripts: does not exist; it holds what evaluate has recorded"
     assert verdicts["planner/toy"] == (False, f"submission {folder}: {line}")
     assert verdicts["planner/hold"][0]
     assert not (entered / "results" / "planner" / "toy.jsonl").exists()

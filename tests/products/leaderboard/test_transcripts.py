@@ -10,12 +10,12 @@ import shutil
 import pytest
 
 from fpg_bench.common.errors import UserError
+from fpg_bench.evaluation.evaluate import evaluate
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.evaluation.summary import summary_of
 from fpg_bench.products.language_models.transcript import MOST_BYTES
 from fpg_bench.products.leaderboard.playing import Part, matchups_of, part_records
 from fpg_bench.products.leaderboard.transcripts import LARGEST_FOLDER, check_transcripts
-from fpg_bench.products.planning.compare import compare
 from tests.products.language_models.real_server import LlamaServer
 
 from .recording import PLANNER_SUITE, PLANS, enter, environment, record, rows_of, write_rows
@@ -68,7 +68,7 @@ def test_what_was_recorded_may_be_run_packed_or_not(recorded, suite, entry, chec
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda f: shutil.rmtree(f), "transcripts: does not exist; it holds what plan compare has recorded"),
+        (lambda f: shutil.rmtree(f), "transcripts: does not exist; it holds what evaluate has recorded"),
         (lambda f: (f / "expert.jsonl").unlink(), "transcripts/expert.jsonl: is missing"),
         (lambda f: (f / "planner.json").unlink(), "transcripts/planner.json: is missing"),
         (lambda f: (f / "notes.txt").write_text("hello"), "transcripts/'notes.txt': does not belong here"),
@@ -94,7 +94,7 @@ def test_files_that_lack_or_do_not_belong(entry, check, spoil, message):
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("suite_hash", "0" * 64, "record those of plan compare --suite mine --matches 2"),
+        ("suite_hash", "0" * 64, "record those of evaluate --suite mine --matches 2"),
         ("control", "magic", "control: expected one of none"),
         ("server", ["generic"], "server: expected a line"),
         ("server", "\x1b[2J", "server: expected a line"),
@@ -174,7 +174,7 @@ NOT_ASKED = "holds an attempt that nothing asks for"
         ),
         (each(seconds=1e300), "seconds: 1e+300 is not possible"),
         (each(seed="1"), "is not a valid attempt: seed: expected a whole number, got '1'"),
-        (each(kind="flown"), "is not an attempt; a transcript of plan compare has no other rows"),
+        (each(kind="flown"), "is not an attempt; a transcript has no other rows"),
         (each(control="no-history"), "was made with control 'no-history', and not 'none'"),
     ],
 )
@@ -304,7 +304,7 @@ def test_a_recorded_model_scores_what_its_comparison_said_and_nobody_is_asked(co
 
 
 def test_a_planner_of_the_package_scores_what_a_comparison_says(recorded, suite):
-    for compared in compare(["interceptor", "random"], str(recorded / "mine.yml"), recorded / "plain"):
+    for compared in evaluate(["interceptor", "random"], str(recorded / "mine.yml"), recorded / "plain"):
         part = Part(compared.entry, None, compared.entry)
         own = summary_of(list(part_records(part, matchups_of([suite]))), suite)
         assert (own.score, own.measures) == (compared.score, compared.measures)
@@ -319,7 +319,7 @@ def test_a_real_server_is_recorded_and_verified_when_it_is_gone(tmp_path):
     profile = tmp_path / "server.yml"
     profile.write_text("about: short\nresponse_format: json_schema\nseed: true\n")
     with LlamaServer() as server, environment(server.url, server.model):
-        compare(["llm"], str(file), tmp_path / "real", llm={"server": str(profile)})
+        evaluate(["llm"], str(file), tmp_path / "real", planner_options={"server": str(profile)})
     entry, suite = enter(tmp_path / "real", tmp_path / "tiny"), load_suite(str(file))
     assert check_transcripts(entry, suite) == []
     plans = summary_of(records_of(entry, suite), suite).pooled.plans

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.evaluation.entry import player_entry
+from fpg_bench.evaluation.entry import entries_of, player_entry
 from fpg_bench.evaluation.play import match_of, play, rounds
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.players.planner import Plan
-from fpg_bench.products.planning.compare import planner_entry
 
 MATCHES, ROUNDS = 3, 4
 
@@ -58,9 +57,9 @@ class Noting:
 
 
 def test_a_line_of_a_planner_says_how_the_paths_came_about(planners):
-    record = play(planner_entry(Noting(), planners), planners, planners.named("idle"))
+    record = play(player_entry(Noting()), planners, planners.named("idle"))
     count = MATCHES * ROUNDS
-    assert (record.entry, record.rival, len(record.returns)) == ("noting", "idle", count)
+    assert (record.entry, record.rival, len(record.returns)) == ("Noting", "idle", count)
     assert record.tally["steps"] == 32 * count
     assert record.plans.statuses == {"repaired": count}
     assert record.plans.tokens == MATCHES * sum(range(ROUNDS))
@@ -69,19 +68,16 @@ def test_a_line_of_a_planner_says_how_the_paths_came_about(planners):
 
 def test_returns_come_match_by_match(planners):
     """A player that earns more each round, so that the order of rounds can be seen."""
-    entry, ally = planner_entry("hill-climb", planners), planners.named("idle")
+    entry, ally = player_entry("hill-climb"), planners.named("idle")
     table = match_of("hill-climb", planners, ally)
     seen = [duel.batch.tallies["opponent_return"].copy() for duel in rounds(table, planners)]
     record = play(entry, planners, ally)
     assert np.reshape(record.returns, (MATCHES, ROUNDS)) == pytest.approx(np.array(seen).T, abs=1e-3)
 
 
-def test_planners_that_cannot_be_told_apart_never_enter(planners):
-    for key, value, message in (
-        ("tier", "oracle", "planner noting: its tier is 'oracle'; set it to one of none, history, ally"),
-        ("name", "circle", "calls itself circle, as one of the package does"),
-    ):
-        planner = Noting()
-        setattr(planner, key, value)
-        with pytest.raises(UserError, match=message):
-            planner_entry(planner, planners)
+def test_a_planner_without_a_tier_never_enters(planners):
+    planner = Noting()
+    planner.tier = "oracle"
+    message = "planner noting: its tier is 'oracle'; set it to one of none, history, ally"
+    with pytest.raises(UserError, match=message):
+        entries_of([planner], planners)
