@@ -32,7 +32,7 @@ from fpg_bench.training.models import make_model
 
 ROOT = Path(__file__).parents[1]
 ENV_ID, AGAINST = "FPG/AllyVsScripted-v0", "FPG/AllyVsPolicy-v0"
-RIVALS = tuple(f"suite:{name}" for name in ("training-1", "season-3", "season-4"))  # 39 in all
+RIVALS = tuple(f"suite:{name}" for name in ("training-1", "season-4", "season-5"))  # 39 in all
 SEEDS = 5
 
 

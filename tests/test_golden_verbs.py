@@ -108,7 +108,7 @@ CASES = {
     "leaderboard-build": Case(
         "leaderboard build --folder board --no-replays --out site", ("site/board.json", "site/ranking.html")
     ),
-    "leaderboard-season": Case("leaderboard season season-3", kept=60),
+    "leaderboard-season": Case("leaderboard season season-4", kept=60),
     "reproduce": Case(
         "reproduce yang-2026 fig7 --scenario figures --budget hundredth --n-seeds 10 --first-seed 100"
         " --out reproduced",

@@ -36,7 +36,6 @@ HASHES = {
     "link-throughput": "5dcb41827537c23b3c3572e734a715bae052f289921b5d5acd277cc95ae3309a",
 }
 SEASONS = {
-    "season-3": "f8e09d6fd5f96017f1447dc22dca38e53bb708206f63c6fe21806fbf877a16cc",
     "season-4": "4038b64adc95b0136bd1fe9bf7f864d0b169bdc442a94077f1d8d7781009ceb2",
     "season-4-link": "d23d9f763ffc49a383db33b9b5f2538f00287bb863f4e67b1b24bcf0f54ee3f7",
 }

@@ -178,7 +178,7 @@ def test_names_of_data_need_no_leave():
     content = {
         "device": "cuda:0",
         "features_extractor_class": "fpg_bench.training.waterfall_cnn:WaterfallCNN",
-        "opponent": ["suite:season-3", "suite:mine", "tone"],
+        "opponent": ["suite:season-4", "suite:mine", "tone"],
         "url": "http://a:1/b",
     }
     check_allowed(content, (), "file")

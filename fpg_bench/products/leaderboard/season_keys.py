@@ -13,6 +13,7 @@ from fpg_bench.players.agent import suites_folder
 _PAST = {  # seeds of seasons whose suites are gone, from which the nonces of recorded matches follow
     1: "dec07a8603b0f1a5c4cdbe0ff9a45ff2ebfc89facafc1072e5b50fd933ed745b",
     2: "c3ec4b3c9fb8a62dc69683bd3247e895ed5637fd3295859610968618d90546fd",
+    3: "b8a2973e4daea255631e47ac47fe2dc0684e5ce4cec21bcbf4a4937acc90d27f",
 }
 
 
