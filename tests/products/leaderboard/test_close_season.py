@@ -112,12 +112,6 @@ def test_members_of_earlier_suites_that_are_paid_by_the_rules_are_targets(scenar
     as_player(pool[0].players[0], "ally", STANDARD)  # which loads it
 
 
-def test_a_season_trains_more_opponents_than_allies(board, tmp_path):
-    season, own = (make_closing(4, board, tmp_path, *numbers) for numbers in ((), (5, 3)))
-    assert [season.numbers(side) for side in SIDES] == [(24, 24), (36, 24)]
-    assert [own.numbers(side) for side in SIDES] == [(5, 3), (5, 3)]
-
-
 def test_scripts_are_targets_where_nobody_was_trained():
     recipes = draw_recipes("a", "opponent", 4, ALLIES[-2:])
     assert {recipe.targets[0] for recipe in recipes} == {"expert", "idle"}

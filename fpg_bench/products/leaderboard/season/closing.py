@@ -65,16 +65,6 @@ from fpg_bench.version import versions
 
 _logger = logging.getLogger(__name__)
 
-
-class Numbers(NamedTuple):
-    """Of a side, how many candidates are trained, and how many members are selected at most."""
-
-    candidates: int
-    members: int
-
-
-# Fewer opponents than allies are competent, so more are trained.
-SEASON = {"ally": Numbers(24, 24), "opponent": Numbers(36, 24)}
 FEWEST = 12  # members of a side, unless fewer are asked
 N_STRANGERS = 6  # trained ones, and as many scripts with drawn constants: the best of N_VARIANTS
 N_VARIANTS = 24
@@ -90,22 +80,16 @@ class Closing:
         number: the season's number.
         entries: the entries that the season is closed over.
         work: folder of the candidates, which is kept so that an interrupted closing can be resumed.
-        candidates, size: number of trained and of selected candidates of each side; None for those of
-            ``SEASON``.
+        candidates, size: number of candidates of each side, and of those that are selected at most.
         scenario: the preset that entries and candidates play.
     """
 
     number: int
     entries: tuple[SeasonEntry, ...]
     work: Path
-    candidates: int | None = None
-    size: int | None = None
+    candidates: int = 24
+    size: int = 24
     scenario: str = "standard"
-
-    def numbers(self, side: str) -> Numbers:
-        """Return the numbers of a side."""
-        usual = SEASON[side]
-        return Numbers(self.candidates or usual.candidates, self.size or usual.members)
 
     @property
     def label(self) -> int | str:
@@ -160,7 +144,7 @@ def _draw(closing: Closing, side: str) -> _Drawn:
     """Draw the rivals that the entries of the other side meet."""
     seed = closing.seed
     pool = target_pool(closing.entries, other_side(side), closing.scenario, closing.name)
-    candidates = draw_recipes(seed, side, closing.numbers(side).candidates, pool)
+    candidates = draw_recipes(seed, side, closing.candidates, pool)
     key = draw_number(2**32, seed, side, "variants")
     variants = draw_variants(side, N_VARIANTS, as_scenario(closing.scenario), key, ALL_TACTICS[side])
     strangers = draw_recipes(seed, side, N_STRANGERS, pool, STRANGERS, "s")
@@ -171,8 +155,8 @@ def make_closing(
     number: int,
     board: str | Path,
     work: Path,
-    candidates: int | None = None,
-    size: int | None = None,
+    candidates: int = 24,
+    size: int = 24,
     scenario: str = "standard",
 ) -> Closing:
     """Return the settings for closing a season.
@@ -257,7 +241,7 @@ def close_season(
 def _check_plan(closing: Closing) -> None:
     """Store the closing's seed and settings in its folder; raise UserError if it belongs to another one."""
     file = closing.work / PLAN
-    candidates = {side: closing.numbers(side).candidates for side in SIDES}
+    candidates = dict.fromkeys(SIDES, closing.candidates)
     plan = {"seed": closing.seed, "candidates": candidates, "scenario": closing.scenario}
     if not file.exists():
         write_whole(file, "".join(f"{key}: {value}\n" for key, value in plan.items()))
@@ -426,7 +410,7 @@ def _evidence(
 def _select_members(
     closing: Closing, side: str, profiles: Mapping[str, _Profile]
 ) -> tuple[SeasonMember, ...]:
-    size = closing.numbers(side).members
+    size = closing.size
     names = [recipe.name for recipe in closing.recipes(side)]
     competent = _competent(closing, side, "candidates", names, profiles, min(size, FEWEST))
     recipes = [recipe for recipe in closing.recipes(side) if recipe.name in competent]
@@ -453,7 +437,7 @@ def _publish(
         number=closing.number,
         protocol=PROTOCOL,
         seed=closing.seed,
-        candidates={side: closing.numbers(side).candidates for side in SIDES},
+        candidates=dict.fromkeys(SIDES, closing.candidates),
         entries={entry.name: list(entry.hashes) for entry in closing.entries},
         members=members,
         versions=versions(),
