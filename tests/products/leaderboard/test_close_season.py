@@ -428,6 +428,16 @@ def test_a_season_has_all_competent_candidates_where_they_are_few(board, copied,
 
 @pytest.mark.full
 @pytest.mark.slow
+def test_a_policy_that_was_found_twice_is_selected_once(board, copied):
+    shutil.rmtree(copied / "season-1")
+    shutil.rmtree(copied / "work/ally/a01/agent")
+    shutil.copytree(copied / "work/ally/a00/agent", copied / "work/ally/a01/agent")
+    season, _ = close_tiny(board, copied / "work", copied / "season-1")
+    assert [member.name for member in season.members["ally"]] == ["a00"]
+
+
+@pytest.mark.full
+@pytest.mark.slow
 def test_one_side_can_be_trained_first(board, copied):
     shutil.rmtree(copied / "season-1")
     shutil.rmtree(copied / "work/ally")

@@ -413,14 +413,18 @@ def _select_members(
     size = closing.size
     names = [recipe.name for recipe in closing.recipes(side)]
     competent = _competent(closing, side, "candidates", names, profiles, min(size, FEWEST))
-    recipes = [recipe for recipe in closing.recipes(side) if recipe.name in competent]
+    hashes: dict[str, Recipe] = {}  # searches may find the same rule
+    for recipe in closing.recipes(side):
+        if recipe.name in competent:
+            hashes.setdefault(read_card(closing.folder(side, recipe) / "agent").policy_sha256, recipe)
+    recipes = list(hashes.values())
     returns = _columns(closing, side, [profiles[recipe.name].means for recipe in recipes])
     kinds = [kind_of(recipe.algorithm) for recipe in recipes]
     chosen = select_representative(limit_influence(returns), min(size, len(recipes)), kinds)
     return tuple(
         SeasonMember(
             **dict(recipes[index]),
-            policy_sha256=read_card(closing.folder(side, recipes[index]) / "agent").policy_sha256,
+            policy_sha256=list(hashes)[index],
             entries_earn=round(statistics.fmean(returns[:, index]), 3),
         )
         for index in chosen
