@@ -155,7 +155,7 @@ def learners_in_link() -> str:
     lines = [["player", "steps", "public score", "held-out score", "hops"]]
     for slug in (*ON_LINK, next(iter(of_slug))):
         entry, figures = of_slug[slug]
-        steps = f"{entry.training.steps:,}" if entry.training else "-"
+        steps = f"{training.steps:,}" if (training := entry.about.training) else "-"
         hops = f"{100 * (figures.measures['hop_rate'] or 0):.0f} %"
         lines.append(
             [player(entry), steps, *(score(figures.scores[role]) for role in (PUBLIC, UNSEEN)), hops]

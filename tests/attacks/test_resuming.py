@@ -19,13 +19,14 @@ import pytest
 
 from fpg_bench.cli import main as cli
 from fpg_bench.common.rows import RowFile
-from fpg_bench.products.leaderboard.season import candidates, closing, recipes
+from fpg_bench.products.leaderboard.season import closing
 from fpg_bench.products.papers.yang_2026 import study
 from fpg_bench.products.papers.yang_2026.experiment import Budget
 from tests.attacks import SCALE
 from tests.policies import write_seed
 from tests.products.hub.conftest import hub
 from tests.products.leaderboard.entering import enter
+from tests.products.leaderboard.test_close_season import few_steps
 
 __all__ = ["hub"]
 
@@ -146,12 +147,10 @@ def test_a_killed_closing_resumes_to_the_same_season(board, in_process, tmp_path
     for side, names in (("ally", ("expert", "idle")), ("opponent", ("tone", "sweep"))):
         for name in names:
             enter(board, side, name, script=name)
-    steps = {name: tuple(n // 2000 for n in each) for name, each in recipes.STEPS.items()}
-    monkeypatch.setattr(recipes, "STEPS", steps)
-    monkeypatch.setattr(candidates, "ROUNDS", 2)
     monkeypatch.setattr(closing, "make_closing", partial(closing.make_closing, candidates=2, size=2))
     words = f"leaderboard close-season 1 --folder {board} --n-jobs 1"
-    check(f"{words} --work FOLDER/work --out FOLDER/season-1", tmp_path)
+    with few_steps(checks=()):
+        check(f"{words} --work FOLDER/work --out FOLDER/season-1", tmp_path)
 
 
 @pytest.mark.process

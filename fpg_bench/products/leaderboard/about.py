@@ -10,7 +10,7 @@ from typing import Annotated
 from urllib.parse import urlsplit
 
 from annotated_types import Ge, Le, Len
-from pydantic import AfterValidator, PlainValidator
+from pydantic import AfterValidator, BeforeValidator, PlainValidator
 
 from fpg_bench.common.checks import title
 from fpg_bench.common.errors import UserError, meant, nearest, shown
@@ -130,7 +130,7 @@ _Seeds = Annotated[
 
 
 Title = Annotated[str, PlainValidator(_entry_name)]
-Authors = Annotated[tuple[str, ...], PlainValidator(_authors)]
+Authors = Annotated[tuple[str, ...], BeforeValidator(_authors)]
 
 
 class ResponseFile(Strict):

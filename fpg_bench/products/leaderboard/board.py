@@ -27,7 +27,7 @@ from fpg_bench.evaluation.summary import Summary
 from fpg_bench.evaluation.table import Standing, learning_curve, over_rounds, standings
 from fpg_bench.players.planner import TIERS
 from fpg_bench.players.player import SIDES
-from fpg_bench.products.leaderboard.about import Training, board_name
+from fpg_bench.products.leaderboard.about import SubmissionFile, board_name
 from fpg_bench.products.leaderboard.cases import Case
 from fpg_bench.products.leaderboard.crossplay import Pair, Pairs, fully_played, pair_key
 from fpg_bench.products.leaderboard.entries import Entries
@@ -80,17 +80,6 @@ class BoardSuite:
 
 
 @dataclass(frozen=True)
-class UnitScores:
-    """Scores behind the intervals of an entry over a suite, by rival in the suite's order.
-
-    Attributes:
-        matches: the score in each match, a mean over training seeds.
-    """
-
-    matches: tuple[tuple[float, ...], ...]
-
-
-@dataclass(frozen=True)
 class PlannerFigures:
     """Figures of planners alone.
 
@@ -134,7 +123,7 @@ class Figures:
         exploited: its lowest known return; None for planners.
         by_rival: scores by role and rival.
         first_rounds: return of the first round of the first training seed, by role and rival.
-        units: by role.
+        units: by role and rival, in the suite's order, the score in each match: a mean over training seeds.
         by_seed: scores by training seed.
         training_seeds: 0 for scripts and planners.
         is_late: entered or changed after the season was closed.
@@ -156,7 +145,7 @@ class Figures:
     scores: Mapping[str, Interval]
     by_rival: Mapping[str, Mapping[str, Interval]]
     first_rounds: Mapping[str, Mapping[str, float]]
-    units: Mapping[str, UnitScores]
+    units: Mapping[str, tuple[tuple[float, ...], ...]]
     by_seed: Mapping[int, float]
     training_seeds: int
     has_few_seeds: bool
@@ -188,10 +177,9 @@ class BoardEntry:
     """An entry of a track: the submission's own words, and its figures if it is verified.
 
     Attributes:
-        kind: ``script``, ``zoo`` or ``submitted``.
-        actions: the action modes of its policies; empty if it has none.
         name: its name on the board; see :func:`fpg_bench.products.leaderboard.about.board_name`.
-        plays: the script or zoo agent that it names.
+        about: the contents of its ``submission.yaml``.
+        actions: the action modes of its policies; empty if it has none.
         player: what ``fpg-bench play`` calls its script or first policy; None for planners.
         command: what trained the first seed of a zoo agent, as its card says.
         reason: why it is not verified.
@@ -202,23 +190,24 @@ class BoardEntry:
 
     slug: str
     name: str
-    authors: tuple[str, ...]
-    algorithm: str
-    reference: str | None
-    licence: str
-    kind: str
+    about: SubmissionFile
     actions: tuple[str, ...]
-    plays: str | None
     player: str | None
     command: str | None
-    training: Training | None
-    saw: str
-    unable: str
-    description: str
     reason: str | None
     figures: Figures | None
     replays: tuple[str, ...] = ()
     offline: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """``script``, ``zoo`` or ``submitted``."""
+        return "script" if self.about.script is not None else "zoo" if self.about.zoo else "submitted"
+
+    @property
+    def plays(self) -> str | None:
+        """The script or zoo agent that it names."""
+        return self.about.script or self.about.zoo
 
 
 @dataclass(frozen=True)
@@ -446,23 +435,13 @@ def _make_entry(
     reason: str | None = None,
     replays: Sequence[str] = (),
 ) -> BoardEntry:
-    kind = "script" if submission.script is not None else "zoo" if submission.zoo is not None else "submitted"
     return BoardEntry(
         slug=submission.slug,
         name=board_name(submission, submission.slug),
-        authors=tuple(submission.authors),
-        algorithm=submission.algorithm,
-        reference=submission.reference,
-        licence=submission.licence,
-        kind=kind,
+        about=submission,
         actions=tuple(sorted({card.game.action_mode for card in submission.cards})),
-        plays=submission.script or submission.zoo,
         player=player_of(submission),
         command=submission.cards[0].command if submission.zoo is not None else None,
-        training=submission.training,
-        saw=submission.saw,
-        unable=submission.unable,
-        description=submission.description,
         reason=reason,
         figures=figures,
         replays=tuple(replays),
@@ -516,9 +495,9 @@ def _make_figures(
     )
 
 
-def _make_units(summary: Summary) -> UnitScores:
+def _make_units(summary: Summary) -> tuple[tuple[float, ...], ...]:
     by_rival = np.round(summary.suite.scale.score(summary.rewards.mean(axis=0)), 2)
-    return UnitScores(tuple(map(tuple, by_rival.tolist())))
+    return tuple(map(tuple, by_rival.tolist()))
 
 
 def _make_planner_figures(public: Summary, facts: PlannerFacts | None) -> PlannerFigures | None:

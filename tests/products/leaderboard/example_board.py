@@ -13,7 +13,7 @@ import numpy as np
 
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.evaluation.suite import Scale
-from fpg_bench.products.leaderboard.about import Training
+from fpg_bench.products.leaderboard.about import SubmissionFile, Training
 from fpg_bench.products.leaderboard.board import (
     CROSSPLAY,
     Board,
@@ -23,7 +23,6 @@ from fpg_bench.products.leaderboard.board import (
     CrossPlay,
     Figures,
     NashMixture,
-    UnitScores,
 )
 from fpg_bench.products.leaderboard.exploited import RESPONSE, Attack, Exploited
 from fpg_bench.products.leaderboard.site import page_data
@@ -164,22 +163,25 @@ def _entry(
     text = HOSTILE[index % len(HOSTILE)] if hostile else ""
     is_verified = key != "ally" or index != 0
     figures = _figures(rng, index, kind, suites, text)
-    return BoardEntry(
-        slug=f"player-{index}",
-        name=f"Player {index} {text}".strip(),
+    about = SubmissionFile.model_construct(
         authors=(f"Author {index}", text) if text else (f"Author {index}",),
         algorithm=f"PPO {text}".strip(),
         reference=text or "https://example.org/paper?a=1&b=2",
         licence=text or "MIT",
-        kind=kind,
-        actions=() if kind == "script" else ("discrete",),
-        plays={"script": ("idle", "tone")[key != "ally"], "zoo": "no-such/agent"}.get(kind),
-        player="idle" if kind == "script" else f"no-such/agent/seed_0{text}",
-        command=f"fpg-bench train{text}" if kind == "zoo" else None,
         training=None if kind == "script" else Training(steps=2_000_000, hours=1.5, seeds=(0, 1, 2, 3, 4)),
         saw=text or "the adaptive opponent in pursuit",
         unable=text or "nothing that we know of",
         description=text,
+        script=("idle", "tone")[key != "ally"] if kind == "script" else None,
+        zoo="no-such/agent" if kind == "zoo" else None,
+    )
+    return BoardEntry(
+        slug=f"player-{index}",
+        name=f"Player {index} {text}".strip(),
+        about=about,
+        actions=() if kind == "script" else ("discrete",),
+        player="idle" if kind == "script" else f"no-such/agent/seed_0{text}",
+        command=f"fpg-bench train{text}" if kind == "zoo" else None,
         reason=None if is_verified else f"seed_0: outran the limit {text}".strip(),
         figures=figures if is_verified else None,
         offline=(f"fpg/ally-mixed-v0{text}",) if kind == "submitted" else (),
@@ -221,12 +223,10 @@ def _figures(
     )
 
 
-def _units(by_rival: dict[str, dict[str, Interval]]) -> dict[str, UnitScores]:
+def _units(by_rival: dict[str, dict[str, Interval]]) -> dict[str, tuple[tuple[float, ...], ...]]:
     """Return ten matches around each score."""
     return {
-        role: UnitScores(
-            tuple(tuple(score.value + k for k in (-1, 0, 1) * 3 + (0,)) for score in scores.values())
-        )
+        role: tuple(tuple(score.value + k for k in (-1, 0, 1) * 3 + (0,)) for score in scores.values())
         for role, scores in by_rival.items()
     }
 

@@ -67,7 +67,7 @@ def test_entries_are_ranked_and_marked(entered):
     entries = {entry.slug: entry for entry in ally.entries}
     wise = figures["wise"]
     assert entries["wise"].name == "Wise <b>it</b>"
-    assert (entries["wise"].kind, entries["wise"].training, wise.training_seeds) == ("script", None, 0)
+    assert (entries["wise"].kind, entries["wise"].about.training, wise.training_seeds) == ("script", None, 0)
     assert (ally.ranked_by, wise.score) == (PUBLIC, wise.scores[PUBLIC])
     assert tuple(wise.by_rival[PUBLIC]) == ally.suites[0].rivals
     assert wise.measures["return"] == pytest.approx(wise.measures["ally_return"] / 300, rel=1e-4)

@@ -26,6 +26,7 @@ from fpg_bench.game.names import CHOSEN, JAMMING_TYPES, OBSERVED
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import TALLY
 from fpg_bench.players.agent import load_agent
+from fpg_bench.products.leaderboard.about import SubmissionFile
 from fpg_bench.products.leaderboard.site import build, page_data, views
 from fpg_bench.products.leaderboard.site.build import build_site
 from fpg_bench.products.leaderboard.site.page_data import agent_file, zoo_policies
@@ -157,14 +158,15 @@ def test_tables_have_columns_for_what_was_played(site, tmp_path):
 def test_a_table_explains_what_a_reader_stumbles_over():
     """Random play below its own zero, an agent in two tables, and a leader that is covered often."""
     board = with_link(example_board(3), season=2)
-    named = {"ally": "random", "opponent-pursuit": "zoo/one", "opponent-link": "zoo/one"}
+    zoo = {"zoo": "zoo/one"}
+    named = {"ally": {"script": "random"}, "opponent-pursuit": zoo, "opponent-link": zoo}
     tracks = []
     for track in board.tracks:
         first, *others = track.entries
         figures = dataclasses.replace(first.figures, score=Interval(-11.13))
-        kind = "script" if track.side == "ally" else "zoo"
-        first = dataclasses.replace(first, plays=named.get(track.key), kind=kind, figures=figures)
-        others = [dataclasses.replace(entry, plays=None) for entry in others]
+        about = SubmissionFile.model_construct(**named.get(track.key, {}))
+        first = dataclasses.replace(first, about=about, figures=figures)
+        others = [dataclasses.replace(entry, about=SubmissionFile.model_construct()) for entry in others]
         tracks.append(dataclasses.replace(track, entries=(first, *others)))
     board = dataclasses.replace(board, tracks=tuple(tracks))
     notes = {track.key: " ".join(views.track_view(board, track)["notes"]) for track in board.tracks}
@@ -274,8 +276,11 @@ def test_the_front_page_shows_the_leaders_and_a_round_and_stays_small(site, page
 def test_the_leader_of_the_game_is_the_best_of_the_board_that_the_page_can_play():
     board, zoo = example_board(6), page_data.zoo_policies()
     first, second, *_ = [entry.slug for entry, _ in board.tracks[0].verified()]
-    board = with_entry(board, first, kind="submitted", plays=None)  # without a policy that the page has
-    data = page_data.data_files(with_entry(board, second, kind="zoo", plays=next(iter(zoo))), {})
+    board = with_entry(
+        board, first, about=SubmissionFile.model_construct()
+    )  # without a policy that the page has
+    about = SubmissionFile.model_construct(zoo=next(iter(zoo)))
+    data = page_data.data_files(with_entry(board, second, about=about), {})
     games = json.loads(data["data/play.js"].removeprefix("window.fpgData = ")[:-2])["games"]
     assert games["standard"]["leaders"]["ally"] == f"agent:agents/{next(iter(zoo)).replace('/', '-')}.js"
 

@@ -27,7 +27,7 @@ def scores_csv(board: Board) -> str:
     lines: list[list[object]] = [[*_COLUMNS]]
     for track in board.tracks:
         for entry, figures in track.verified():
-            about = [track.key, entry.slug, entry.name, entry.algorithm, figures.training_seeds]
+            about = [track.key, entry.slug, entry.name, entry.about.algorithm, figures.training_seeds]
             for role, score in figures.scores.items():
                 ends = (score.low, score.high) if math.isfinite(score.half) else (None, None)
                 numbers = [score.value, *ends, score.over]

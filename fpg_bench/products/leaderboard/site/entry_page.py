@@ -39,7 +39,7 @@ def entry_view(board: Board, track: BoardTrack, entry: BoardEntry) -> dict[str, 
         "suites": ordered_suites(track),
         "ranked_by": ROLES[track.ranked_by].label.lower(),
         "scale": scale_text(track),
-        "reference": safe_link(entry.reference),
+        "reference": safe_link(entry.about.reference),
         "commands": commands(track, entry),
         "bibtex": bibtex(board, track, entry),
         "badge_file": badge_file(track, entry),
@@ -103,11 +103,11 @@ def bibtex(board: Board, track: BoardTrack, entry: BoardEntry) -> str:
     """Return the entry as BibTeX."""
     season = "" if board.season is None else f", season {board.season}"
     fields = {
-        "author": " and ".join(f"{{{_escaped(name)}}}" for name in entry.authors),
+        "author": " and ".join(f"{{{_escaped(name)}}}" for name in entry.about.authors),
         "title": f"{{{_escaped(entry.name)}}}: entry of the fpg-bench leaderboard",
         "year": board.built[:4],
         "note": _escaped(f"Entry {track.key}/{entry.slug}, protocol {board.protocol}{season}"),
-        "url": safe_link(entry.reference) or "",
+        "url": safe_link(entry.about.reference) or "",
     }
     lines = [f"  {name} = {{{value}}}," for name, value in fields.items() if value]
     return "\n".join([f"@misc{{fpg-bench-{track.key}-{entry.slug},", *lines, "}"])

@@ -85,8 +85,7 @@ def _compare_files(board: Board) -> dict[str, str]:
         parts[track.key] = _compared_track(track)
         for entry, figures in track.verified():
             parts[f"{track.key}/{entry.slug}"] = {
-                suite.role: figures.units[suite.role].matches if suite.role in figures.units else None
-                for suite in ordered_suites(track)
+                suite.role: figures.units.get(suite.role) for suite in ordered_suites(track)
             }
     files = {
         f"data/compare/{name}.js": f"fpgCompared({script_json(name)}, {script_json(content)});\n"
@@ -117,8 +116,8 @@ def _compared_entry(
         "page": entry_page(track, entry),
         "rank": format_rank(figures.rank),
         "kind": entry.kind,
-        "algorithm": entry.algorithm,
-        "authors": ", ".join(entry.authors),
+        "algorithm": entry.about.algorithm,
+        "authors": ", ".join(entry.about.authors),
         "score": _interval(figures.score),
         "gap": _rounded(figures.gap, 1),
         "scores": {suite.role: _interval(figures.scores.get(suite.role)) for suite in suites},
@@ -127,7 +126,7 @@ def _compared_entry(
             for suite in suites
         },
         "measures": {name: _rounded(value, 4) for name, value in figures.measures.items()},
-        "steps": None if entry.training is None else entry.training.steps,
+        "steps": None if entry.about.training is None else entry.about.training.steps,
     }
 
 
