@@ -583,7 +583,9 @@ def _make_crossplay(pairs: Pairs, season: int | None) -> CrossPlay | None:
     same = {entry.slug: first.setdefault(tuple(entry.identity), entry).slug for entry in met}
     opponents = list(first.values())
     played = [[pairs.results[pair_key(a, o)] for o in opponents] for a in allies]
-    returns = {side: [[round_finite(pair.reward(side)) for pair in row] for row in played] for side in SIDES}
+    returns: dict[str, Matrix] = {
+        side: [[round_finite(pair.reward(side)) for pair in row] for row in played] for side in SIDES
+    }
     equilibrium = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
     return CrossPlay(
         season=season,
