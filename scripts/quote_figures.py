@@ -114,10 +114,10 @@ def headline() -> str:
     entries, oracle = verified("ally"), list(board()[1].values())
     of_slug = {each[0].slug: each for each in entries}
     learner = next(each for each in entries if each[1].training_seeds >= ENOUGH_SEEDS)
-    first = entries[0][0].algorithm
+    first = entries[0][0].about.algorithm
     rows = {
         f"{first[0].lower()}{first[1:]}, first by held-out score": entries[0],
-        f"{learner[0].algorithm}, the best learner by held-out score": learner,
+        f"{learner[0].about.algorithm}, the best learner by held-out score": learner,
         "the champion, first by lowest known return": attacked("ally")[0],
         "the best script by held-out score": next(each for each in entries if each[0].kind == "script"),
         "stays on its frequency": of_slug["idle"],
