@@ -237,7 +237,7 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
         },
         "docs/results/findings.md": {
             "most against hunter": most_against("hunter"),
-            "lowest of the first": lowest_of("ally-discrete-ppo-stack8"),
+            "lowest of the first": lowest_of(verified("ally")[0][0].slug),
             "lowest of a double oracle": lowest_of("ally-champion-2"),
             "lowest of self-play": lowest_of("ally-champion-3"),
         },
