@@ -35,7 +35,7 @@ from fpg_bench.products.leaderboard.season.checks import spearman
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SHIFTED, TRACKS, UNSEEN
 
 FIRST_OPPONENTS = 5
-FIRST = 8  # entries of each side in docs/pictures/crossplay.svg
+FIRST = 8  # allies of the finding on hunter
 PLANNER_SCORES = "docs/guides/planner-v1.csv"
 HEADLINE = (
     "player",
