@@ -86,7 +86,7 @@ def test_links_lead_somewhere(page):
 
 
 def installs_of(text):
-    """How a text installs fpg-bench with pip: options and source, without extras and from its folder."""
+    """Ways in which a text installs fpg-bench with pip: options and source, without extras and from its folder."""
     for line in re.findall(r"\bpip install ([^\n`]*)", text.replace("\\", "").replace("../", "")):
         words = (
             re.sub(r"--quiet |-r \S+ |\[[\w,]+\]", "", line.replace('"..[', '".[')).replace('"', "").split()
@@ -96,7 +96,7 @@ def installs_of(text):
 
 
 def test_all_install_as_the_page_of_installation_does():
-    """What works today stands there; a release changes it, and this test names what else says it."""
+    """Its page says what works today; a release changes it, and this test names what else says it."""
     (today,) = installs_of((DOCS / "start/install.md").read_text())
     texts = [*PAGES, README, *(ROOT / "examples").glob("*.*"), *(ROOT / "fpg_bench").rglob("*.md")]
     found = {path: list(installs_of(path.read_text())) for path in texts}

@@ -65,7 +65,8 @@ def shown(board):
     for track in made.tracks:
         for entry, figures in track.verified():
             alone = {k: v for k, v in dataclasses.asdict(figures).items() if k not in TOGETHER}
-            parts[track.key, entry.slug] = dataclasses.asdict(entry) | {"figures": alone}
+            about = entry.about.model_copy(update={"policies": ()})  # cards may have keys of their own
+            parts[track.key, entry.slug] = dataclasses.asdict(entry) | {"about": about, "figures": alone}
             attacks = figures.exploited.attacks if figures.exploited else ()
             parts |= {(track.key, entry.slug, each.rival): each for each in attacks}
     for scenario, played in made.crossplay.items():

@@ -135,8 +135,8 @@ def test_a_suite_of_another_side_is_refused():
     [
         ("ally-v1", "; use 'ally-v2'"),
         ("opponent-learned-shifted-v1", "; use 'opponent-learned-shifted-v2'"),
-        ("ally-season-1", "; use 'ally-season-4'"),
-        ("planner-season-2", "; use 'planner-season-4'"),
+        ("ally-season-1", "; use 'ally-season-5'"),
+        ("planner-season-2", "; use 'planner-season-5'"),
         ("ally-v2@season-4", ": a suite has evaluation seeds of its own; use 'ally-v2'"),
         ("ally-v1@season-1", ": a suite has evaluation seeds of its own; use 'ally-v2'"),
         ("aly-v2@season-4", "; did you mean 'ally-v2'?"),

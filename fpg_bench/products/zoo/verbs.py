@@ -32,7 +32,7 @@ def zoo(
         print_json(rows)
         return
     width, suite_name = max(len(row["agent"]) for row in rows), None
-    typer.echo(f"{'agent':{width}} {'seeds':>5} {'steps':>9} {'score':>6} {'95 % interval':>13}")
+    typer.echo(f"{'agent':{width}} {'seeds':>5} {'steps':>9} {'score':>5} {'95 % interval':>13}")
     for row in rows:
         if row["suite"] != suite_name:
             suite_name = row["suite"]
@@ -41,7 +41,7 @@ def zoo(
         if row["low"] is not None:
             interval = f"[{number(row['low'])}, {number(row['high'])}]"
         typer.echo(
-            f"{row['agent']:{width}} {row.get('seeds', ''):5} {row['steps']:9,} {number(row['score']):>6} "
+            f"{row['agent']:{width}} {row.get('seeds', ''):5} {row['steps']:9,} {number(row['score']):>5} "
             f"{interval:>13}".rstrip()
         )
     policies = {f"{of['agent']}/{seed}": one["policy"] for of in scores for seed, one in of["seeds"].items()}

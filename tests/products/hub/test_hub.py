@@ -105,7 +105,7 @@ def test_the_model_card_has_what_the_hub_reads_and_the_agent_s_own_results(hub):
     assert "fpg-bench play --ally hf://me/mine" in text
     records = [json.loads(line) for line in files["records.jsonl"].splitlines()]
     assert {record["fingerprint"] for record in records} == {about["policy_sha256"][:16]}
-    assert {record["suite"] for record in records} == {"ally-v2", "ally-season-4"}
+    assert {record["suite"] for record in records} == {"ally-v2", "ally-season-5"}
     assert files.keys() == {".gitattributes", "README.md", "agent.json", "policy.onnx", "records.jsonl"}
     assert TOKEN.encode() not in b"".join(files.values())
 

@@ -60,6 +60,7 @@ def test_rivals_whose_game_play_does_not_offer_have_no_command(suites):
 
 def test_a_season_s_rival_says_how_it_was_trained(suites):
     _, rival = rival_of(suites, "ally", UNSEEN, "o20")
-    met = "ally-scripted/sac, ally-population/ppo, ally-population/ppo-stack8"
-    assert training_of(rival) == f"PPO-stack8, trained against {met}"
+    met = "ally-population/recurrent-ppo, suite:season-4/a02, suite:season-4/a08, suite:season-4/a09"
+    met += ", ally-scripted-discrete/ppo, ally-discrete/ppo-stack8"
+    assert training_of(rival) == f"PPO-fast-memory, trained against {met}"
     assert training_of(rival_of(suites, "ally", PUBLIC, "tone/pursuit")[1]) == ""

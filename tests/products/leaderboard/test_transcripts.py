@@ -99,7 +99,7 @@ def test_files_that_lack_or_do_not_belong(entry, check, spoil, message):
         ("server", ["generic"], "server: expected a line"),
         ("server", "\x1b[2J", "server: expected a line"),
         ("prompt_hash", "0" * 64, "does not match the prompt_hash in planner.json"),
-        ("model", "another", "nonce: does not follow from the seed of season 4"),
+        ("model", "another", "nonce: does not follow from the seed of season 5"),
         ("season", None, "season: expected the number of a closed one, got None"),  # beside a nonce
     ],
 )

@@ -84,7 +84,7 @@ def test_a_verdict_says_what_an_evaluation_says_to_the_digit(board, in_process, 
     folder = enter(board, "ally", "linear", seeds=(0, 2))
     verdicts_of(board)
     agents = [str(folder / f"seed_{seed}") for seed in (0, 2)]
-    (evaluated,) = evaluate(agents, "ally-v2", tmp_path / "results", name="linear")
+    (evaluated,) = evaluate({"linear": agents}, "ally-v2", tmp_path / "results")
     case = case_of(board, folder)
     summary = summaries_of(case.result.records, case.suites)[PUBLIC]
     assert (summary.records, summary.score) == (evaluated.records, evaluated.score)
