@@ -86,7 +86,7 @@ def test_links_lead_somewhere(page):
 
 
 def installs_of(text):
-    """Ways in which a text installs fpg-bench with pip: options and source, without extras and from its folder."""
+    """Ways in which a text installs fpg-bench with pip: options and source, without extras."""
     for line in re.findall(r"\bpip install ([^\n`]*)", text.replace("\\", "").replace("../", "")):
         words = (
             re.sub(r"--quiet |-r \S+ |\[[\w,]+\]", "", line.replace('"..[', '".[')).replace('"', "").split()

@@ -56,7 +56,9 @@ def rounds() -> list[Replay]:
 def build_small_site(folder: Path, entries: int) -> None:
     """Build a site with two agents of the zoo, one the leader of many, two rounds, and a past season."""
     board = example_board(entries, hostile=True, season=2)
-    board = with_entry(board, "player-8", kind="zoo", plays="ally-champion/ppo-stack8")
+    for entry in (entry for entry in board.tracks[0].entries if entry.slug == "player-8"):
+        about = entry.about.model_copy(update={"script": None, "zoo": "ally-champion/ppo-stack8"})
+        board = with_entry(board, entry.slug, about=about)
     with small_zoo():
         build_site(board, folder, {("ally", "player-3"): rounds()})
 
