@@ -29,7 +29,7 @@ from fpg_bench.players.planner import TIERS
 from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.about import SubmissionFile, board_name
 from fpg_bench.products.leaderboard.cases import Case
-from fpg_bench.products.leaderboard.crossplay import CrossplayEntry, Pair, Pairs, fully_played, pair_key
+from fpg_bench.products.leaderboard.crossplay import Pair, Pairs, fully_played, pair_key
 from fpg_bench.products.leaderboard.entries import Entries
 from fpg_bench.products.leaderboard.exploited import Attack, Exploited
 from fpg_bench.products.leaderboard.result import PlannerFacts, round_finite
@@ -48,6 +48,7 @@ from fpg_bench.products.leaderboard.trail import first_returns, play_options, pl
 from fpg_bench.version import __version__
 
 CROSSPLAY = "cross-play"
+_SAME_WITHIN = 0.005  # of the range of a matrix of cross-play: one player twice
 Matrix = list[list[float | None]]
 
 
@@ -265,7 +266,7 @@ class CrossPlay:
     Attributes:
         season: the number of the season on whose seeds it was played; None before the first.
         allies, opponents: rows and columns of all matrices.
-        same_player: opponents that are left out, each with the same player's first entry, which is shown.
+        same_player: opponents that are left out, each with the opponent that is shown instead.
         missing: by side, the entries that have not played all others.
         returns: by side, mean return per step.
         half: by side, half the width of its 95 % interval over training seeds.
@@ -576,38 +577,45 @@ def _improvements(ranked: Sequence[Summary]) -> dict[str, Interval]:
 
 
 def _make_crossplay(pairs: Pairs, season: int | None) -> CrossPlay | None:
-    allies, met = fully_played(pairs)
-    if not allies or not met:
+    allies, opponents = fully_played(pairs)
+    if not allies or not opponents:
         return None
-    first: dict[tuple[str, ...], CrossplayEntry] = {}  # of each opponent's entries
-    same = {entry.slug: first.setdefault(tuple(entry.identity), entry).slug for entry in met}
-    opponents = list(first.values())
     played = [[pairs.results[pair_key(a, o)] for o in opponents] for a in allies]
-    returns: dict[str, Matrix] = {
-        side: [[round_finite(pair.reward(side)) for pair in row] for row in played] for side in SIDES
-    }
+    returns = {side: [[round_finite(pair.reward(side)) for pair in row] for row in played] for side in SIDES}
+    half = {side: [[_half_width(pair, side) for pair in row] for row in played] for side in SIDES}
+    jammed = [[pair.jamming_success_rate for pair in row] for row in played]
     equilibrium = nash(-np.array(returns["ally"]))  # the ally, who chooses rows, minimises
+    left_out = _same_players(
+        [entry.identity for entry in opponents], [*map(np.array, returns.values()), np.array(jammed)]
+    )
+    shown = [column for column in range(len(opponents)) if column not in left_out]
+    slugs = [entry.slug for entry in opponents]
+    shares = dict.fromkeys((slugs[column] for column in shown), 0.0)
+    for column, share in enumerate(equilibrium.columns):  # a player has the shares of all its entries
+        shares[slugs[left_out.get(column, column)]] += round_finite(share)
+
+    def columns(matrix: Sequence[Sequence[float | None]]) -> Matrix:
+        return [[row[column] for column in shown] for row in matrix]
+
     return CrossPlay(
         season=season,
         allies=tuple(entry.slug for entry in allies),
-        opponents=tuple(entry.slug for entry in opponents),
-        same_player={slug: shown for slug, shown in same.items() if slug != shown},
+        opponents=tuple(shares),
+        same_player={slugs[column]: slugs[first] for column, first in left_out.items()},
         missing={
             side: tuple(entry.slug for entry in entries if entry not in complete)
             for side, entries, complete in (
                 ("ally", pairs.allies, allies),
-                ("opponent", pairs.opponents, met),
+                ("opponent", pairs.opponents, opponents),
             )
         },
-        returns=returns,
-        half={side: [[_half_width(pair, side) for pair in row] for row in played] for side in SIDES},
-        jamming_success_rate=[[pair.jamming_success_rate for pair in row] for row in played],
+        returns={side: columns(matrix) for side, matrix in returns.items()},
+        half={side: columns(matrix) for side, matrix in half.items()},
+        jamming_success_rate=columns(jammed),
         rounds=played[0][0].rounds,
         nash=NashMixture(
             ally={a.slug: round_finite(share) for a, share in zip(allies, equilibrium.rows, strict=True)},
-            opponent={
-                o.slug: round_finite(share) for o, share in zip(opponents, equilibrium.columns, strict=True)
-            },
+            opponent=shares,
             value=round_finite(-equilibrium.value),
         ),
     )
@@ -617,3 +625,23 @@ def _half_width(pair: Pair, side: str) -> float | None:
     """Return half the width of the 95 % interval of a side's return per step; None for a single seed."""
     rewards = np.array(pair.rewards(side))
     return round_finite(student_half(rewards)) if len(rewards) > 1 else None
+
+
+def _same_players(identities: Sequence[list[str]], matrices: Sequence[np.ndarray]) -> dict[int, int]:
+    """Return the columns that repeat an earlier one: the same policies with the same figures everywhere.
+
+    Figures are compared, too, because the same policies play a different game in the table of opponents that
+    fly themselves.
+    """
+    first: dict[int, int] = {}
+    for column, identity in enumerate(identities):
+        for earlier in range(column):
+            is_same = identity == identities[earlier] and earlier not in first
+            if is_same and all(_is_close(matrix, column, earlier) for matrix in matrices):
+                first[column] = earlier
+                break
+    return first
+
+
+def _is_close(matrix: np.ndarray, one: int, other: int) -> bool:
+    return bool(np.abs(matrix[:, one] - matrix[:, other]).max() <= _SAME_WITHIN * np.ptp(matrix))

@@ -172,20 +172,21 @@ def assert_mixtures_fit(crossplay):
 
 
 def test_the_same_player_is_shown_once(board):
-    """One script stands in both tables of opponents."""
+    """One script stands in both tables of opponents; ``random`` flies otherwise where it flies itself."""
     enter(board, "ally", "wise", script="expert")
-    enter(board, "opponent", "near-tone", script="tone")
-    enter(board, "opponent", "far-tone", script="tone", path="learned")
+    for script in ("tone", "random"):
+        enter(board, "opponent", f"near-{script}", script=script)
+        enter(board, "opponent", f"far-{script}", script=script, path="learned")
     enter(board, "opponent", "other", script="comb")
     verify(board)
     bad_pairs(board)
     crossplay = make_board(load_entries(board)).crossplay["standard"]
     assert crossplay.same_player == {"near-tone": "far-tone"}
-    assert crossplay.opponents == ("far-tone", "other")
+    assert crossplay.opponents == ("far-random", "far-tone", "near-random", "other")
     assert tuple(crossplay.nash.opponent) == crossplay.opponents
     assert sum(crossplay.nash.opponent.values()) == pytest.approx(1, abs=1e-4)
     for matrix in (crossplay.jamming_success_rate, *crossplay.returns.values(), *crossplay.half.values()):
-        assert [len(row) for row in matrix] == [2]
+        assert [len(row) for row in matrix] == [4]
 
 
 @pytest.fixture
