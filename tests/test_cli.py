@@ -14,7 +14,7 @@ from fpg_bench import __version__
 from fpg_bench.cli import options, training
 from fpg_bench.cli.main import app
 from fpg_bench.cli.options import whole_number
-from fpg_bench.common import output
+from fpg_bench.common import output, starting
 from fpg_bench.common.ids import ENVS, SCRIPTED
 from fpg_bench.common.rows import RowFile
 from fpg_bench.game.names import CHOSEN, OBSERVED, PATHS
@@ -321,3 +321,19 @@ def test_flags_have_no_type_in_the_help(monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "--resume" in printed
     assert "bool" not in printed
+
+
+@pytest.mark.parametrize(
+    ("words", "kept"),
+    [
+        (["train", "ppo", "--out", "/home/me/runs/a=b"], "fpg-bench train ppo --out a=b"),
+        (["train", "ppo", "--out=/home/me/a", "--start", "/b"], "fpg-bench train ppo --out=a --start /b"),
+        (["close-season", "6", "--work", "/tmp/w"], "fpg-bench close-season 6 --work w"),
+        (["zoo", "--work"], "fpg-bench zoo --work"),
+        ([], "fpg-bench"),
+    ],
+)
+def test_the_command_that_agents_keep_names_no_folder_that_it_writes(words, kept, monkeypatch):
+    monkeypatch.setenv(starting.COMMAND, "")
+    starting.keep_command(words)
+    assert os.environ[starting.COMMAND] == kept

@@ -38,7 +38,7 @@ HASHES = {
 SEASONS = {
     "season-4": "4038b64adc95b0136bd1fe9bf7f864d0b169bdc442a94077f1d8d7781009ceb2",
     "season-4-link": "d23d9f763ffc49a383db33b9b5f2538f00287bb863f4e67b1b24bcf0f54ee3f7",
-    "season-5": "f92dca250cb1e2ab717f0a1a98381f35950bb85676e7146137e03d90288aea59",
+    "season-5": "9d37e9c1b5e5ee646025ce2a1688e03396341b4c098db59c589b623231d1094f",
 }
 
 

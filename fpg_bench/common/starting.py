@@ -8,15 +8,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 STOPPED = 130
+WRITTEN = ("--out", "--work")  # folders; agents are published, and name none of a machine
 COMMAND = "FPG_BENCH_COMMAND"  # in the environment of the command line, and of its workers
 
 
 def keep_command(words: Sequence[str]) -> None:
-    """Keep the command for what it makes; of an absolute ``--out`` the name, as agents are published."""
-    kept = ["fpg-bench", *words]
-    for place, word in enumerate(words):
-        if words[place - 1 : place] == ["--out"] and Path(word).is_absolute():
-            kept[place + 1] = Path(word).name
+    """Keep the command for what it makes; of the absolute folders that it writes the names."""
+    kept = ["fpg-bench"]
+    for before, word in zip(["", *words], words, strict=False):
+        option, _, path = word.partition("=") if word.startswith("--") else (before, "", word)
+        is_written = option in WRITTEN and Path(path).is_absolute()
+        kept.append(word.removesuffix(path) + Path(path).name if is_written else word)
     os.environ[COMMAND] = shlex.join(kept)
 
 

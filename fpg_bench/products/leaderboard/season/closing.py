@@ -20,6 +20,7 @@ from fpg_bench.common.files import read_yaml, write_whole
 from fpg_bench.common.ids import ALL_TACTICS, SCRIPTED, SCRIPTS, other_side
 from fpg_bench.common.locks import locked
 from fpg_bench.common.parallel import Job, Workers, check_all_done, folder_job, run_jobs
+from fpg_bench.evaluation.run_description import RunDescription
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.store import Pairing, Store
 from fpg_bench.game.scenario import as_scenario
@@ -42,6 +43,7 @@ from fpg_bench.products.leaderboard.season.entries import (
     season_seed,
 )
 from fpg_bench.products.leaderboard.season.recipes import (
+    SEARCHED,
     STRANGERS,
     Recipe,
     draw_number,
@@ -61,7 +63,6 @@ from fpg_bench.products.leaderboard.season.season import (
 from fpg_bench.products.leaderboard.season.selection import limit_influence, select_representative
 from fpg_bench.products.leaderboard.season_keys import season_label
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
-from fpg_bench.version import versions
 
 _logger = logging.getLogger(__name__)
 
@@ -413,18 +414,18 @@ def _select_members(
     size = closing.size
     names = [recipe.name for recipe in closing.recipes(side)]
     competent = _competent(closing, side, "candidates", names, profiles, min(size, FEWEST))
-    hashes: dict[str, Recipe] = {}  # searches may find the same rule
+    by_policy: dict[str, Recipe] = {}  # searches may find the same rule
     for recipe in closing.recipes(side):
         if recipe.name in competent:
-            hashes.setdefault(read_card(closing.folder(side, recipe) / "agent").policy_sha256, recipe)
-    recipes = list(hashes.values())
+            by_policy.setdefault(read_card(closing.folder(side, recipe) / "agent").policy_sha256, recipe)
+    recipes = list(by_policy.values())
     returns = _columns(closing, side, [profiles[recipe.name].means for recipe in recipes])
     kinds = [kind_of(recipe.algorithm) for recipe in recipes]
     chosen = select_representative(limit_influence(returns), min(size, len(recipes)), kinds)
     return tuple(
         SeasonMember(
             **dict(recipes[index]),
-            policy_sha256=list(hashes)[index],
+            policy_sha256=list(by_policy)[index],
             entries_earn=round(statistics.fmean(returns[:, index]), 3),
         )
         for index in chosen
@@ -435,6 +436,11 @@ def _publish(
     closing: Closing, out: Path, members: dict[str, tuple[SeasonMember, ...]], checks: tuple[SeasonCheck, ...]
 ) -> Season:
     """Copy the members and write the suites of the season's tracks; ``season.yml`` is written last."""
+    versions: dict[str, str] = {}  # of a trained member: those that were searched have the package's alone
+    for side in SIDES:
+        for member in members[side]:
+            if member.algorithm not in SEARCHED:
+                versions |= RunDescription.read(closing.folder(side, member)).versions
     season = Season(
         folder=out,
         name=closing.name,
@@ -444,7 +450,7 @@ def _publish(
         candidates=dict.fromkeys(SIDES, closing.candidates),
         entries={entry.name: list(entry.hashes) for entry in closing.entries},
         members=members,
-        versions=versions(),
+        versions=versions,
         checks=checks,
         scenario=closing.scenario,
     )
