@@ -18,11 +18,12 @@ from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.common.schema import parse
 from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.agent import read_card
+from fpg_bench.players.agent import read_card, write_agent
 from fpg_bench.players.card import AgentCard
 from fpg_bench.products.league.categorical import CategoricalSearch, Generation
 from fpg_bench.products.league.config import LeagueConfig
-from fpg_bench.training.run_folder import RunFolder
+from fpg_bench.training.run_folder import RunFolder, command, revision
+from fpg_bench.version import versions
 
 _logger = logging.getLogger(__name__)
 
@@ -77,6 +78,44 @@ def run_search(
         if progress and 4 * seconds // budget > quarters:
             _logger.info(f"generation {row.generation}: {row.earned:.2f} per step; {seconds:.0f} CPU s")
     return rows[-1].earned, round(seconds, 1)
+
+
+def write_found(
+    folder: Path,
+    model: bytes,
+    search: CategoricalSearch,
+    game: GameSpec,
+    algorithm: str,
+    seconds: float,
+    recipe: JsonObject,
+) -> None:
+    """Write what a search found as an agent.
+
+    Args:
+        folder: the agent's folder.
+        model: the policy as ONNX.
+        search: the search, which has ended.
+        game: the game that it was searched in.
+        algorithm: its name.
+        seconds: CPU seconds of the search.
+        recipe: the numbers that were found.
+    """
+    scenario = game.resolve()
+    write_agent(
+        folder,
+        model,
+        algorithm=algorithm,
+        game=game.describe(),
+        scenario=scenario.hash,
+        scenario_fields=scenario.to_dict(),
+        training_seed=search.seed,
+        training_steps=search.rounds * scenario.steps_per_round,
+        seconds=seconds,
+        recipe=recipe,
+        command=command(),
+        versions=versions(),
+        revision=revision(),
+    )
 
 
 def settings_of(config: LeagueConfig, *without: str) -> JsonObject:

@@ -11,18 +11,17 @@ import numpy as np
 from fpg_bench.common.files import write_json
 from fpg_bench.common.ids import SCRIPTS, other_side, policy_env
 from fpg_bench.common.rows import Row
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.agent import expand_suites, write_agent
+from fpg_bench.players.agent import expand_suites
 from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.products.league.candidates import Candidates, earnings
 from fpg_bench.products.league.categorical import CategoricalSearch
 from fpg_bench.products.league.config import RuleSearchConfig
-from fpg_bench.products.league.folder import run_search, search_folder
+from fpg_bench.products.league.folder import run_search, search_folder, write_found
 from fpg_bench.products.league.rules import NUMBERS, Option, describe_rule, rule_graph, rule_values
-from fpg_bench.training.run_folder import command, revision
-from fpg_bench.version import versions
 
 NAME = "rule"  # of its files, and of the algorithm
 
@@ -88,21 +87,9 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
             "generations": generations,
             "seconds": seconds,
         }
-        write_agent(
-            folder / "agent",
-            rule_graph(config.side, scenario, rule_values(config.side, best[None], scenario)[0]),
-            algorithm=NAME,
-            game=game.describe(),
-            scenario=scenario.hash,
-            scenario_fields=scenario.to_dict(),
-            training_seed=config.seed,
-            training_steps=search.rounds * scenario.steps_per_round,
-            seconds=seconds,
-            recipe={"rule": result["rule"], "words": result["words"]},
-            command=command(),
-            versions=versions(),
-            revision=revision(),
-        )
+        model = rule_graph(config.side, scenario, rule_values(config.side, best[None], scenario)[0])
+        recipe: JsonObject = {"rule": result["rule"], "words": result["words"]}
+        write_found(folder / "agent", model, search, game, NAME, seconds, recipe)
         write_json(folder / f"{NAME}.json", {**about, **result})
     return result
 

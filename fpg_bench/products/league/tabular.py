@@ -21,6 +21,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import other_side
 from fpg_bench.common.imports import code_fingerprint
 from fpg_bench.common.rows import Row
+from fpg_bench.common.strict_json import JsonObject
 from fpg_bench.game.actions import IN_BAND_GATE, PREFERENCE, TUNING, TYPE_SCORES, VELOCITY
 from fpg_bench.game.choices import PURSUIT_M, Choices
 from fpg_bench.game.names import JAMMING_TYPES
@@ -38,15 +39,12 @@ from fpg_bench.game.sensing import (
 )
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE, TYPES
-from fpg_bench.players.agent import write_agent
 from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player, policy_hash
 from fpg_bench.products.league.candidates import Candidates, away_m, earnings
 from fpg_bench.products.league.categorical import CategoricalSearch
-from fpg_bench.products.league.folder import run_search, search_folder
+from fpg_bench.products.league.folder import run_search, search_folder, write_found
 from fpg_bench.training.export import Graph, Value, counted, rows_of
-from fpg_bench.training.run_folder import command, revision
-from fpg_bench.version import versions
 
 MOST_CELLS = 4096
 
@@ -325,21 +323,9 @@ def table_search(
         search = TableSearch(side, [rival], scenario, features, game.reward or "own", seed)
         _, seconds = run_search(search, folder, NAME, about, budget, progress)
         cells = search.best.tolist()
-        write_agent(
-            folder / "agent",
-            table_onnx(side, features, scenario, cells),
-            algorithm=NAME,
-            game=game.describe(),
-            scenario=scenario.hash,
-            scenario_fields=scenario.to_dict(),
-            training_seed=seed,
-            training_steps=search.rounds * scenario.steps_per_round,
-            seconds=seconds,
-            recipe={"features": about["features"], "cells": cells},
-            command=command(),
-            versions=versions(),
-            revision=revision(),
-        )
+        recipe: JsonObject = {"features": about["features"], "cells": cells}
+        model = table_onnx(side, features, scenario, cells)
+        write_found(folder / "agent", model, search, game, NAME, seconds, recipe)
     return seconds
 
 

@@ -19,20 +19,19 @@ from fpg_bench.evaluation.store import RECORDS, Pairing
 from fpg_bench.evaluation.suite import Rival, Scale, Suite, load_suite
 from fpg_bench.game.scenario import as_scenario
 from fpg_bench.game.spec import GameSpec
-from fpg_bench.players.agent import write_agent
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player, named_card
 from fpg_bench.products.leaderboard.season.recipes import DISCRETE, SEARCHED, Recipe, hyperparameters
 from fpg_bench.products.leaderboard.tracks import track_of
 from fpg_bench.products.league.best_responses import draw_features
 from fpg_bench.products.league.categorical import CategoricalSearch
+from fpg_bench.products.league.folder import write_found
 from fpg_bench.products.league.rule_search import RuleSearch, rule_of
 from fpg_bench.products.league.rules import rule_graph, rule_values
 from fpg_bench.products.league.tabular import TableSearch, table_onnx
 from fpg_bench.training.config import RunConfig
-from fpg_bench.training.run_folder import RunFolder, revision
+from fpg_bench.training.run_folder import RunFolder
 from fpg_bench.training.train import train
-from fpg_bench.version import versions
 
 ROUNDS = 60  # of each entry against each candidate
 PROFILE = RECORDS
@@ -99,20 +98,7 @@ def _search(recipe: Recipe, game: GameSpec, agent: Path) -> None:
         best = search.best
         model = table_onnx(recipe.side, features, scenario, best.tolist())
         found = {"features": features, "cells": best.tolist()}
-    write_agent(
-        agent,
-        model,
-        algorithm=recipe.algorithm,
-        game=game.describe(),
-        scenario=scenario.hash,
-        scenario_fields=scenario.to_dict(),
-        training_seed=recipe.training_seed,
-        training_steps=search.rounds * scenario.steps_per_round,
-        seconds=round(time.process_time() - began, 1),
-        recipe=found,
-        versions=versions(),
-        revision=revision(),
-    )
+    write_found(agent, model, search, game, recipe.algorithm, round(time.process_time() - began, 1), found)
 
 
 def against_candidate(
