@@ -57,8 +57,8 @@ def check_members(evidence: Evidence) -> Iterator[Verdict]:
     ahead = evidence.oracle - evidence.members[best]
     least, share = ahead.mean() - student_half(ahead), float((ahead >= 0).mean())
     line = (
-        f"an oracle earns {evidence.oracle.mean():.2f}, the best entry {means[best]:.2f}, at least "
-        f"{least:.2f} less; not more from {share:.0%} of the members"
+        f"an oracle earns {evidence.oracle.mean():.2f}, the best entry {means[best]:.2f}; the difference is "
+        f"at least {least:.2f} (95 %); it earns as much or more from {100 * share:.0f} % of the members"
     )
     yield Verdict(f"{side}: an oracle ranks first", bool(least > 0) and share >= ORACLE_SHARE, line)
     script, floor = evidence.floor

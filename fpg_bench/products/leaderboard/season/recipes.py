@@ -1,4 +1,4 @@
-"""Recipes of a season's candidates: how each is trained, and against whom.
+"""Recipes of a season's candidates: how each is trained or searched, and against whom.
 
 All draws follow from the season's seed by SHA-256, so they are the same on every machine and version.
 """
@@ -17,12 +17,9 @@ from fpg_bench.training.rl_zoo3_format import Entry
 
 REWARD = "own"  # who is paid otherwise plays what nobody would who pays the prices of the rules
 DISCRETE = "-discrete"  # ends the names of algorithms that choose from the list of actions
-# How candidates are made, by kind: what a season shows must not be the weakness of a single one.
-KINDS = {
-    "ppo": ("ppo-fast-stack8-discrete", "ppo-fast-memory-discrete", "ppo-fast-discrete"),
-    "rule": ("rule",),  # fpg_bench.products.league.rules
-    "table": ("table",),  # fpg_bench.products.league.tabular
-}
+# How candidates are made, in turn: by PPO, or as rules and tables (fpg_bench.products.league), which are
+# searched without a network. A weakness that is common to one kind of players shall not decide a ranking.
+SEARCHED = ("rule", "table")
 ALGORITHMS = (
     "ppo-fast-stack8-discrete",
     "rule",
@@ -33,8 +30,7 @@ ALGORITHMS = (
 )
 # Value learners, a kind that no member is of, tell whether others than the members order entries alike.
 STRANGERS = ("qr-dqn-memory-discrete", "dqn-memory-discrete")
-SEARCHED = ("rule", "table")  # without a network; their steps are generations of the search
-STEPS = {
+STEPS = {  # of a search, its generations
     **dict.fromkeys(ALGORITHMS, (1_000_000, 2_000_000)),
     "rule": (70, 100),
     "table": (100, 200),
@@ -207,5 +203,5 @@ def hyperparameters(recipe: Recipe) -> Entry:
 
 
 def kind_of(algorithm: str) -> str:
-    """Return the kind of a candidate's algorithm; of one that is drawn no more, the algorithm."""
-    return next((kind for kind, names in KINDS.items() if algorithm in names), algorithm)
+    """Return the kind of a candidate's algorithm: ``rule``, ``table`` or ``ppo``."""
+    return algorithm if algorithm in SEARCHED else "ppo"
