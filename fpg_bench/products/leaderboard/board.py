@@ -217,6 +217,7 @@ class BoardTrack:
     Attributes:
         ranked_by: the role of the suite that ranks it.
         scale: returns per step that score 0 and 100 in the public suite.
+        checks: whether each check on the rivals held when the season was closed, by name.
         student: Student's t of the differences by role; with it those of all pairs hold together.
         entries: best first; then those without a rank, then references, then those not verified.
     """
@@ -227,6 +228,7 @@ class BoardTrack:
     ranked_by: str
     suites: tuple[BoardSuite, ...]
     scale: Scale
+    checks: Mapping[str, bool]
     entries: tuple[BoardEntry, ...]
     student: Mapping[str, float]
 
@@ -337,7 +339,7 @@ def make_board(
 
 
 def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], Sequence[str]]) -> BoardTrack:
-    suites = every.suites.of(track)
+    suites, season = every.suites.of(track), every.suites.season(track)
     role = ranked_by(suites)
     verified = [item for item in every.verified if item.track is track]
     ranked = sorted(
@@ -356,7 +358,7 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
                 item.summaries.get(role, item.summaries[PUBLIC]),
                 placed.get(item.slug),
                 again.get(item.slug),
-                is_late=_is_late(item.submission, every.suites.season(track)),
+                is_late=_is_late(item.submission, season),
                 exploited=_exploited(item, every),
                 same_policies=tuple(every.shared.get(item.name, ())),
             ),
@@ -387,11 +389,19 @@ def _make_track(every: Entries, track: Track, replays: Mapping[tuple[str, str], 
             for role, suite in suites.items()
         ),
         scale=every.suites.public(track).scale,
+        checks=_checks(season, other_side(track.side)),
         entries=tuple(sorted(entries, key=_sort_key)),
         student={
             role: student_t(suite.matches, error) for role, suite in suites.items() if suite.matches > 1
         },
     )
+
+
+def _checks(season: SeasonKey | None, rivals: str) -> dict[str, bool]:
+    """Return the checks of a season on the members of one side, by their names without the side."""
+    checks = {} if season is None else season.checks
+    named = {name.partition(": "): holds for name, holds in checks.items()}
+    return {name: holds for (side, _, name), holds in named.items() if side == rivals}
 
 
 def _exploited(item: Case, every: Entries) -> Exploited | None:

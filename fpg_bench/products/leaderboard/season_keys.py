@@ -27,12 +27,15 @@ class SeasonKey:
         entries: the hashes of each entry's policies when it was closed, by ``track/name``. The seed follows
             from them, so another entry would have changed it.
         scenario: the preset that it is played in; each has a closing of its own.
+        checks: whether each check on its members held at the closing, by side and name; earlier seasons
+            have none.
     """
 
     number: int
     seed: str
     entries: Mapping[str, Sequence[str]] = field(default_factory=dict)
     scenario: str = "standard"
+    checks: Mapping[str, bool] = field(default_factory=dict)
 
     def met(self, name: str, policies: Sequence[str]) -> bool:
         """Return True if the entry had just these policies when the season was closed."""
@@ -86,6 +89,10 @@ def _key(name: str) -> SeasonKey:
     sound = type(content.get("number")) is int and isinstance(content.get("entries"), dict)
     if not sound or not isinstance(content.get("seed"), str):
         raise UserError(f"season {name}: season.yml lacks its number, seed or entries")
+    try:
+        checks = {str(check["name"]): check["holds"] is True for check in content.get("checks", ())}
+    except (TypeError, KeyError):
+        raise UserError(f"season {name}: season.yml: expected checks with name and holds") from None
     number, seed, entries = (content[key] for key in ("number", "seed", "entries"))
     scenario = str(content.get("scenario", "standard"))
     try:
@@ -95,4 +102,4 @@ def _key(name: str) -> SeasonKey:
         follows = False
     if not follows:
         raise UserError(f"season {name}: its seed does not follow from the entries that season.yml lists")
-    return SeasonKey(number, seed, entries, scenario)
+    return SeasonKey(number, seed, entries, scenario, checks)

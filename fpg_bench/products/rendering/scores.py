@@ -64,5 +64,5 @@ def _draw_curves(axes: Axes, summaries: Sequence[Summary], styles: Iterable[canv
         axes.plot(rounds, [score.value for score in curve], **style)
         low, high = ([getattr(score, end) for score in curve] for end in ("low", "high"))
         axes.fill_between(rounds, low, high, color=style["color"], alpha=0.15, lw=0)
-    scale = textwrap.fill(summaries[0].suite.scale.description, 40)
+    scale = textwrap.fill(summaries[0].suite.scale.description, 36)
     axes.set(xlabel="round of the match; marks as on the right", ylabel=scale, xticks=rounds)

@@ -84,6 +84,7 @@ def example_board(
                 ranked_by=suites[-2].role if season else PUBLIC,
                 suites=suites,
                 scale=Scale(-5.66, 22.0),
+                checks={"halves agree": True, "kinds agree": False} if number else {},
                 entries=(*ranked, *(row for row in rows if row.figures is None)),
                 student={suite.role: 3.25 for suite in suites},
             )

@@ -174,6 +174,8 @@ def test_a_table_explains_what_a_reader_stumbles_over():
     for one, other in (("opponent-pursuit", "opponent-link"), ("opponent-link", "opponent-pursuit")):
         assert f"also in the table “{titles[other]}”" in notes[one]
     assert "overlap ratio can be high" in notes["ally-link"]
+    failed = "1 of 2 checks on these rivals failed when the season was closed (kinds agree)"
+    assert [failed in notes[track.key] for track in board.tracks] == [bool(t.checks) for t in board.tracks]
 
 
 def test_the_best_and_its_gap_are_named(plain_site):

@@ -124,6 +124,7 @@ SEED = f"number: 1\nprotocol: '{PROTOCOL}'\nseed: {seed_from(PROTOCOL, 1, ())}\n
     "text",
     [
         *("number: x\nseed: a\n", "number: 1\n", "[]\n"),
+        *(f"entries: {{}}\n{SEED}checks: {checks}\n" for checks in ("1", "[1]", "[{name: x}]")),
         # Nobody is written into a season afterwards: the seed follows from its policies.
         f"entries: {{ally/late: [{'0' * 64}]}}\n{SEED}",
     ],

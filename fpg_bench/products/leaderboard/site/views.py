@@ -334,6 +334,11 @@ def track_view(board: Board, track: BoardTrack) -> dict[str, Any]:
 
 def _track_notes(board: Board, track: BoardTrack) -> Iterator[str]:
     """Yield what a reader of a track's table may stumble over."""
+    if failed := [name for name, holds in track.checks.items() if not holds]:
+        yield (
+            f"{len(failed)} of {len(track.checks)} checks on these rivals failed when the season was closed "
+            f"({'; '.join(failed)}), so differences of a few points among the best say little."
+        )
     agents = {entry.plays: entry.name for entry in track.entries if entry.kind == "zoo" and entry.plays}
     for other in board.tracks:
         shared = [agents[entry.plays] for entry in other.entries if entry.plays in agents]

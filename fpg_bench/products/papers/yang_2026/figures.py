@@ -79,13 +79,13 @@ def rewards(
         n_panels = len(present) + (others != present)
         across = min(columns, n_panels)
         lines = -(-n_panels // across)
-        figure = blank_figure(PAGE, 0.8 + 1.5 * lines)
+        figure = blank_figure(PAGE, 0.8 + 1.65 * lines)
         panels = figure.subplots(lines, across, sharex=True, sharey=True, squeeze=False)
         for axes, condition in zip(panels.flat, present, strict=False):
             for side in SIDE_STYLES:
                 _draw_reward(axes, results, condition, side)
             title = base if condition == BASE else _TITLES.get(condition, condition)
-            axes.set_title(f"{title} (n = {len(results.seeds(condition))})")
+            axes.set_title(f"{title}\nn = {len(results.seeds(condition))}")
             axes.set_xticks((0, 0.5, 1))
         for axes in panels.flat[len(present) :]:
             axes.remove()
