@@ -74,6 +74,26 @@ def test_every_part_of_a_page_between_marks_is_made_by_a_stage_or_is_a_table_of_
             assert f"{path.relative_to(ROOT).as_posix()}#{mark}" in made
 
 
+def test_a_number_of_results_in_prose_belongs_to_a_stage_or_to_a_revision():
+    """Pages of results are read again when their data change; elsewhere, intervals name a revision."""
+    read = {
+        word.strip(",") for stage in STAGES.values() for word in stage.by.split() if stage.by[:5] == "read "
+    }
+    whole = [part for stage in STAGES.values() for part in stage.makes if "#" not in part]
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+        name = path.relative_to(ROOT).as_posix()
+        prose = re.sub(
+            r"<!-- (?!end).*?-->.*?<!-- end -->|^```.*?^```|`[^`\n]*`|\(http.*?\)|^\|.*?$",
+            "",
+            path.read_text(),
+            flags=re.DOTALL | re.MULTILINE,
+        )
+        results = name.startswith(("README", "docs/results/", "docs/benchmark/"))
+        found = re.search(r"\d\.\d" if results else r"-?\d+\.\d \[-?\d.*?\]", prose)
+        if found and name not in read and not matches(name, tuple(whole)):
+            assert "revision" in prose, f"{name}: {found[0]}"
+
+
 @pytest.mark.parametrize("name", sorted(STAGES.keys() - GONE.keys()))
 def test_the_command_of_a_stage_exists_with_its_options(name):
     program, *words = STAGES[name].by.split()
