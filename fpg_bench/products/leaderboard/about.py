@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import unicodedata
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -16,7 +15,6 @@ from fpg_bench.common.checks import title
 from fpg_bench.common.errors import UserError, meant, nearest, shown
 from fpg_bench.common.schema import Expected, Items, Strict, problems_of
 from fpg_bench.players.card import MOST_SECONDS, MOST_STEPS
-from fpg_bench.players.player import SIDES
 from fpg_bench.products.leaderboard.folders import TRACK_FOLDERS
 from fpg_bench.products.leaderboard.tracks import SCENARIOS
 
@@ -41,17 +39,15 @@ def name_skeleton(name: str) -> str:
 
 
 def board_name(about: SubmissionFile, slug: str) -> str:
-    """Return the name on the board: its own, or of the package's agents algorithm and group, in short.
+    """Return the name on the board: for an agent of the package that by which the command line plays it.
 
-    Such as ``PPO-stack8 champion`` for ``ally-champion/ppo-stack8``.
+    Another entry of the same agent adds what its folder's name has more.
     """
     if about.zoo is None:
         return about.name
     group, _, algorithm = about.zoo.partition("/")
-    variant = [word for word in group.split("-") if word not in (*SIDES, algorithm)]
-    rest = slug.removeprefix(group).removeprefix(f"-{algorithm}").strip("-")  # of one in a second table
-    title = re.sub(r", (\d+) stacked frames", r"-stack\1", about.algorithm)
-    return " ".join([title, *variant, *([f"({rest})"] if rest else [])])
+    rest = slug.removeprefix(group).removeprefix(f"-{algorithm}").strip("-")
+    return f"{about.zoo} ({rest})" if rest else about.zoo
 
 
 # Values

@@ -1,6 +1,5 @@
 import os
 import subprocess
-from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -265,7 +264,7 @@ def test_names_are_taken_once_on_a_board(tmp_path):
         admit(second, board_reader(tmp_path))
 
 
-def test_names_of_the_package_s_agents_on_the_board_are_short_and_taken(tmp_path):
+def test_the_package_s_agents_have_their_own_names_on_the_board_and_nobody_else(tmp_path):
     board = tmp_path / "submissions" / "ally"
     about = {
         "training": {"steps": 6_000_000, "hours": 0, "seeds": [0, 1, 2]},
@@ -273,11 +272,9 @@ def test_names_of_the_package_s_agents_on_the_board_are_short_and_taken(tmp_path
     }
     about |= {"name": "PPO, 8 stacked frames (ally champion)", "algorithm": "PPO, 8 stacked frames"}
     shipped = admit(write_submission(board / "ally-champion", (), **about))
-    assert board_name(shipped, shipped.slug) == "PPO-stack8 champion"
-    assert board_name(shipped, "ally-champion-ppo-stack8-again") == "PPO-stack8 champion (again)"
-    rule = SimpleNamespace(algorithm="Rule", zoo="ally-link-rule/rule")
-    assert board_name(rule, "ally-link-rule") == "Rule link"
-    other = write_submission(board / "other", name="PPO-stack8  Champi0n")
+    assert board_name(shipped, shipped.slug) == "ally-champion/ppo-stack8"
+    assert board_name(shipped, "ally-champion-ppo-stack8-again") == "ally-champion/ppo-stack8 (again)"
+    other = write_submission(board / "other", name="Ally-Champi0n/PPO-stack8")
     assert "is the name of 'ally-champion', too" in problems(other)[0]
     assert problems(board / "ally-champion") == []
 
