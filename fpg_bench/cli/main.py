@@ -22,6 +22,7 @@ from fpg_bench.common.errors import UserError, bounded
 from fpg_bench.common.imports import described
 from fpg_bench.common.output import accept_all_letters, print_messages
 from fpg_bench.common.products import load, offered
+from fpg_bench.common.schema import wording
 from fpg_bench.common.starting import COMMAND, STOPPED, keep_command, stopped
 
 _display_type = TyperOption.display_type_rich
@@ -180,6 +181,8 @@ def _run() -> None:
             raise KeyboardInterrupt
         sys.exit(status)
     except typer.TyperException as error:  # wrong arguments
+        if hasattr(error.__cause__, "errors"):  # pydantic's, in words of its own
+            error.message = wording(error.__cause__)
         message = getattr(error, "format_message", error.__str__)()
         verb = getattr(getattr(error, "ctx", None), "command_path", _NAME)
         if (instead := _instead_of(message, verb)) is not None:

@@ -16,6 +16,7 @@ import shutil
 import socket
 import stat
 import tempfile
+import zipfile
 import zlib
 from collections import Counter
 from collections.abc import Iterator
@@ -35,6 +36,7 @@ os.umask(_UMASK := os.umask(0o077))  # there is no other way to read it
 _MOST_NODES = 100_000
 _MOST_YAML = 200_000  # bytes; without libyaml 60,000 are read a second; the largest file shipped has 25,000
 _DEEPEST = 50
+_MOST_UNPACKED = 2**28  # bytes of a packed zip; models and buffers are stored as they are
 _MOST_BITS = 1024  # of a whole number
 _BRACKET = re.compile(r"[\[\]{}]")
 if TYPE_CHECKING:
@@ -62,10 +64,11 @@ class _CarefulLoader(Loader, Composer):
         return node
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
-        number: int = super().construct_yaml_int(node)
-        if number.bit_length() > _MOST_BITS:  # no text and no float can show it
-            raise yaml.constructor.ConstructorError(None, None, "a number is too large", node.start_mark)
-        return number
+        if len(node.value) <= _MOST_BITS:  # Python refuses to read 4,300 digits and more
+            number: int = super().construct_yaml_int(node)
+            if number.bit_length() <= _MOST_BITS:  # no text and no float can show a larger one
+                return number
+        raise yaml.constructor.ConstructorError(None, None, "a number is too large", node.start_mark)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         written = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
@@ -171,6 +174,23 @@ def check_regular(path: Path) -> None:
     """Raise OSError for anything but a regular file, before a reader waits at a pipe for ever."""
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "is not a regular file", str(path))
+
+
+def check_unpacked(path: Path, inner: str = "") -> None:
+    """Raise OSError for a zip that unpacks to far more than it holds, or is no regular file.
+
+    Args:
+        path: the zip.
+        inner: ending of names in it that are zips, too; "": there are none.
+    """
+    check_regular(path)
+    with zipfile.ZipFile(path) as archive:
+        parts = archive.infolist()
+        for name in (part.filename for part in parts if inner and part.filename.endswith(inner)):
+            with zipfile.ZipFile(archive.open(name)) as within:
+                parts = parts + within.infolist()
+    if (size := sum(part.file_size for part in parts)) > max(2 * path.stat().st_size, _MOST_UNPACKED):
+        raise OSError(errno.EFBIG, f"unpacks to {size:,} bytes", str(path))
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

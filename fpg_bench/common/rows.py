@@ -17,7 +17,7 @@ from fpg_bench.common.strict_json import JsonObject, read_object
 
 Row = JsonObject
 SEAL = "sha256"  # key of a row's hash
-_LARGEST = 2**30  # bytes; those of a long run are a few million
+_LARGEST = 2**28  # bytes; those of a long run are a few million
 
 
 def _text(rows: Iterable[Row]) -> str:

@@ -91,8 +91,13 @@ def parse(kind: type[T], data: object, where: str) -> T:
         validated: T = _adapter(typing.cast(Any, kind)).validate_python(data)
         return validated
     except ValidationError as error:
-        problem = _problem(kind, data, error.errors(include_url=False))
+        problem = wording(error, kind, data)
     raise UserError(f"{where}: {problem}")
+
+
+def wording(error: ValidationError, kind: object = object, data: object = None) -> str:
+    """Describe the first problem of data that were validated as a kind, see :func:`parse`."""
+    return _problem(kind, data, error.errors(include_url=False))
 
 
 def problems_of(model: type[M], data: Mapping[str, object]) -> tuple[M, list[str]]:

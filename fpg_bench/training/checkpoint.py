@@ -9,6 +9,7 @@ import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, cast
 
 import numpy as np
@@ -18,7 +19,7 @@ from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecNormalize
 
 from fpg_bench.common.errors import UserError, one_line
-from fpg_bench.common.files import check_regular, read_json, write_json
+from fpg_bench.common.files import check_unpacked, read_json, write_json
 
 MODEL, NORMALIZE, REPLAY, PROGRESS = "model.zip", "normalize.npz", "replay_buffer.npz", "progress.json"
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "_current_progress_remaining")
@@ -122,8 +123,7 @@ def load_weights(model: BaseAlgorithm, run: Path) -> None:
 
 def _load_model(model: BaseAlgorithm, folder: Path) -> None:
     """Load tensors and statistics; the pickles of the zip are never opened."""
-    check_regular(folder / MODEL)
-    _, parameters, variables = load_from_zip_file(folder / MODEL, device="cpu", load_data=False)
+    parameters, variables = read_model(folder / MODEL)
     model.set_parameters(cast(Any, parameters), device="cpu")
     for name, value in (variables or {}).items():  # SAC's entropy coefficient
         recursive_setattr(model, f"{name}.data", value.data)
@@ -133,6 +133,21 @@ def _load_model(model: BaseAlgorithm, folder: Path) -> None:
             for key, value in vars(rms).items():
                 array = _of_shape(arrays[f"{name}_{key}"], np.shape(value))
                 setattr(rms, key, float(array) if key == "count" else array)
+
+
+def read_model(path: Path) -> tuple[Any, Any]:
+    """Return the weights and the variables in a zip of SB3; its pickles are never opened.
+
+    Raises:
+        OSError: it is no regular file, or unpacks to far more than it holds.
+        ValueError: it is no zip of SB3. Torch and zipfile raise other types, too.
+    """
+    check_unpacked(path, inner=".pth")
+    try:
+        _, parameters, variables = load_from_zip_file(path, device="cpu", load_data=False)
+    except UnpicklingError:  # torch advises to run what is in it
+        raise ValueError(f"{path.name} holds more than plain tensors, or is damaged") from None
+    return parameters, variables
 
 
 def _statistics(normalize: VecNormalize) -> dict[str, Any]:
@@ -159,6 +174,6 @@ def _of_shape(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _read(file: Path) -> dict[str, np.ndarray]:
-    check_regular(file)
+    check_unpacked(file)
     with np.load(file, allow_pickle=False) as arrays:
         return dict(arrays)

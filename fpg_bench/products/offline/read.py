@@ -20,7 +20,7 @@ from fpg_bench.game.state import OBSERVATION_SIZE
 from fpg_bench.products.offline.make import METADATA, RECIPE, content_sha256, datasets_root
 from fpg_bench.products.offline.rounds import round_digest
 from fpg_bench.products.offline.spec import NAMESPACE, DatasetSpec, spec_names
-from fpg_bench.products.offline.storage import check_sizes
+from fpg_bench.products.offline.storage import check_files
 
 ARRAYS = ("observations", "actions", "rewards")
 
@@ -135,7 +135,7 @@ def iterate_rounds(
         for file in Path(data).iterdir():
             check_regular(file)
         dataset = minari.MinariDataset(data)
-        check_sizes(Path(data), (steps + 1) * OBSERVATION_SIZE)
+        check_files(Path(data), 8 * (steps + 1) * OBSERVATION_SIZE)
         seeds = [about.get("seed") for about in dataset.storage.get_episode_metadata(range(spec.episodes))]
         for k, episode in enumerate(dataset.iterate_episodes(range(spec.episodes))):
             if seeds[k] != spec.first_seed + k:

@@ -6,6 +6,7 @@ written by several processes at once, and the finished ones of a run that was ki
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -60,19 +61,36 @@ def part_digests(path: Path) -> bytes:
     """Return the concatenated SHA-256 hashes of a part's rounds; raises OSError for a damaged file."""
     check_regular(path)
     with h5py.File(path) as file:
+        _check_held(_DIGESTS, file[_DIGESTS])
         return bytes(file[_DIGESTS][()].tobytes())
 
 
-def check_sizes(folder: Path, most: int) -> None:
-    """Raise ValueError for an array of more than so many numbers, which a file may declare and not hold."""
+def check_files(folder: Path, most: int) -> None:
+    """Raise OSError for an array that is not held or has more bytes, and for a link out of the folder."""
+    paths = sorted(folder.glob("*.hdf5"))
+    names = {path.name for path in paths}
 
-    def check(name: str, found: h5py.Group | h5py.Dataset) -> None:
-        if isinstance(found, h5py.Dataset) and name != _DIGESTS and found.size > most:
-            raise ValueError(f"{name} declares {found.size:,} numbers, a round has {most:,} at most")
+    def outside(name: str, link: h5py.HardLink | h5py.SoftLink | h5py.ExternalLink) -> str | None:
+        return link.filename if isinstance(link, h5py.ExternalLink) and link.filename not in names else None
 
-    for path in sorted(folder.glob("*.hdf5")):
+    for path in paths:
         with h5py.File(path) as file:
-            file.visititems(check)
+            if (other := file.visititems_links(outside)) is not None:
+                raise OSError(f"{path.name} links to {other}, which is no part of it")
+            file.visititems(
+                lambda name, found: _check_held(name, found, math.inf if name == _DIGESTS else most)
+            )
+
+
+def _check_held(name: str, found: h5py.Group | h5py.Dataset, most: float = math.inf) -> None:
+    """Raise OSError for an array that is not held as :func:`write_part` does, plainly, or is too large."""
+    if not isinstance(found, h5py.Dataset):
+        return
+    is_plain = found.id.get_create_plist().get_layout() == h5py.h5d.CONTIGUOUS and not found.external
+    if not is_plain or found.size is None or found.id.get_storage_size() != found.nbytes:
+        raise OSError(f"{name} declares {found.shape} of {found.dtype}, and does not hold it")
+    if found.nbytes > most:
+        raise OSError(f"{name} has {found.nbytes:,} bytes, those of a round are {most:,} at most")
 
 
 def link_parts(folder: Path, sizes: Sequence[int]) -> None:

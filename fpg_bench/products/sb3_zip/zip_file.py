@@ -10,13 +10,13 @@ require_libraries()
 import dataclasses
 import re
 import zipfile
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import torch
 from stable_baselines3 import A2C, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 
 from fpg_bench.common.checks import is_integer
@@ -28,10 +28,10 @@ from fpg_bench.evaluation.run_description import FILE, RunDescription
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import OBSERVATION_SIZE
-from fpg_bench.training.checkpoint import NORMALIZE
+from fpg_bench.training.checkpoint import NORMALIZE, read_model
 from fpg_bench.training.export import export_agent
 from fpg_bench.training.models import ACTIVATIONS
-from fpg_bench.training.rl_zoo3_format import read_entry
+from fpg_bench.training.rl_zoo3_format import net_arch, read_entry
 
 _STATISTICS = "vecnormalize.pkl"
 KINDS: dict[str, type[PPO | A2C | SAC | TD3]] = {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
@@ -188,10 +188,11 @@ def load_zip(path: Path, algorithm: str, game: str | GameSpec) -> BaseAlgorithm:
 def _read(path: Path) -> tuple[JsonObject, dict[str, torch.Tensor]]:
     """Return the plain JSON of a zip, and the policy's weights."""
     try:
+        weights: Any = read_model(path)[0]["policy"]
+        if sum(tensor.nbytes for tensor in weights.values()) > path.stat().st_size:
+            raise ValueError("its tensors have more numbers than it holds")
         with zipfile.ZipFile(path) as archive:
             data = read_object(archive.read("data"), nan=True)
-        _, parameters, _ = load_from_zip_file(path, device="cpu", load_data=False)
-        weights: Any = parameters["policy"]
     except Exception as error:  # zip's, JSON's and torch's kinds
         raise UserError(f"export: {path} is not a zip written by save() of SB3: {error}") from error
     return data, weights
@@ -207,7 +208,7 @@ def _policy_kwargs(data: JsonObject, weights: dict[str, torch.Tensor]) -> dict[s
         raise UserError(f"export: it sees a waterfall of {tuple(seen)}; {INSTEAD}")
     if data.get("use_sde") or saved.get("use_sde"):
         raise UserError(f"export: it was trained with use_sde; {INSTEAD}")
-    kwargs: dict[str, Any] = {"net_arch": _sizes(weights)}
+    kwargs: dict[str, Any] = {"net_arch": net_arch(_sizes(weights), "export: layers")}
     if "activation_fn" in saved:
         name = re.sub(r"\W+$", "", str(saved["activation_fn"])).rpartition(".")[2]
         if name not in ACTIVATIONS:
@@ -228,18 +229,22 @@ def _sizes(weights: dict[str, torch.Tensor]) -> dict[str, list[int]]:
 
 def _layers(weights: dict[str, torch.Tensor], prefix: str) -> list[int]:
     """Return the output sizes of a chain of layers, first to last."""
-    sizes = {
-        int(match[1]): tensor.shape[0]
+    shapes = {
+        int(match[1]): tensor.shape
         for key, tensor in weights.items()
-        if (match := re.fullmatch(re.escape(prefix) + r"\.(\d+)\.weight", key))
+        if tensor.ndim == 2 and (match := re.fullmatch(re.escape(prefix) + r"\.(\d+)\.weight", key))
     }
-    return [sizes[index] for index in sorted(sizes)]
+    chain = [shapes[index] for index in sorted(shapes)]
+    if any(after[1] != before[0] for before, after in pairwise(chain)):
+        raise UserError(f"export: its layers {prefix} do not follow each other; {INSTEAD}")
+    return [shape[0] for shape in chain]
 
 
 def _frames(weights: dict[str, torch.Tensor]) -> int:
     """Return how many stacked frames the first layer reads; raise UserError if it reads something else."""
     name = r"(mlp_extractor\.policy_net|actor\.latent_pi|actor\.mu)\.0\.weight|action_net\.weight"
-    first = next((tensor.shape[1] for key, tensor in weights.items() if re.fullmatch(name, key)), None)
+    plain = {key: tensor for key, tensor in weights.items() if tensor.ndim == 2}
+    first = next((tensor.shape[1] for key, tensor in plain.items() if re.fullmatch(name, key)), None)
     frames, rest = divmod(first or OBSERVATION_SIZE, OBSERVATION_SIZE)
     if rest:
         raise UserError(
