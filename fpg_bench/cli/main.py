@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
+from pydantic import ValidationError
 from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_command, get_group
 
@@ -181,7 +182,7 @@ def _run() -> None:
             raise KeyboardInterrupt
         sys.exit(status)
     except typer.TyperException as error:  # wrong arguments
-        if hasattr(error.__cause__, "errors"):  # pydantic's, in words of its own
+        if isinstance(error.__cause__, ValidationError):  # in pydantic's words
             error.message = wording(error.__cause__)
         message = getattr(error, "format_message", error.__str__)()
         verb = getattr(getattr(error, "ctx", None), "command_path", _NAME)
