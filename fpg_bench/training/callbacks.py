@@ -18,7 +18,11 @@ from fpg_bench.training.checkpoint import save_checkpoint
 from fpg_bench.training.export import exported_player
 from fpg_bench.training.models import by_side
 
-_OF_MONITOR = ("r", "l", "t")  # in an episode's information beside its measures
+# What TensorBoard plots of a round; ``evaluations.jsonl`` has all measures.
+PLOTTED = (
+    *("overlap_ratio", "jamming_success_rate", "outage", "detection_rate", "hop_rate", "spread_ratio"),
+    *("capacity_mbit_s", "ally_return", "opponent_return"),
+)
 SAVE_EVERY_S = 60.0
 
 
@@ -38,16 +42,17 @@ class GameMeasuresCallback(BaseCallback):
         if self._rollouts % self._interval:
             return
         infos = self.model.ep_info_buffer or ()
-        for name in {name: None for info in infos for name in info if name not in _OF_MONITOR}:
-            self.logger.record(f"game/{name}", float(np.mean([info[name] for info in infos if name in info])))
+        for name in PLOTTED:
+            if known := [info[name] for info in infos if name in info]:
+                self.logger.record(f"game/{name}", float(np.mean(known)))
 
     def _on_step(self) -> bool:
         return True
 
 
 def score_tag(side: str, name: str, sides: Sequence[str]) -> str:
-    """Return the tag of a side's score, return or measure on its suite."""
-    return f"score/{name}" if len(sides) == 1 else f"score/{side}_{name}"
+    """Return the tag of a side's score or measure on its suite; TensorBoard shows ``eval`` first."""
+    return f"eval/{name}" if len(sides) == 1 else f"eval/{side}_{name}"
 
 
 class ProgressCallback(BaseCallback):
@@ -175,7 +180,7 @@ class EvalCheckpointCallback(BaseCallback):
         self._last_eval = self.num_timesteps
         for side, result in results.items():
             for name, value in ({"score": result["score"]} | result["measures"]).items():
-                if value is not None:
+                if value is not None and name in ("score", *PLOTTED):
                     self.logger.record(score_tag(side, name, list(results)), value)
         self.logger.dump(self.num_timesteps)  # no rollout may follow
 
