@@ -793,6 +793,9 @@ def give(page, data):
 
 def test_a_policy_file_scores_as_the_page_s_own_version_of_the_agent(visit):
     page = visit("try.html")
+    with page.expect_download() as sample:
+        page.get_by_role("link", name="Take this ally").click()
+    assert sample.value.path().read_bytes() == (baselines_folder() / CHAMPION).read_bytes()
     page.locator("#policy").set_input_files(baselines_folder() / CHAMPION)
     expect(page.locator("#status")).to_contain_text("an unofficial score of")
     rows = page.locator("#table tbody tr").evaluate_all(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_own_folder, write_whole
 from fpg_bench.common.output import published
+from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.leaderboard.board import Board
 from fpg_bench.products.leaderboard.site import views
 from fpg_bench.products.leaderboard.site.entry_page import badge_file, badge_text, entry_view
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 MARK = ".fpg-site"  # a file of a folder that holds a site, and may be cleared
 PAPER = "https://doi.org/10.3390/drones10020147"  # the article whose game it is, as in CITATION.cff
+SAMPLE = "agents/ally-champion/ppo-stack8/seed_0/policy.onnx"  # for a visitor who has no policy
 _SLUG = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
 
 
@@ -190,7 +192,8 @@ def _static_files() -> dict[str, str | bytes]:
         f"static/{file.name}": file.read_bytes() for file in folder.iterdir() if file.is_file()
     }
     files |= {f"static/replay.{suffix}": replay_part(suffix) for suffix in ("css", "js")}
-    return files | {f"static/{part}.js": replay_code(part) for part in ("events", "pen")}
+    files |= {f"static/{part}.js": replay_code(part) for part in ("events", "pen")}
+    return files | {"agents/sample.onnx": (baselines_folder() / SAMPLE).read_bytes()}
 
 
 def _write(path: Path, content: str | bytes) -> None:
