@@ -159,14 +159,16 @@ def test_a_table_explains_what_a_reader_stumbles_over():
     """Random play below its own zero, an agent in two tables, and a leader that is covered often."""
     board = with_link(example_board(3), season=2)
     zoo = {"zoo": "zoo/one"}
-    named = {"ally": {"script": "random"}, "opponent-pursuit": zoo, "opponent-link": zoo}
+    rule = {"zoo": "ally-rule/rule", "training": {}}
+    named = {"ally": {"script": "random"}, "opponent-pursuit": zoo, "opponent-link": zoo, "ally-link": rule}
     tracks = []
     for track in board.tracks:
         first, *others = track.entries
         figures = dataclasses.replace(first.figures, score=Interval(-11.13))
         about = SubmissionFile.model_construct(**named.get(track.key, {}))
         first = dataclasses.replace(first, about=about, figures=figures)
-        others = [dataclasses.replace(entry, about=SubmissionFile.model_construct()) for entry in others]
+        trained = SubmissionFile.model_construct(training={})
+        others = [dataclasses.replace(entry, about=trained) for entry in others]
         tracks.append(dataclasses.replace(track, entries=(first, *others)))
     board = dataclasses.replace(board, tracks=tuple(tracks))
     notes = {track.key: " ".join(views.track_view(board, track)["notes"]) for track in board.tracks}
@@ -174,6 +176,9 @@ def test_a_table_explains_what_a_reader_stumbles_over():
     for one, other in (("opponent-pursuit", "opponent-link"), ("opponent-link", "opponent-pursuit")):
         assert f"also in the table “{titles[other]}”" in notes[one]
     assert "overlap ratio can be high" in notes["ally-link"]
+    least = sum(f.rank is not None for t in board.tracks if t.key == "ally-link" for _, f in t.verified()) - 1
+    assert f"{least} of {least} trained entries score less than" in notes["ally-link"]
+    assert "trained entries" not in notes["ally"]
     failed = "1 of 2 checks on these rivals failed when the season was closed (kinds agree)"
     assert [failed in notes[track.key] for track in board.tracks] == [bool(t.checks) for t in board.tracks]
 

@@ -339,6 +339,14 @@ def _track_notes(board: Board, track: BoardTrack) -> Iterator[str]:
             f"{len(failed)} of {len(track.checks)} checks on these rivals failed when the season was closed "
             f"({'; '.join(failed)}), so differences of a few points among the best say little."
         )
+    ranked = [entry for entry, figures in track.verified() if figures.rank is not None]
+    rules = [place for place, entry in enumerate(ranked) if (entry.about.zoo or "").endswith("/rule")]
+    for place in rules[:1]:
+        trained = [entry.about.training is not None for entry in ranked]
+        yield (
+            f"{sum(trained[place + 1 :])} of {sum(trained) - len(rules)} trained entries score less than "
+            f"{ranked[place].name}, a few numbers that a search found."
+        )
     agents = {entry.plays: entry.name for entry in track.entries if entry.kind == "zoo" and entry.plays}
     for other in board.tracks:
         shared = [agents[entry.plays] for entry in other.entries if entry.plays in agents]
