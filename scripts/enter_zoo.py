@@ -40,19 +40,14 @@ def scripts() -> dict[str, str]:
         track = TRACKS[key]
         for script in filter(SAID["scripts"].__contains__, NAMED[track.side]):
             paper = SAID["papers"].get(script)
-            entries[f"{track.side}/{script}{end}"] = entry(
-                f"{script}{remark}",
-                "script",
-                track,
-                reference=paper,
-                training=None,
-                saw="Nothing: it learns within a round."
-                if paper
-                else "Nothing: it is a script, written by hand.",
-                unable="It forgets what it learned when a round ends." if paper else "It does not learn.",
-                description=f"A scripted {track.side}: it {SAID['scripts'][script]}.",
-                script=script,
-            )
+            saw = "it learns within a round" if paper else "it is a script, written by hand"
+            unable = "It forgets what it learned when a round ends." if paper else "It does not learn."
+            about = {"reference": paper, "training": None, "saw": f"Nothing: {saw}.", "unable": unable}
+            about |= {
+                "description": f"A scripted {track.side}: it {SAID['scripts'][script]}.",
+                "script": script,
+            }
+            entries[f"{track.side}/{script}{end}"] = entry(f"{script}{remark}", "script", track, **about)
     return entries
 
 
@@ -90,21 +85,11 @@ def trained(folder: Path, track: Track, role: str, saw: str, description: str) -
     cards = [read_card(seed) for seed in seed_folders(folder).values()]
     steps = [card.training_steps for card in cards]
     hours = [(c.seconds or 0) / (c.steps_done or n) * n / 3600 for c, n in zip(cards, steps, strict=True)]
-    return entry(
-        f"{title} ({role})",
-        title,
-        track,
-        reference=paper and f"https://arxiv.org/abs/{paper}",
-        training={
-            "steps": max(card.training_steps for card in cards),
-            "hours": round(sum(hours) / len(hours), 3),
-            "seeds": [card.training_seed for card in cards],
-        },
-        saw=f"{saw[0].upper()}{saw[1:]}.",
-        unable=unable,
-        description=description,
-        zoo=f"{folder.parent.name}/{folder.name}",
-    )
+    seeds = [card.training_seed for card in cards]
+    training = {"steps": max(steps), "hours": round(sum(hours) / len(hours), 3), "seeds": seeds}
+    about = {"reference": paper and f"https://arxiv.org/abs/{paper}", "training": training}
+    about |= {"saw": f"{saw[0].upper()}{saw[1:]}.", "unable": unable, "description": description}
+    return entry(f"{title} ({role})", title, track, **about, zoo=f"{folder.parent.name}/{folder.name}")
 
 
 def main(folder: Path = Path("leaderboard")) -> None:

@@ -77,9 +77,7 @@ def variants() -> dict[str, Runs]:
 
 def all_runs() -> Iterator[tuple[str, str, range, Runs]]:
     """Yield game, budget, seeds and runs of everything that is committed."""
-    for preset, budget, seeds, _ in REPORTS:
-        yield preset, budget, seeds, results_of(preset, budget, seeds)
-    for preset, budget, seeds, folder in OTHERS:
+    for preset, budget, seeds, folder in (*((*report[:3], ".") for report in REPORTS), *OTHERS):
         yield preset, budget, seeds, results_of(preset, budget, seeds, folder)
     for name, results in variants().items():
         yield name, "hundredth", range(100, 110), results
@@ -113,16 +111,8 @@ def figures_page(parts: dict[str, dict[str, Any]]) -> str:
     made = [["game", "seeds", "budget", "updates of both sides", "runs", "minutes of one core"]]
     for preset, budget, seeds, _ in REPORTS:
         part, updates = parts[preset], f"{BUDGETS[budget].updates():,}"
-        made.append(
-            [
-                preset,
-                f"{seeds[0]} to {seeds[-1]}",
-                budget,
-                updates,
-                str(part["runs"]),
-                f"{part['minutes']:.0f}",
-            ]
-        )
+        spent = [updates, str(part["runs"]), f"{part['minutes']:.0f}"]
+        made.append([preset, f"{seeds[0]} to {seeds[-1]}", budget, *spent])
     return render(
         TEMPLATE,
         presets=list(parts),

@@ -56,14 +56,10 @@ def train_zoo(zoo: Zoo, runs: Path, only: str | None = None, workers: int = 2) -
     by_run: dict[Path, list[ZooAgent]] = {}
     for agent in missing:
         by_run.setdefault(run_folder(agent, runs).absolute(), []).append(agent)
-    jobs = [
-        Job(
-            agents[0].name,
-            partial(train, run_config(agents[0]), folder, progress=False, resume=True),
-            partial(_ship_and_evaluate, zoo, agents, folder),
-        )
-        for folder, agents in by_run.items()
-    ]
+    jobs = []
+    for folder, agents in by_run.items():
+        make = partial(train, run_config(agents[0]), folder, progress=False, resume=True)
+        jobs.append(Job(agents[0].name, make, partial(_ship_and_evaluate, zoo, agents, folder)))
     with locked(runs / _LOCK):
         run_jobs(jobs, workers)
     return [agent.name for agent in missing if not agent.shipped]
@@ -80,11 +76,8 @@ def run_config(agent: ZooAgent) -> RunConfig:
     """Return the run that trains an agent."""
     group = agent.group
     suite = None if group.id == DUEL else group.training_suite
-    return RunConfig(
-        *(agent.algorithm, group.game, agent.seed, agent.steps),
-        hyperparams=group.hyperparams.get(agent.algorithm),
-        suite=suite,
-    )
+    hyperparams = group.hyperparams.get(agent.algorithm)
+    return RunConfig(agent.algorithm, group.game, agent.seed, agent.steps, hyperparams, suite=suite)
 
 
 def _ship_and_evaluate(zoo: Zoo, agents: Sequence[ZooAgent], run: Path, _: Path) -> None:
@@ -170,9 +163,8 @@ def main(
 
     One group, group/algorithm or group/algorithm/seed_k may be named; a zoo is a folder with a zoo.yml.
     """
-    of, failed = load_zoo(zoo), False
-    if not tables:
-        failed = bool(train_zoo(of, runs, only, n_jobs))
+    of = load_zoo(zoo)
+    failed = not tables and bool(train_zoo(of, runs, only, n_jobs))
     for group in of.groups:
         compact(of, group)
         add_missing_records(of, group)

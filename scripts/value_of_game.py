@@ -17,7 +17,7 @@ from lineage import ROOT, fill
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fpg_bench.common.canvas import COLOURS, GREY, MARKERS, PAGE, Style, blank_figure, styled, write_figure
+from fpg_bench.common.canvas import COLOURS, GREY, MARKERS, PAGE, blank_figure, styled, write_figure
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.players.agent import baselines_folder
@@ -95,9 +95,8 @@ def draw(rows: Sequence[Row], kept: Mapping[str, tuple[str, Attack]]) -> Figure:
             _lines(axes, [row for row in own if (row["search"], row["seed"]) == (search, seed)])
         if scenario in kept:
             ends = kept[scenario][1].return_per_step.value, min(row["high"] for row in own)
-            axes.axhspan(
-                *ends, color=GREY, alpha=0.4, lw=0, zorder=0, label="from kept to left, as in the table"
-            )
+            label = "from kept to left, as in the table"
+            axes.axhspan(*ends, color=GREY, alpha=0.4, lw=0, zorder=0, label=label)
         axes.set_title(scenario)
         axes.set_xlabel("iteration")
         axes.xaxis.get_major_locator().set_params(integer=True)
@@ -116,20 +115,14 @@ def draw(rows: Sequence[Row], kept: Mapping[str, tuple[str, Attack]]) -> Figure:
 
 def _solver(row: Row) -> str:
     """Return the meta-solver of a row's search; of one without, its verb."""
-    solver: str = row.get("meta_solver", row["verb"])
-    return solver
+    return str(row.get("meta_solver", row["verb"]))
 
 
 def _lines(axes: Axes, rows: Sequence[Row]) -> None:
     iterations = [row["iteration"] for row in rows]
+    marker, dashes = MARKERS[rows[0]["seed"]], DASHES[_solver(rows[0])]
     for name, colour in ENDS.items():
-        style: Style = {
-            "color": colour,
-            "marker": MARKERS[rows[0]["seed"]],
-            "ls": DASHES[_solver(rows[0])],
-            "lw": 1,
-        }
-        axes.plot(iterations, [row[name] for row in rows], **style)
+        axes.plot(iterations, [row[name] for row in rows], color=colour, marker=marker, ls=dashes, lw=1)
     later = [row for row in rows if row["confirmed"] is not None]
     second = [row["confirmed"] for row in later]
     axes.plot([row["iteration"] for row in later], second, "kx", ms=5, label="low by a second response")
