@@ -136,7 +136,7 @@ def game_options(*names: str) -> Fields:
     details: dict[str, dict[str, Any]] = {"opponent": players, "ally": players, "history": {"min": 1}}
     for name in {*option_names()}.difference(names or _FIRST):  # all of them are many
         details[name] = {"rich_help_panel": GAME_DETAILS} | details.get(name, {})
-    return Fields(GameSpec, names or option_names(), LISTS, GAME, details)
+    return Fields(GameSpec, names or option_names(), (*LISTS, "scenario"), GAME, details)
 
 
 def other_game_options() -> Fields:

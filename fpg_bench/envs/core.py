@@ -20,7 +20,7 @@ from fpg_bench.game.choices import Choices
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.game.state import ACTION_SIZE, OBSERVATION_SIZE
-from fpg_bench.game.waterfall import HISTORY, Waterfall
+from fpg_bench.game.waterfall import HISTORY, WIDTHS, Waterfall
 from fpg_bench.players.agent import expand_suites
 from fpg_bench.players.planner import Planner, as_planner, asks_language_model, planner_name
 from fpg_bench.players.player import SIDES, Player, PlayerSpec
@@ -191,6 +191,8 @@ class SingleAgentGame(Core):
             raise UserError(
                 f"observation: the waterfall is the ally's; in {self.config.id} you play the opponent"
             )
+        if drawn := [name for each in self.scenario.variants for name in WIDTHS if name in each]:
+            raise UserError(f"variants: {drawn[0]} is drawn, and a waterfall shows one; observe the numbers")
         return Waterfall(self.scenario, HISTORY if history is None else history)
 
     def _bind(self) -> None:

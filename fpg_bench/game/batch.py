@@ -16,7 +16,7 @@ from fpg_bench.game import rng
 from fpg_bench.game import step as kernel
 from fpg_bench.game.flight import LEARNED, PURSUIT
 from fpg_bench.game.metrics import CLEAN
-from fpg_bench.game.rules import radio_record, rules_record
+from fpg_bench.game.rules import round_rules
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import ACTION_SIZE, GAME, OBSERVATION_SIZE, TALLY
 
@@ -30,7 +30,7 @@ class ActionError(UserError):
 
 
 class GameBatch:
-    """N games of one scenario.
+    """N games of one scenario, or of its variants, of which each round draws one.
 
     The attributes are buffers that every call reuses; copy what you keep. Observations are read-only.
 
@@ -42,6 +42,7 @@ class GameBatch:
     (64, 15)
 
     Attributes:
+        drawn: the scenarios that rounds are drawn from; ``games["rules"]`` is each game's index into them.
         games: ``(N,)`` records of dtype ``state.GAME``: the full state.
         tallies: ``(N,)`` records of dtype ``state.TALLY``: the sums of the present round.
         histograms: ``(N, 2, points)`` int32, steps per frequency point: the ally's centre, the jammer's.
@@ -64,8 +65,7 @@ class GameBatch:
         self.scenario = scenario
         self.count = integer(games, "games")
         self.threads = integer(threads, "threads")
-        self._rules = rules_record(scenario)
-        self._radio = radio_record(scenario)
+        self.drawn, self._rules, self._radio = round_rules(scenario)
         self._channel = None if scenario.channel_grid is None else tuple(scenario.channel_grid)
         self.games = np.zeros(self.count, GAME)
         self.tallies = np.zeros(self.count, TALLY)

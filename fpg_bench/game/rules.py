@@ -2,16 +2,50 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
+from collections.abc import Iterator
+from dataclasses import fields
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
+from fpg_bench.game import rng
 from fpg_bench.game.elementary import DB, LN2, exp, log, log1p
 from fpg_bench.game.flight import rotary_wing_w, thriftiest_m_s
 from fpg_bench.game.link import ratio, snr_wall
 from fpg_bench.game.names import DETECTIONS, JAMMING_TYPES, PATHS
-from fpg_bench.game.scenario import Scenario
+from fpg_bench.game.scenario import Scenario, is_range
 from fpg_bench.game.state import RADIO, RULES
+
+DRAWS = 256  # scenarios that stand for variants with ranges
+
+
+class RoundRules(NamedTuple):
+    """Scenarios of which each round draws one, and their records; ``radio`` for the model ``link`` alone."""
+
+    scenarios: tuple[Scenario, ...]
+    rules: np.ndarray
+    radio: np.ndarray | None
+
+
+@functools.lru_cache(maxsize=64)  # evaluations play the same rivals again and again
+def round_rules(scenario: Scenario) -> RoundRules:
+    """Return what rounds draw from: the scenario, or its variants, with the same values for everybody."""
+    scenarios = tuple(_drawn(scenario)) if scenario.variants else (scenario,)
+    radios = [radio for each in scenarios if (radio := radio_record(each)) is not None]
+    rules = np.concatenate([rules_record(each) for each in scenarios])
+    return RoundRules(scenarios, rules, np.concatenate(radios) if radios else None)
+
+
+def _drawn(scenario: Scenario) -> Iterator[Scenario]:
+    specs, variants = {spec.name: spec for spec in fields(scenario)}, scenario.variants
+    has_range = any(is_range(specs[name], value) for each in variants for name, value in each.items())
+    for number in range(-(-DRAWS // len(variants)) * len(variants) if has_range else len(variants)):
+        key = np.uint64(rng.match_key(0, number))
+        yield scenario.variant(number % len(variants), map(partial(rng.uniform, key, 0), itertools.count()))
 
 
 def rules_record(scenario: Scenario) -> np.ndarray:

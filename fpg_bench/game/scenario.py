@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import itertools
 import json
 import logging
 import numbers
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -38,6 +40,12 @@ _logger = logging.getLogger(__name__)
 # The fields of `standard` as version 1 of the rules was released. The file never changes, except that a new
 # field is added with the value under which the game stays as it was.
 RELEASED: JsonObject = json.loads(Path(__file__).with_name("released.json").read_bytes())
+# Fields that variants share: shapes, lengths, and what players know beforehand.
+_SHARED = re.compile(
+    r"box_m|band_.*|.*_scale_(s|db)|script_.*|ally_path_.*|steps_per_round|rounds_per_match|waypoints|variants|"
+    r"frequency_points|snr_model|snr_threshold_db|channel|flight_cost_per_w|tuning_span_mhz|jamming_types|"
+    r"knowledge|opponent_path"
+)
 
 
 class ScenarioError(UserError):
@@ -133,6 +141,38 @@ def _checked_knowledge(name: str, value: object) -> str:
     return str(value) if value in ("expert", "none") else os.path.abspath(value)
 
 
+def _checked_variants(name: str, value: object) -> tuple[Mapping[str, Any], ...]:
+    if not isinstance(value, list | tuple) or not all(isinstance(each, Mapping) for each in value):
+        raise ScenarioError(
+            f"{name}: expected a list of mappings from fields to values or ranges, got {value!r}"
+        )
+    return tuple(_checked_variant(f"{name}[{index}]", each) for index, each in enumerate(value))
+
+
+def _checked_variant(where: str, changes: Mapping[str, Any]) -> Mapping[str, Any]:
+    specs = {spec.name: spec for spec in fields(Scenario)}
+    check_keys(changes, specs, where)
+    variant = {}
+    for name, value in changes.items():
+        if _SHARED.fullmatch(name):
+            raise ScenarioError(f"{where}: {name} must be the same in all rounds")
+        if not is_range(specs[name], value):
+            variant[name] = checked(specs[name], value)
+            continue
+        low, high = variant[name] = tuple(checked(specs[name], end) for end in value)
+        if not np.all(np.asarray(low) <= high):
+            raise ScenarioError(f"{where}: {name}: the range {value!r} must not end below its start")
+    return variant
+
+
+def is_range(spec: dataclasses.Field[Any], value: object) -> bool:
+    """Return True for two values of a field of numbers, between which a variant's lies."""
+    ends = value if isinstance(value, list | tuple) and len(value) == 2 and "low" in spec.metadata else ()
+    return bool(ends) and (
+        "length" not in spec.metadata or all(isinstance(end, list | tuple) for end in ends)
+    )
+
+
 _OTHER_CHECKS = {
     "spread_capacity": _checked_bool,
     "reselect_on_despread": _checked_bool,
@@ -142,6 +182,7 @@ _OTHER_CHECKS = {
     "snr_cap_db": _checked_cap,
     "channel": _checked_channel,
     "knowledge": _checked_knowledge,
+    "variants": _checked_variants,
 }
 
 
@@ -428,6 +469,11 @@ class Scenario:
         1e6, 0, 1e6, "distance to the opponent below which scripted allies fly fast, else at the mean speed"
     )
 
+    # Rounds of different rules
+    variants: tuple[Mapping[str, Any], ...] = field(
+        default=(), hash=False, metadata={"doc": "changes of which each round draws one", "needs": None}
+    )
+
     def __post_init__(self) -> None:
         for spec in fields(self):
             if (value := getattr(self, spec.name)) is not spec.default:
@@ -441,6 +487,34 @@ class Scenario:
                 f"must hold box_m {self.box_m}"
             )
         object.__setattr__(self, "_channel_grid", grid)
+        for share in (0.0, 1.0) if self.variants else ():
+            for index in range(len(self.variants)):
+                self.variant(index, itertools.repeat(share))
+
+    def variant(self, index: int, shares: Iterator[float]) -> Scenario:
+        """Return the scenario of a variant, with values of its ranges.
+
+        Args:
+            index: index into ``variants``.
+            shares: for each range, where the value lies between its ends, in [0, 1].
+
+        Raises:
+            ScenarioError: values that cannot be played.
+        """
+        specs = {spec.name: spec for spec in fields(self)}
+        changes = {
+            name: _between(*value, next(shares)) if is_range(specs[name], value) else value
+            for name, value in self.variants[index].items()
+        }
+        try:
+            return dataclasses.replace(self, variants=(), **changes)
+        except ScenarioError as error:
+            raise ScenarioError(f"variants[{index}]: {error}") from error
+
+    @property
+    def base(self) -> Scenario:
+        """The scenario without its variants."""
+        return dataclasses.replace(self, variants=()) if self.variants else self
 
     @property
     def knowledge_base(self) -> tuple[KnowledgeEntry, ...] | None:
@@ -515,12 +589,19 @@ class Scenario:
     def from_dict(cls, changes: Mapping[str, Any], where: str = "scenario") -> Scenario:
         """Return a scenario from a mapping of field names, applied to the preset named ``preset``.
 
+        A field of numbers may have a range of two values, which then stands in each of its ``variants``.
+
         Raises:
             UserError: an unknown key or a bad value; ``where`` begins the message.
         """
-        check_keys(changes, [*(spec.name for spec in fields(cls)), "preset"], where)
+        specs = {spec.name: spec for spec in fields(cls)}
+        check_keys(changes, [*specs, "preset"], where)
         values = {name: value for name, value in changes.items() if name != "preset"}
+        ranges = {name: values.pop(name) for name in specs if is_range(specs[name], values.get(name))}
         try:
+            if ranges:
+                variants = _checked_variants("variants", values.get("variants", [{}]))
+                values["variants"] = [ranges | variant for variant in variants]
             return dataclasses.replace(preset(str(changes.get("preset", "standard"))), **values)
         except ScenarioError as error:
             raise ScenarioError(f"{where}: {error}") from error
@@ -531,8 +612,12 @@ class Scenario:
         >>> Scenario(hop_cost=60).to_dict()
         {'hop_cost': 60.0}
         """
+        return self.changes(STANDARD)
+
+    def changes(self, other: Scenario) -> JsonObject:
+        """Return the fields that differ from another scenario's as JSON holds them."""
         values = {spec.name: getattr(self, spec.name) for spec in fields(self)}
-        return _as_json({k: v for k, v in values.items() if v != getattr(STANDARD, k)})
+        return _as_json({k: v for k, v in values.items() if v != getattr(other, k)})
 
     @property
     def name(self) -> str | None:
@@ -544,12 +629,22 @@ class Scenario:
         write_whole(Path(path), yaml.safe_dump(_as_json(dataclasses.asdict(self)), sort_keys=False))
 
 
+def _between(low: Any, high: Any, share: float) -> Any:
+    """Return the value at a share of a range; whole numbers are equally likely, and tuples move together."""
+    if isinstance(low, tuple):
+        return tuple(_between(*ends, share) for ends in zip(low, high, strict=True))
+    return (
+        min(int(low + share * (high - low + 1)), high) if isinstance(low, int) else low + share * (high - low)
+    )
+
+
 def _as_json(values: JsonObject) -> JsonObject:
     """Return values as a JSON file would give them back: lists for tuples."""
     return dict(json.loads(json.dumps(values)))
 
 
 STANDARD = Scenario()
+ScenarioLike = Scenario | str | Path | Mapping[str, Any] | None
 PAPER = Scenario(
     steps_per_round=100,
     snr_model="paper",
@@ -597,11 +692,14 @@ def preset(name: str) -> Scenario:
     return Scenario.from_yaml(_FILES[name]) if name in _FILES else _BUILT[name]
 
 
-def as_scenario(scenario: Scenario | str | Path | None, **changes: Any) -> Scenario:
-    """Return a scenario from an object, a preset's name, a YAML file, or None (``standard``).
+def as_scenario(scenario: ScenarioLike | Sequence[ScenarioLike], **changes: Any) -> Scenario:
+    """Return a scenario from an object, a preset's name, a YAML file, a mapping, or None (``standard``).
+
+    >>> as_scenario(["link", {"preset": "link", "hop_airtime_s": [0.1, 0.5]}]).variants
+    ({}, {'hop_airtime_s': (0.1, 0.5)})
 
     Args:
-        scenario: the base.
+        scenario: the base; several become the variants of the first.
         **changes: fields to replace; those that are None are left as they are.
 
     Raises:
@@ -611,10 +709,24 @@ def as_scenario(scenario: Scenario | str | Path | None, **changes: Any) -> Scena
         base = STANDARD
     elif isinstance(scenario, Scenario):
         base = scenario
+    elif isinstance(scenario, Mapping):
+        base = Scenario.from_dict(scenario)
+    elif isinstance(scenario, list | tuple) and scenario:
+        base = _joined([as_scenario(each) for each in scenario])
     elif isinstance(scenario, str | Path):
         is_file = str(scenario).endswith((".yml", ".yaml"))
         base = Scenario.from_yaml(scenario) if is_file else preset(str(scenario))
     else:
-        raise ScenarioError(f"scenario: expected a Scenario, a preset or a YAML file, got {scenario!r}")
+        expected = "a Scenario, a preset, a YAML file or a mapping of fields, or a list of these"
+        raise ScenarioError(f"scenario: expected {expected}, got {scenario!r}")
     changes = {name: value for name, value in changes.items() if value is not None}
     return dataclasses.replace(base, **changes) if changes else base
+
+
+def _joined(scenarios: list[Scenario]) -> Scenario:
+    """Return the first scenario with all of them as its variants."""
+    base, variants = scenarios[0].base, []
+    for each in scenarios:
+        own = each.base.changes(base)
+        variants += [own | dict(variant) for variant in each.variants or ({},)]
+    return dataclasses.replace(base, variants=variants)

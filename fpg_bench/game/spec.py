@@ -17,7 +17,7 @@ from fpg_bench.common.ids import ACTION_MODES, DUEL, SCRIPTED, EnvConfig, action
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.strict_json import JsonObject
-from fpg_bench.game.scenario import PRESETS, Scenario, as_scenario
+from fpg_bench.game.scenario import PRESETS, Scenario, ScenarioLike, as_scenario
 from fpg_bench.game.state import OBSERVATION_SIZE
 
 REWARDS = ("own", "zero_sum", "jamming", "overlap", "ally_cost")
@@ -48,7 +48,9 @@ class GameSpec:
     Attributes:
         id: environment id; one that names an action mode is kept as the plain id and ``actions``.
         scenario: the scenario: ``standard``, ``paper``, ``figures``, ``link``, a variant such as
-            ``link-fast-hop``, or a YAML file. In Python also a :class:`Scenario`. None: ``standard``.
+            ``link-fast-hop``, or a YAML file. Of several, one is drawn per round. In Python also a
+            :class:`Scenario`, or a mapping of fields, in which ``[low, high]`` is a range to draw from. None:
+            ``standard``.
         opponent, ally: the other side's player: a script, a shipped agent, an agent's folder,
             ``hf://owner/name`` or ``package.module:object`` (see ``fpg-bench players``), or ``suite:NAME``
             for all members of a suite. Of several, one is drawn per round; ``tone*8`` stands for eight times
@@ -75,7 +77,7 @@ class GameSpec:
     """
 
     id: str
-    scenario: Scenario | str | None = None
+    scenario: Scenario | str | Mapping[str, Any] | Sequence[ScenarioLike] | None = None
     opponent: Any = None
     ally: Any = None
     path: Any = None
@@ -92,6 +94,8 @@ class GameSpec:
         changes: Options = {"id": plain_id(self.id)} | self._checked()
         for name in LISTS:
             changes[name] = _listed(name, getattr(self, name))
+        if isinstance(self.scenario, list | tuple | Mapping):
+            changes["scenario"] = as_scenario(self.scenario)
         for name in ("scenario", "knowledge"):
             if isinstance(value := getattr(self, name), os.PathLike):
                 changes[name] = os.fspath(value)
@@ -402,7 +406,10 @@ def _listed(name: str, value: Any) -> tuple[Any, ...] | None:
 
 def _as_json(name: str, value: Any) -> Any:
     if isinstance(value, Scenario):
-        return value.name or value.to_dict()
+        base = value.base.name
+        return value.name or (
+            value.to_dict() if base is None else {"preset": base} | value.changes(value.base)
+        )
     if isinstance(value, tuple):
         return [_as_json(name, item) for item in value]
     if isinstance(value, Mapping):

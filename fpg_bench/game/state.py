@@ -28,6 +28,7 @@ GAME = np.dtype(
         ("step", "i8"),
         ("horizon", "i8"),  # the step at which this round is cut
         ("path", "i8"),  # index into names.PATHS
+        ("rules", "u8"),  # which of the rules this round is played by
         ("truncated", "b1"),
         # The ally
         ("control_points", "f8", (4, 3)),

@@ -68,12 +68,12 @@ def play(
 
     The actions were clipped before.
     """
-    rules = rules_array[0]
-    radio = None if radio_array is None else radio_array[0]
     for i in range(first, last):
         game, ally_action, opponent_action = games[i], ally_actions[i], opponent_actions[i]
         if game.truncated:
             continue
+        rules = rules_array[game.rules]
+        radio = None if radio_array is None else radio_array[game.rules]
         point_before = game.point
         choose_jamming(game, opponent_action, rules)
         choose_frequency(game, ally_action, ally_observations[i], rules, radio)
@@ -150,7 +150,7 @@ def move_ally(game: Record, action: np.ndarray, rules: Record) -> float:
 @compiled
 def trace_ally(path: np.ndarray, games: np.ndarray, rules_array: np.ndarray) -> None:
     """Fill ``path`` with the ally's positions from the start of its round, each second, at full speed."""
-    game, rules = games[0], rules_array[0]
+    game, rules = games[0], rules_array[games[0].rules]
     begin_curve(game, rules.chords)
     for k in range(path.shape[0]):
         if k > 0:
@@ -238,13 +238,15 @@ def begin(
     radio_array: np.ndarray | None,
 ) -> None:
     """Begin rounds in the masked games; ``seed``, ``match``, ``round`` and ``horizon`` are set before."""
-    rules = rules_array[0]
-    radio = None if radio_array is None else radio_array[0]
     for i in range(games.shape[0]):
         if not mask[i]:
             continue
         game = games[i]
-        begin_match(game, rng.match_key(game.seed, game.match), rules)
+        key = rng.match_key(game.seed, game.match)
+        game.rules = rng.integer(rng.round_key(key, game.round), 0, rng.RULES_CHOICE, rules_array.shape[0])
+        rules = rules_array[game.rules]
+        radio = None if radio_array is None else radio_array[game.rules]
+        begin_match(game, key, rules)
         begin_round(game, channel, rules, radio)
         segments[i] = 0.0
         write_ally_observation(ally_observations[i], game, rules, radio)

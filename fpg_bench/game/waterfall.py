@@ -30,6 +30,12 @@ HISTORY = 16  # rows
 RANGE_DB = 30.0  # from level 1 (all the jamming power in one bin) to level 0
 SPREAD_LEVEL = 0.25  # of the ally's signal while it spreads, outside its own bin
 MOST_BINS = 1000
+WIDTHS = (
+    "bandwidth_mhz",
+    "spread_bandwidth_mhz",
+    "footprint_half_widths_mhz",
+    "comb_spacing_points",
+)  # that it shows
 _TOLERANCE, _NO_TEETH = 1e-5, 1e9  # in halves of the band
 
 

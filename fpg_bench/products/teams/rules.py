@@ -143,6 +143,7 @@ def check_playable(scenario: Scenario) -> None:
         "channel: a measured channel has no directions, by which mates differ; leave it out": (
             s.channel is not None
         ),
+        "variants: games of teams are played by one scenario; name one": bool(s.variants),
         f"opponent_path {s.opponent_path!r}: jammers of a team fly {' or '.join(PATHS_OF_TEAMS)}": bool(
             set(s.paths) - set(PATHS_OF_TEAMS)
         ),
