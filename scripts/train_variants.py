@@ -2,8 +2,8 @@
 
 python scripts/train_variants.py [--seeds 5] [--page docs/guides/training.md]     run it again to resume
 
-The ranges are those of the shifted suites, without the box, which all rounds share. Rivals are those of the public
-suite, and the population that the shifted suites draw from. Held-out suites are scored, too.
+The ranges are those of the shifted suites, without the box, which all rounds share. Rivals are those of the
+public suite, and the population that the shifted suites draw from. Held-out suites are scored, too.
 """
 
 from __future__ import annotations

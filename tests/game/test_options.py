@@ -55,7 +55,7 @@ OTHERWISE = {
     "reselect_on_despread": (True,),
     "hopping": ("always",),
     "knowledge": ("none",),
-    "variants": ([{"hop_cost": 41}],),
+    "variants": (({"hop_cost": 41},),),
     "opponent_path": ("circle",),
     "opponent_speed_m_s": (9,),
     "tuning_span_mhz": (40,),
