@@ -150,13 +150,13 @@ def _checked_variants(name: str, value: object) -> tuple[Mapping[str, Any], ...]
 
 
 def _checked_variant(where: str, changes: Mapping[str, Any]) -> Mapping[str, Any]:
-    specs = {spec.name: spec for spec in fields(Scenario)}
+    specs = Scenario.__dataclass_fields__
     check_keys(changes, specs, where)
     variant = {}
     for name, value in changes.items():
         if _SHARED.fullmatch(name):
             raise ScenarioError(f"{where}: {name} must be the same in all rounds")
-        if not is_range(specs[name], value):
+        if not is_range(name, value):
             variant[name] = checked(specs[name], value)
             continue
         low, high = variant[name] = tuple(checked(specs[name], end) for end in value)
@@ -165,12 +165,12 @@ def _checked_variant(where: str, changes: Mapping[str, Any]) -> Mapping[str, Any
     return variant
 
 
-def is_range(spec: dataclasses.Field[Any], value: object) -> bool:
+def is_range(name: str, value: object) -> bool:
     """Return True for two values of a field of numbers, between which a variant's lies."""
-    ends = value if isinstance(value, list | tuple) and len(value) == 2 and "low" in spec.metadata else ()
-    return bool(ends) and (
-        "length" not in spec.metadata or all(isinstance(end, list | tuple) for end in ends)
-    )
+    limits = Scenario.__dataclass_fields__[name].metadata
+    if not isinstance(value, list | tuple) or len(value) != 2 or "low" not in limits:
+        return False
+    return "length" not in limits or all(isinstance(end, list | tuple) for end in value)
 
 
 _OTHER_CHECKS = {
@@ -501,9 +501,8 @@ class Scenario:
         Raises:
             ScenarioError: values that cannot be played.
         """
-        specs = {spec.name: spec for spec in fields(self)}
         changes = {
-            name: _between(*value, next(shares)) if is_range(specs[name], value) else value
+            name: _between(value[0], value[1], next(shares)) if is_range(name, value) else value
             for name, value in self.variants[index].items()
         }
         try:
@@ -594,14 +593,13 @@ class Scenario:
         Raises:
             UserError: an unknown key or a bad value; ``where`` begins the message.
         """
-        specs = {spec.name: spec for spec in fields(cls)}
-        check_keys(changes, [*specs, "preset"], where)
+        check_keys(changes, [*cls.__dataclass_fields__, "preset"], where)
         values = {name: value for name, value in changes.items() if name != "preset"}
-        ranges = {name: values.pop(name) for name in specs if is_range(specs[name], values.get(name))}
+        ranges = {name: values.pop(name) for name in list(values) if is_range(name, values[name])}
         try:
             if ranges:
                 variants = _checked_variants("variants", values.get("variants", [{}]))
-                values["variants"] = [ranges | variant for variant in variants]
+                values["variants"] = [{**ranges, **variant} for variant in variants]
             return dataclasses.replace(preset(str(changes.get("preset", "standard"))), **values)
         except ScenarioError as error:
             raise ScenarioError(f"{where}: {error}") from error
@@ -728,5 +726,5 @@ def _joined(scenarios: list[Scenario]) -> Scenario:
     base, variants = scenarios[0].base, []
     for each in scenarios:
         own = each.base.changes(base)
-        variants += [own | dict(variant) for variant in each.variants or ({},)]
-    return dataclasses.replace(base, variants=variants)
+        variants += [{**own, **variant} for variant in each.variants or ({},)]
+    return dataclasses.replace(base, variants=tuple(variants))

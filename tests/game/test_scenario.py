@@ -98,7 +98,9 @@ def test_as_scenario_takes_what_users_write(tmp_path):
         as_scenario("paper") == as_scenario(tmp_path / "mine.yml") == as_scenario(str(tmp_path / "mine.yml"))
     )
     assert as_scenario("paper", hop_cost=7, knowledge=None) == dataclasses.replace(PAPER, hop_cost=7)
-    with pytest.raises(ScenarioError, match="expected a Scenario, a preset or a YAML file, got 5"):
+    with pytest.raises(
+        ScenarioError, match="expected a Scenario, a preset, a YAML file or a mapping of fields"
+    ):
         as_scenario(5)
     with pytest.raises(UserError, match=r"none\.yml"):
         as_scenario(tmp_path / "none.yml")
