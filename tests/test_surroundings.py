@@ -1,10 +1,13 @@
 """Whatever surrounds a program, verbs and public calls give the same result, or one line."""
 
+import dataclasses
 import json
 import os
 import stat
 import subprocess
 import sys
+import tempfile
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -63,12 +66,41 @@ def test_an_argument_that_is_no_text_is_one_line(tmp_path):
     assert b"is not valid UTF-8" in done.stderr
 
 
-@pytest.mark.parametrize("kind", [np.int64, np.uint8, np.int16])
-def test_whole_numbers_may_be_those_of_numpy(kind):
-    given = fpg_bench.RunConfig("ppo", ALLY, seed=kind(3), steps=kind(16))
-    plain = fpg_bench.RunConfig("ppo", ALLY, seed=3, steps=16)
-    assert given == plain
-    assert {type(each) for each in (given.seed, given.steps)} == {int}
+def _run(number):
+    config = fpg_bench.RunConfig("ppo", ALLY, seed=number, steps=number)
+    return config, type(config.seed), type(config.steps)
+
+
+def _logged(number):
+    with tempfile.TemporaryDirectory() as folder:
+        return fpg_bench.log_evaluation(
+            folder, "idle", number, number, training_seed=number, algorithm="x", rounds=number
+        )
+
+
+# Public calls that take whole numbers
+NUMBERS = {
+    "run": _run,
+    "log_evaluation": _logged,
+    "evaluate": lambda number: fpg_bench.evaluate("idle", matches=number)[0].score,
+    "evaluator": lambda number: fpg_bench.PolicyEvaluator("ally-v2", number).suite.matches,
+    "game": lambda number: fpg_bench.GameSpec(ALLY, observation="waterfall", history=number).to_dict(),
+    "team": lambda number: fpg_bench.GameSpec.of("FPG/team_v0", side="ally", allies=number).hash,
+    "games": lambda number: fpg_bench.make_sb3(ALLY, number, seed=number).reset().tolist(),
+    "duel": lambda number: fpg_bench.make_duel(number).reset(seeds=number).tolist(),
+    "scenario": lambda number: dataclasses.replace(fpg_bench.preset("standard"), hop_cost=number).hash,
+}
+
+
+@pytest.mark.parametrize("call", NUMBERS.values(), ids=NUMBERS)
+def test_whole_numbers_may_be_those_of_numpy_and_what_is_none_is_one_line(call):
+    plain = call(3)
+    for kind in (np.int64, np.uint8, np.int16):
+        assert call(kind(3)) == plain
+    for other in ("3", True, np.True_, Decimal(3), np.array([3])):
+        with pytest.raises(fpg_bench.UserError) as error:
+            call(other)
+        assert "\n" not in str(error.value)
 
 
 PROGRAM = """\

@@ -9,6 +9,7 @@ import os
 import re
 import signal
 import sys
+import threading
 from collections import UserDict
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -163,7 +164,7 @@ def main() -> None:
         signal.signal(signal.SIGALRM, signal.default_int_handler)
     if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, stopped):
         signal.signal(signal.SIGINT, _interrupted)
-    sys.unraisablehook = _heard_again
+    sys.unraisablehook, threading.excepthook = _heard_again, _told_once
     keep_command(sys.argv[1:])
     try:
         _run()
@@ -223,6 +224,12 @@ def _heard_again(swallowed: Any) -> None:
             _set_alarm(_AGAIN_S)
     else:
         sys.__unraisablehook__(swallowed)
+
+
+def _told_once(raised: threading.ExceptHookArgs) -> None:
+    """Leave an error of files in a thread, such as TensorBoard's on a full disk, to who waits for it."""
+    if not issubclass(raised.exc_type, OSError):
+        threading.__excepthook__(raised)
 
 
 def _set_alarm(seconds: float) -> None:

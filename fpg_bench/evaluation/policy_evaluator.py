@@ -9,6 +9,7 @@ from typing import TypedDict
 
 import numpy as np
 
+from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.entry import player_entry
 from fpg_bench.evaluation.play import RoundSums, match_of
@@ -72,7 +73,7 @@ class PolicyEvaluator:
         played = loaded if scenario is None else in_scenario(loaded, scenario)
         if loaded.game is not None and game is not None and (own := loaded.game.like(game)) != loaded.game:
             played = replace(played, game=own, scale=Scale())
-        self.suite = replace(played, matches=-(-rounds // played.rounds_per_match))
+        self.suite = replace(played, matches=-(-integer(rounds, "rounds") // played.rounds_per_match))
 
     def score(self, player: PlayerSpec) -> Scored:
         """Evaluate a player: anything with ``predict``, or a name.

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NoReturn, Protocol
 
-from fpg_bench.common.checks import check_keys, mapping, one_of
+from fpg_bench.common.checks import check_keys, integer, mapping, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import ACTION_MODES, DUEL, SCRIPTED, EnvConfig, action_modes, find_env, plain_id
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
@@ -92,6 +92,8 @@ class GameSpec:
 
     def __post_init__(self) -> None:
         changes: Options = {"id": plain_id(self.id)} | self._checked()
+        if self.history is not None:
+            changes["history"] = integer(self.history, "history")
         for name in LISTS:
             changes[name] = _listed(name, getattr(self, name))
         if isinstance(self.scenario, list | tuple | Mapping):
@@ -441,8 +443,6 @@ def _check_json(name: str, value: object) -> None:
         items = value if isinstance(value, list | tuple) else [value]
         if not items or not all(isinstance(item, str) for item in items):
             refuse("a name or a list of names")
-    if name == "history" and (not isinstance(value, int) or isinstance(value, bool)):
-        refuse("a whole number")
     if name == "actions":
         for mode in value.values() if isinstance(value, Mapping) else (value,):
             one_of(mode, name, list(ACTION_MODES))

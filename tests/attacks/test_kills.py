@@ -7,6 +7,8 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,6 +24,7 @@ from fpg_bench.products.leaderboard.folders import at_work, crossplay_file, work
 from fpg_bench.products.leaderboard.verification import verify
 from fpg_bench.training.checkpoint import load_checkpoint
 from tests.products.leaderboard.entering import bad_pairs, enter
+from tests.working import fail
 
 STOPS = """
 import os, signal, sys
@@ -79,6 +82,23 @@ def test_no_alarm_is_left_where_nothing_is_left_to_stop(monkeypatch):
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
     sys.unraisablehook(swallowed)
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
+
+
+@pytest.mark.parametrize(("error", "traces"), [(OSError(errno.ENOSPC, "full"), 0), (ValueError("a bug"), 1)])
+def test_an_error_of_files_in_a_thread_is_left_to_who_waits_for_it(error, traces, monkeypatch, capsys):
+    def app(words, prog_name, standalone_mode):
+        thread = threading.Thread(target=partial(fail, error))
+        thread.start()
+        thread.join()
+        raise error
+
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    monkeypatch.setattr(threading, "excepthook", threading.excepthook)
+    monkeypatch.setattr(cli, "app", app)
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    said = capsys.readouterr().err
+    assert (end.value.code, said.count("Traceback"), said.count("fpg-bench: ")) == (1, traces, 1)
 
 
 @pytest.mark.process

@@ -1,7 +1,9 @@
-"""A command that is killed at a write and run again gives the same result as an uninterrupted one."""
+"""A command that is killed, stopped or out of room at a write, and run again, ends as an undisturbed one."""
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import gzip
 import itertools
 import json
@@ -10,6 +12,7 @@ import os
 import shutil
 import signal
 import sys
+import tempfile
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -18,30 +21,62 @@ from typing import Any
 import pytest
 
 from fpg_bench.cli import main as cli
+from fpg_bench.common import parallel
+from fpg_bench.common.parallel import _attempt as attempt
 from fpg_bench.common.rows import RowFile
 from fpg_bench.products.leaderboard.season import closing
+from fpg_bench.products.league import best_responses, double_oracle
 from fpg_bench.products.papers.yang_2026 import study
 from fpg_bench.products.papers.yang_2026.experiment import Budget
 from tests.attacks import SCALE
+from tests.attacks.test_command_lines import verbs
 from tests.policies import write_seed
 from tests.products.hub.conftest import hub
 from tests.products.leaderboard.entering import enter
 from tests.products.leaderboard.test_close_season import few_steps
+from tests.training.tiny import ALLY, settings
 
 __all__ = ["hub"]
 
+QUICK = "--hyperparams tiny.yml --steps 400"
 VERBS = {
     "evaluate": "evaluate expert idle --suite ally-v2 --matches 1 --out FOLDER",
     "planners": "evaluate hold hill-climb --suite planner-v1 --matches 1 --out FOLDER",
     "data set": "dataset make ally-random-v0 --steps 600 --out FOLDER",
     "reproduce": "reproduce yang-2026 fig4 --n-seeds 1 --n-jobs 1 --out FOLDER",
+    "train": f"train ppo {ALLY} --seeds 0-1 {QUICK} --n-evals 1 --n-jobs 1 --out FOLDER",
+    "train a team": f"train ppo FPG/team_v0 --side ally --seeds 0-1 {QUICK} --n-jobs 1 --out FOLDER",
+    "best-response": f"best-response expert {QUICK} --n-seeds 1 --out FOLDER",
+    "rule-search": "rule-search --side opponent --against idle --budget 0.01 --out FOLDER",
+    "tabular-self-play": "tabular-self-play --iterations 2 --games 16 --out FOLDER",
+    "double-oracle": f"double-oracle --iterations 2 --against tone --algorithm ppo {QUICK} "
+    "--response-algorithm ppo --response-hyperparams tiny.yml --out FOLDER",
 }
+# Of each verb with several workers
+WORKERS = {
+    "train": f"train ppo {ALLY} --seeds 0-1 {QUICK} --n-evals 0 --n-jobs 2",
+    "evaluate": "evaluate expert idle --suite ally-v2 --matches 1 --n-jobs 2",
+    "dataset make": "dataset make ally-random-v0 --steps 600 --n-jobs 2",
+}
+# Those whose jobs take minutes, or draw what they try
+OTHER_WORKERS = {"leaderboard close-season", "leaderboard verify", "offline", "reproduce", "submit run"}
+OTHER_WORKERS |= {"tune export", "tune run"}
 TINY = Budget("tiny", 8_000, 8, 25, 2, 1)
-_TIMES = ("seconds", "steps_per_s")  # how long planning or training took
+_TIMES = ("seconds", "spent", "steps_per_s")  # how long planning or training took
+# What happens at a write, the status that the command ends with, and what its line says.
+STOPPED = "stopped; what was finished is kept"
+FAULTS = {
+    "killed": (signal.SIGKILL, {-signal.SIGKILL}, ""),
+    "full": (None, {1, 2}, "No space left on device"),
+    "interrupted": (signal.SIGINT, {130}, STOPPED),
+    "ended": (signal.SIGTERM, {143}, STOPPED),
+}
 
 
 def check(words: str, scratch: Path, begin: Callable[[Path], object] = lambda folder: None) -> None:
-    """Kill a command at its first, second, fourth ... write, run it again, and compare what is in its folder.
+    """Disturb a command at its first, second, fourth ... write, run it again, and compare what it leaves.
+
+    The faults take turns.
 
     Args:
         words: the command; ``FOLDER`` stands for the folder that it fills.
@@ -49,32 +84,41 @@ def check(words: str, scratch: Path, begin: Callable[[Path], object] = lambda fo
         begin: makes what the command finds in its folder; by default nothing.
     """
 
-    def filled(name: str, *kills: int | None) -> tuple[bool, dict[str, Any]]:
+    def filled(name: str, fault: str = "", at: int | None = None) -> tuple[bool, dict[str, Any]]:
         """Return whether the first run ended well by itself, and what is there after the last."""
-        folder = scratch / name
+        folder = scratch / name / "made"
+        folder.parent.mkdir()
         begin(folder)
-        ended = [_run([word.replace("FOLDER", str(folder)) for word in words.split()], at) for at in kills]
-        return ended[0], contents(folder)
+        line = [word.replace("FOLDER", str(folder)) for word in words.split()]
+        status, said = _run(line, fault, at)
+        if status:
+            _, expected, message = FAULTS.get(fault, (None, {0}, ""))
+            assert status in expected, said
+            assert "Traceback" not in said
+            assert message in said
+            assert said.count("fpg-bench: ") <= 1, said
+            again, said = _run(line)  # a season that was just closed is refused
+            assert again == 0, said
+        return status == 0, contents(folder.parent)
 
-    before = set(os.listdir(scratch))
-    (is_whole, whole), at, names = filled("whole", None), 1, {"whole"}
+    (is_whole, whole), at, in_turn = filled("whole"), 1, itertools.cycle(FAULTS)
     assert is_whole
     while not is_whole or at == 1:
-        name = f"killed-{at}"
-        is_whole, again = filled(name, at, None)  # a season that was just closed is refused
-        assert again == whole, name
-        names.add(name)
+        for fault in FAULTS if SCALE > 1 else [next(in_turn)]:
+            is_whole, again = filled(f"{fault}-{at}", fault, at)
+            assert again == whole, (fault, at)
         at *= 2
     assert at > 2
-    assert set(os.listdir(scratch)) - before == names
 
 
-def _run(words: list[str], dies_at: int | None) -> bool:
-    """Run a command, to some write at most; returns whether it ended well by itself."""
-    process = multiprocessing.get_context("fork").Process(target=_verb, args=(words, dies_at))
-    process.start()
-    process.join()
-    return process.exitcode == 0
+def _run(words: list[str], fault: str = "", at: int | None = None) -> tuple[int, str]:
+    """Run a command, with a fault at some write; returns its status and what it said."""
+    with tempfile.NamedTemporaryFile("r") as said:
+        how = (words, said.name, FAULTS[fault][0] if fault else None, at)
+        process = multiprocessing.get_context("fork").Process(target=_verb, args=how)
+        process.start()
+        process.join()
+        return process.exitcode, said.read()
 
 
 def contents(folder: Path) -> dict[str, Any]:
@@ -98,37 +142,91 @@ def _content(path: Path, folder: Path) -> Any:
 def _untimed(content: Any) -> Any:
     if isinstance(content, dict):
         return {key: _untimed(value) for key, value in content.items() if key not in _TIMES}
-    return content
+    return [*map(_untimed, content)] if isinstance(content, list) else content
 
 
-def _verb(words: list[str], dies_at: int | None) -> None:
-    null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, 1)
-    os.dup2(null, 2)
+def _verb(words: list[str], said: str, number: int | None, at: int | None) -> None:
+    sys.stdout = sys.stderr = Path(said).open("a", buffering=1)  # noqa: SIM115
     study.BUDGETS = {**study.BUDGETS, "quick": TINY}
+    double_oracle.MATCHES = best_responses.MATCHES = best_responses.FINAL_MATCHES = 3
     numbers, replace, append = itertools.count(1), os.replace, RowFile.append
 
-    def replace_or_die(*names: Any) -> None:
-        if next(numbers) == dies_at:
-            os.kill(os.getpid(), signal.SIGKILL)
+    def strike(path: Any) -> None:
+        if number is None:
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        os.kill(os.getpid(), number)
+
+    def replace_or_not(*names: Any) -> None:
+        if next(numbers) == at:
+            strike(names[-1])
         replace(*names)
 
-    def append_or_die(file: RowFile, rows: Iterable[dict[str, Any]]) -> None:
-        rows = list(rows)
-        append(file, rows)
-        if next(numbers) == dies_at:
+    def append_or_not(file: RowFile, rows: Iterable[dict[str, Any]]) -> None:
+        is_struck = next(numbers) == at
+        if not is_struck or number is not None:
+            append(file, rows := list(rows))
+        if is_struck and number == signal.SIGKILL:
             os.truncate(file.path, file.path.stat().st_size - 10)  # as if it was in the midst of a line
-            os.kill(os.getpid(), signal.SIGKILL)
+        if is_struck:
+            strike(file.path)
 
-    os.replace, RowFile.append = replace_or_die, append_or_die
+    os.replace, RowFile.append = replace_or_not, append_or_not
     sys.argv = ["fpg-bench", *words]
     cli.main()
 
 
 @pytest.mark.process
 @pytest.mark.parametrize("verb", VERBS)
-def test_a_killed_command_resumes_to_the_same_result(verb, tmp_path):
+def test_a_disturbed_command_resumes_to_the_same_result(verb, tmp_path, monkeypatch):
+    _begin(tmp_path, monkeypatch)
     check(VERBS[verb], tmp_path)
+
+
+def _begin(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    ids = (ALLY, "FPG/AllyVsPolicy-v0", "FPG/OpponentVsPolicy-v0", "FPG/team_v0")
+    Path("tiny.yml").write_text(json.dumps(dict.fromkeys(ids, settings("ppo", normalize=False))))
+
+
+def _attempt_or_die(run: Callable[[], Any], folder: str) -> Any:
+    """Attempt a job; the first worker of all that has finished one is killed before it says so."""
+    outcome = attempt(run, folder)
+    with contextlib.suppress(FileExistsError):
+        os.close(os.open(os.environ["DIED"], os.O_CREAT | os.O_EXCL))
+        os.kill(os.getpid(), signal.SIGKILL)
+    return outcome
+
+
+def _in_rows(found: dict[str, Any]) -> dict[str, Any]:
+    """Return contents whose rows stand in the order in which several workers do not add them."""
+    return {
+        name: sorted(part, key=json.dumps) if isinstance(part, list) else part for name, part in found.items()
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.process
+@pytest.mark.parametrize("verb", WORKERS)
+def test_a_killed_worker_loses_nothing(verb, tmp_path, monkeypatch):
+    _begin(tmp_path, monkeypatch)
+    found = []
+    for name in ("whole", "killed"):
+        monkeypatch.setenv("DIED", str(tmp_path / f"{name}.flag"))
+        monkeypatch.setattr(parallel, "_attempt", attempt if name == "whole" else _attempt_or_die)
+        folder = tmp_path / name / "made"
+        folder.parent.mkdir()
+        status, said = _run([*WORKERS[verb].split(), "--out", str(folder)])
+        assert status == 0, said
+        assert said.count("a worker process was lost (killed, or out of memory?)") == (name == "killed")
+        assert "Traceback" not in said
+        found.append(_in_rows(contents(folder.parent)))
+    assert (tmp_path / "killed.flag").exists()
+    assert found[0] == found[1]
+
+
+def test_each_verb_that_has_workers_loses_one():
+    several = {words for words, verb in verbs() if "--n-jobs" in (each.opts[0] for each in verb.params)}
+    assert {" ".join(words) for words in several} == {*OTHER_WORKERS, *WORKERS}
 
 
 @pytest.mark.process

@@ -495,6 +495,8 @@ def tabular_self_play(config: TabularSelfPlayConfig, out: str | Path, *, progres
             if iteration % 50 == 49:
                 _logger.info(f"iteration {iteration}: keeps {np.round(left, 2).tolist()} per step")
         seconds = round(time.process_time() - began, 1)
+        last_ones = earned[-max(1, len(earned) // 10) :]
+        write_json(folder / RESULT, {"earned": round(float(np.mean(last_ones)), 4), "seconds": seconds})
         write_agent(
             folder / "agent",
             stochastic_table_onnx(ally.average, scenario),
@@ -506,6 +508,4 @@ def tabular_self_play(config: TabularSelfPlayConfig, out: str | Path, *, progres
             training_steps=config.iterations * config.games * scenario.steps_per_round,
             seconds=seconds,
         )
-        last_ones = earned[-max(1, len(earned) // 10) :]
-        write_json(folder / RESULT, {"earned": round(float(np.mean(last_ones)), 4), "seconds": seconds})
     return folder / "agent"
