@@ -85,7 +85,6 @@ NUMBERS = {
     "evaluate": lambda number: fpg_bench.evaluate("idle", matches=number)[0].score,
     "evaluator": lambda number: fpg_bench.PolicyEvaluator("ally-v2", number).suite.matches,
     "game": lambda number: fpg_bench.GameSpec(ALLY, observation="waterfall", history=number).to_dict(),
-    "team": lambda number: fpg_bench.GameSpec.of("FPG/team_v0", side="ally", allies=number).hash,
     "games": lambda number: fpg_bench.make_sb3(ALLY, number, seed=number).reset().tolist(),
     "duel": lambda number: fpg_bench.make_duel(number).reset(seeds=number).tolist(),
     "scenario": lambda number: dataclasses.replace(fpg_bench.preset("standard"), hop_cost=number).hash,

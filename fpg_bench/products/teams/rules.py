@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fpg_bench.common.checks import flag, is_integer, one_of
+from fpg_bench.common.checks import flag, one_of
 from fpg_bench.common.errors import UserError, shown
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import OBSERVATION_SIZE, TYPES
@@ -154,12 +154,12 @@ def check_playable(scenario: Scenario) -> None:
 
 def _checked_count(name: str, value: object, most: int) -> int | tuple[int, int]:
     ends = tuple(value) if isinstance(value, list | tuple) else (value, value)
-    if len(ends) != 2 or not all(map(is_integer, ends)) or not ends[0] <= ends[1] <= most:
+    is_whole = len(ends) == 2 and all(isinstance(n, int) and not isinstance(n, bool) for n in ends)
+    if not is_whole or not 1 <= ends[0] <= ends[1] <= most:
         raise UserError(
             f"{name}: expected a whole number from 1 to {most}, or two that do not fall, got {shown(value)}"
         )
-    first, last = map(int, ends)
-    return first if first == last else (first, last)
+    return ends[0] if ends[0] == ends[1] else ends
 
 
 def _checked_number(name: str, value: object, high: float) -> float:
