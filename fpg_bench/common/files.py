@@ -187,8 +187,7 @@ def check_unpacked(path: Path, inner: str = "") -> None:
     with zipfile.ZipFile(path) as archive:
         parts = archive.infolist()
         for name in (part.filename for part in parts if inner and part.filename.endswith(inner)):
-            with zipfile.ZipFile(archive.open(name)) as within:
-                parts = parts + within.infolist()
+            parts = parts + zipfile.ZipFile(archive.open(name)).infolist()
     if (size := sum(part.file_size for part in parts)) > max(2 * path.stat().st_size, _MOST_UNPACKED):
         raise OSError(errno.EFBIG, f"unpacks to {size:,} bytes", str(path))
 

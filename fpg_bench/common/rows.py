@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType, UnionType
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.common.files import read_bounded, write_whole
+from fpg_bench.common.files import naming, read_bounded, write_whole
 from fpg_bench.common.locks import locked
 from fpg_bench.common.strict_json import JsonObject, read_object
 
@@ -95,12 +95,8 @@ class RowFile:
         text = _text(rows)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._truncate_partial_line()
-        try:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(text)
-        except OSError as error:
-            error.filename = error.filename or str(self.path)  # a full disk names no file
-            raise
+        with naming(self.path), self.path.open("a", encoding="utf-8") as file:
+            file.write(text)
 
     def replace(self, rows: Iterable[Row]) -> None:
         """Replace all rows in one step."""

@@ -91,8 +91,7 @@ def parse(kind: type[T], data: object, where: str) -> T:
         validated: T = _adapter(typing.cast(Any, kind)).validate_python(data)
         return validated
     except ValidationError as error:
-        problem = wording(error, kind, data)
-    raise UserError(f"{where}: {problem}")
+        raise UserError(f"{where}: {wording(error, kind, data)}") from None
 
 
 def wording(error: ValidationError, kind: object = object, data: object = None) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -77,20 +78,16 @@ def check_files(folder: Path, most: int) -> None:
         with h5py.File(path) as file:
             if (other := file.visititems_links(outside)) is not None:
                 raise OSError(f"{path.name} links to {other}, which is no part of it")
-            file.visititems(
-                lambda name, found: _check_held(name, found, math.inf if name == _DIGESTS else most)
-            )
+            file.visititems(partial(_check_held, most=most))
 
 
 def _check_held(name: str, found: h5py.Group | h5py.Dataset, most: float = math.inf) -> None:
     """Raise OSError for an array that is not held as :func:`write_part` does, plainly, or is too large."""
-    if not isinstance(found, h5py.Dataset):
-        return
-    is_plain = found.id.get_create_plist().get_layout() == h5py.h5d.CONTIGUOUS and not found.external
-    if not is_plain or found.size is None or found.id.get_storage_size() != found.nbytes:
-        raise OSError(f"{name} declares {found.shape} of {found.dtype}, and does not hold it")
-    if found.nbytes > most:
-        raise OSError(f"{name} has {found.nbytes:,} bytes, those of a round are {most:,} at most")
+    if isinstance(found, h5py.Dataset):
+        layout, size = found.id.get_create_plist().get_layout(), found.id.get_storage_size()
+        is_plain = layout == h5py.h5d.CONTIGUOUS and not found.external and found.size is not None
+        if not is_plain or size != found.nbytes or (size > most and name != _DIGESTS):
+            raise OSError(f"{name} declares {found.shape} of {found.dtype}, and does not hold it plainly")
 
 
 def link_parts(folder: Path, sizes: Sequence[int]) -> None:
