@@ -2,16 +2,18 @@
 
 python scripts/map_regimes.py docs/results/regimes.csv [--page docs/results/regimes.md]
 
-A point is the preset ``link`` with another hop time, interval of checks and jamming power. There scripts, the
-Bayes jammer, the range rule and shipped agents meet; both sides then look for better answers among scripts
-with other constants, and the matrix is solved as a zero-sum game of the ally's reward. A lever is what the
-side loses without one ability, when the players that matter choose anew without it. Rows are written as they
-finish; a row that is there is not played again. The page gets a table and the figures beside it.
+A point is the preset ``link`` with another hop time, interval of checks and jamming power. There scripts over
+a grid of constants, the Bayes jammer, the range rule and shipped agents meet, and copies of those that matter
+that lack an ability; rules are searched against each equilibrium and join. The matrix is solved as a zero-sum
+game of the ally's reward. What a last search gains against either mixture is added to the interval. A lever
+is what the side loses whose players all lack one ability; its range is over several pools. Rows are written
+as they finish; a row that is there is not played again. The page gets a table and the figures beside it.
 """
 
 from __future__ import annotations
 
 import csv
+import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,48 +28,75 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
-from measure_payoffs import Frozen, Values
+from measure_payoffs import Frozen, Values, levers
 
 from fpg_bench.common.canvas import OPPONENT, PAGE, blank_figure, styled, write_figure
 from fpg_bench.common.files import write_whole
+from fpg_bench.common.ids import other_side
 from fpg_bench.common.output import csv_text, number
 from fpg_bench.envs.two_player import TwoPlayerBatch
 from fpg_bench.evaluation.rounds import make_match, play_round
 from fpg_bench.evaluation.statistics import nash, student_half
 from fpg_bench.evaluation.table import markdown_table
-from fpg_bench.game.actions import HOP_GATE, IN_BAND_GATE, KNOWLEDGE_GATE, SPEED, SPREAD_GATE, TUNING
+from fpg_bench.game.actions import KNOWLEDGE_GATE, SPEED
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset
+from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player
-from fpg_bench.players.tactics import draw_variants
+from fpg_bench.products.league.candidates import Candidates
+from fpg_bench.products.league.categorical import Play
+from fpg_bench.products.league.rule_search import RuleSearch, rule_of
+from fpg_bench.products.league.rules import OFF, Option, rule_graph, rule_values
 
 HOPS = (0.02, 0.1, 0.3, 0.5)  # hop time over dwell: the share of a step that a hop loses
 REACTIONS = ((3, 5), (1, 1), (1, 3), (12, 18))  # dwells from one check to the next; first that of link
 POWERS_DBM = (39.0, 33.0, 45.0)  # of the jammer, first that of link
 BASE_DBM = preset("link").base_power_dbm
-MATCHES, CHOSEN_ON = 256, 1_000_000  # matches of a pair, and the first seed of those that choose variants
-SEARCHES, VARIANTS = 1, 8  # of variants of each side
-MOST = 3  # players of a side that a lever is measured with
+MATCHES, SCREENED = 256, 32  # matches of a pair, and of those that only may matter
+FRESH = 1_000_000  # the first seed of matches on which nothing was chosen
+SEARCHES, GENERATIONS = 2, 16  # of rules that join each side; one more search says what is left
+USUAL = 4  # of a side's players, of which there are copies at each point
+TOLERANCE = 0.01  # of the ally's reward per step, in which a pool's equilibrium is one
 AGENTS = "ppo-stack8/seed_0"
 KNOWING = "always-hop by knowledge"  # always-hop, with the point that the knowledge base picks
-ALLIES = (
-    *("idle", "expert", "by-type", "always-hop", KNOWING, "clock"),
-    *("range", "range(js_db=0)", "range(js_db=5)"),
-    *(f"ally-link{kind}/{AGENTS}" for kind in ("", "-population", "-champion")),
-)
-OPPONENTS = (
-    *("tone", "narrowband", "broadband", "adaptive", "alternate", "hunter(type=0, hold_s=1)", "bayes"),
-    *(f"opponent-link{kind}/{AGENTS}" for kind in ("", "-population")),
-)
-SEARCHED = {"ally": ("range", "clock", "evidence", "by-type"), "opponent": ("hunter", "alternate", "herd")}
-ALLY_LEVERS: Mapping[str, Sequence[Values]] = {  # of several constants the best one counts
-    "hop": [{HOP_GATE: -1.0}],
-    "spread": [{SPREAD_GATE: -1.0}],
-    "speed": [{SPEED: -0.2}, {SPEED: 0.4}],  # 10 and 17.5 m/s
-    "knowledge": [{KNOWLEDGE_GATE: -1.0}],
-    "own point": [{KNOWLEDGE_GATE: 1.0}],
+Names = Mapping[str, Sequence[str]]  # by side
+PLAYERS: Names = {  # the usual ones first
+    "ally": [
+        *("range", "range(js_db=5)"),
+        *(f"ally-link{kind}/{AGENTS}" for kind in ("-champion", "-population", "")),
+        *("always-hop", KNOWING, "by-type", "clock", "expert", "range(js_db=0)", "evidence"),
+        "by-type(hop_below_db=60)",
+        *(
+            f"evidence(tone=80, narrowband=90, broadband={wide}, comb=70, least={least}, most={least + 6}, "
+            "spread_beyond_m=5000)"
+            for wide, least in product((3, 30), (4, 12))
+        ),
+    ],
+    "opponent": [
+        *("alternate", "hunter(type=0, hold_s=1)"),
+        *(f"opponent-link{kind}/{AGENTS}" for kind in ("", "-population")),
+        *("tone", "narrowband", "broadband", "bayes", "adaptive"),
+        *("alternate(type=2, hold_s=3)", "alternate(type=1, centres=5)"),
+        *(f"hunter(type=0, hold_s={hold})" for hold in (2, 3, 5)),
+        *(f"hunter(type=1, hold_s={hold})" for hold in (1, 2, 3, 6)),
+        *(f"split(type={kind}, hold_s={hold})" for kind, hold in ((0, 1), (0, 3), (1, 1))),
+    ],
 }
-TUNED: Values = {TUNING: 0.0, IN_BAND_GATE: -1.0}
+AND, ONLY, RULE = ": ", " only", "rule"  # in names of copies, of those of one type, and of what is found
+_CONSTANTS = {lever.name: lever.constants for lever in levers(preset("link"))}
+COPIES: Mapping[str, Mapping[str, Mapping[str, Values]]] = {  # of a lever's several the best one counts
+    "ally": {
+        "hop": {"no hops": _CONSTANTS["hopping"]["never"]},
+        "spread": {"no spreading": _CONSTANTS["spreading"]["never"]},
+        "speed": {"10 m/s": {SPEED: -0.2}, "17.5 m/s": {SPEED: 0.4}},
+        "knowledge": {"own point": _CONSTANTS["knowledge base"]["never"]},
+        "own point": {"point by knowledge": {KNOWLEDGE_GATE: 1.0}},
+    },
+    "opponent": {
+        "type": {name + ONLY: values for name, values in _CONSTANTS["type"].items()},
+        "tuning": {"known point": _CONSTANTS["tuning"]["known frequency"]},
+    },
+}
 # Hop time and reaction of a follower of 1 ms, over the dwell; docs/results/regimes.md has the sources.
 RADIOS = {  # and the mark's side
     "B": ("Bluetooth", 0.41, 1.6, "left"),
@@ -75,13 +104,15 @@ RADIOS = {  # and the mark's side
     "C": ("CABELL V3", 0.04, 0.3, "right"),
     "L": ("Link 16", 0.51, 77, "center"),
 }
-LEVERS = (*ALLY_LEVERS, "type", "tuning")
-HALF = " half"  # of the 95 % interval over matches
-MEASURED = ("value", *LEVERS)
+LEVERS = tuple(name for side in SIDES for name in COPIES[side])
+LEFT = " may gain"  # what a last search gains for a side
+ENDS = (("opponent", -1), ("ally", 1))  # of an interval: who may move it, and whither
+LEAST, MOST = " least", " most"  # of a lever over the pools
 COLUMNS = (
-    *("hop_dwell", "reaction_dwell", "power_dbm", "free", "idle"),
-    *(name + end for name in MEASURED for end in ("", HALF)),
-    *("allies", "opponents", "seconds"),
+    *("hop_dwell", "reaction_dwell", "power_dbm", "free", "idle", "value", "half"),
+    *(side + LEFT for side in SIDES),
+    *(name + end for name in LEVERS for end in ("", LEAST, MOST)),
+    *("allies", "opponents", "rules", "seconds"),
 )
 Line = dict[str, str]
 
@@ -112,207 +143,243 @@ class Point:
         )
 
 
+@dataclass(frozen=True)
+class Solution:
+    """An equilibrium.
+
+    Attributes:
+        earned: ``(matches,)``, the ally's reward per step in each match.
+        joined: the players of each side that joined the double oracle.
+        shares: of those that play.
+    """
+
+    earned: np.ndarray
+    joined: Names
+    shares: Mapping[str, Mapping[str, float]]
+
+    @property
+    def value(self) -> float:
+        """The ally's mean reward per step."""
+        return float(self.earned.mean())
+
+
 @dataclass
 class Meetings:
-    """Rewards per step of allies against opponents in a scenario, each pair played once.
+    """Rewards per step of allies against opponents in a scenario; a pair is played when it matters.
 
     Attributes:
         scenario: what is played.
-        ally, opponent: values that replace those of the actions of a side.
+        rules: players that a search found, and their numbers, by their names.
         matches, first_seed: of a pair.
     """
 
     scenario: Scenario
-    ally: Values = field(default_factory=dict)
-    opponent: Values = field(default_factory=dict)
+    rules: dict[str, tuple[Player, dict[str, Option]]] = field(default_factory=dict)
     matches: int = MATCHES
     first_seed: int = 0
     _known: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
+    _players: dict[str, Player] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._few = self if self.matches <= SCREENED else replace(self, matches=SCREENED, _known={})
+
+    def player(self, name: str, side: str) -> Player:
+        """Return a player of the pools, or its copy that lacks an ability."""
+        if name not in self._players:
+            plain, _, copy = name.partition(AND)
+            values = {key: of for each in COPIES[side].values() for key, of in each.items()}.get(copy, {})
+            if plain == KNOWING:
+                plain, values = "always-hop", {KNOWLEDGE_GATE: 1.0, **values}
+            types = [kind for kind in JAMMING_TYPES if copy == kind + ONLY] or JAMMING_TYPES
+            known = replace(self.scenario, jamming_types=tuple(types))
+            player = self.rules[plain][0] if plain in self.rules else as_player(plain, side, known)
+            self._players[name] = Frozen(player, values) if values else player
+        return self._players[name]
 
     def rewards(self, ally: str, opponent: str) -> np.ndarray:
         """Return ``(matches,)``, what the ally earns per step."""
         if (ally, opponent) not in self._known:
-            frozen = {"ally": dict(self.ally), "opponent": dict(self.opponent)}
-            names = {"ally": ally, "opponent": opponent}
-            if ally == KNOWING:
-                names["ally"], frozen["ally"] = "always-hop", {KNOWLEDGE_GATE: 1.0, **self.ally}
-            players = [
-                Frozen(as_player(names[side], side, self.scenario), values) if values else names[side]
-                for side, values in frozen.items()
-            ]
+            players = self.player(ally, "ally"), self.player(opponent, "opponent")
             match = make_match(TwoPlayerBatch(self.scenario, self.matches, threads=1), *players)
             play_round(match, seeds=np.arange(self.first_seed, self.first_seed + self.matches))
             tallies = match.duel.batch.tallies
             self._known[ally, opponent] = tallies["ally_return"] / tallies["steps"]
         return self._known[ally, opponent]
 
-    def matrix(self, allies: Sequence[str], opponents: Sequence[str]) -> np.ndarray:
-        """Return ``(allies, opponents, matches)``."""
-        return np.array([[self.rewards(ally, opponent) for opponent in opponents] for ally in allies])
+    def answer(self, side: str, met: Solution, name: str | None = None) -> float:
+        """Return what a player, or the mixture, of a side gets per step against an equilibrium's other one.
 
-    def solve(self, allies: Sequence[str], opponents: Sequence[str]) -> Solution:
-        """Return the equilibrium of these players."""
-        samples = self.matrix(allies, opponents)
-        found = nash(-samples.mean(axis=2))
-        earned = np.einsum("a,abm,b->m", found.rows, samples, found.columns)
-        return Solution(
-            earned,
-            dict(zip(allies, found.rows.tolist(), strict=True)),
-            dict(zip(opponents, found.columns.tolist(), strict=True)),
-        )
+        An ally gets the reward; an opponent, what the ally lacks to zero.
+        """
+        mixtures = met.shares if name is None else {**met.shares, side: {name: 1.0}}
+        allies, opponents = (mixtures[each] for each in SIDES)
+        pairs = product(allies.items(), opponents.items())
+        earned = sum(a * b * self.rewards(ally, rival).mean() for (ally, a), (rival, b) in pairs)
+        return float(earned if side == "ally" else -earned)
+
+    def solve(self, pools: Names, met: Solution | None = None) -> Solution:
+        """Return the equilibrium of these players, by a double oracle: the best answers to it join.
+
+        It goes on from an equilibrium of some of them.
+        """
+        joined = {side: list(met.joined[side] if met else pools[side][:1]) for side in SIDES}
+        while True:
+            samples = np.array([[self.rewards(a, o) for o in joined["opponent"]] for a in joined["ally"]])
+            found = nash(-samples.mean(axis=2))
+            shares = {
+                side: {
+                    name: share for name, share in zip(joined[side], of.tolist(), strict=True) if share > 1e-6
+                }
+                for side, of in zip(SIDES, found[:2], strict=True)
+            }
+            met = Solution(np.einsum("a,abm,b->m", found.rows, samples, found.columns), joined, shares)
+            better = {side: self._better(side, pools[side], met) for side in SIDES}
+            if not any(better.values()):
+                return met
+            joined = {side: joined[side] + better[side] for side in SIDES}
+
+    def _better(self, side: str, pool: Sequence[str], met: Solution) -> list[str]:
+        """Return the player of a pool that answers an equilibrium best, if it gains by it."""
+        others = [name for name in pool if name not in met.joined[side]]
+        first = sorted(others, key=lambda name: -self._few.answer(side, met, name))[:2]
+        answers = {name: self.answer(side, met, name) for name in first}
+        least = (met.value if side == "ally" else -met.value) + TOLERANCE
+        return sorted((name for name in first if answers[name] > least), key=lambda name: -answers[name])[:1]
+
+    def search(self, side: str, met: Solution, seed: int) -> str:
+        """Search a rule that answers an equilibrium; return its name."""
+        rivals, shares = other_side(side), met.shares[other_side(side)]
+        players = [self.player(name, rivals) for name in shares]
+        reward = "own" if side == "ally" else "zero_sum"
+        search = RuleSearch(side, players, self.scenario, seed=seed, reward=reward)
+        search.play, search.rivals = of_mixture(search.play, [*shares.values()]), 1
+        for _ in range(GENERATIONS):
+            search.run()
+        name, model = f"{RULE} {len(self.rules)}", rule_graph(side, self.scenario)
+        player = Candidates(model, rule_values(side, search.best[None], self.scenario))
+        self.rules[name] = player, {key: of for key, of in rule_of(side, search.best).items() if of != OFF}
+        return name
 
 
-@dataclass(frozen=True)
-class Solution:
-    """The ally's reward per step in each match at the equilibrium, ``(matches,)``, and both sides' shares."""
+def of_mixture(play: Play, shares: Sequence[float]) -> Play:
+    """Return the play of a search against rivals that divide each generation's matches by their shares."""
 
-    earned: np.ndarray
-    allies: Mapping[str, float]
-    opponents: Mapping[str, float]
+    def mixed(options: np.ndarray, _: int, first_seed: int, matches: int) -> np.ndarray:
+        places = (np.random.default_rng(first_seed).random() + np.arange(matches)) / matches
+        drawn = np.minimum(np.searchsorted(np.cumsum(shares), places), len(shares) - 1)
+        counts = enumerate(np.bincount(drawn).tolist())
+        return np.concatenate([play(options, k, first_seed, count) for k, count in counts if count], axis=1)
 
-
-def adapt(game: Meetings, seed: int) -> tuple[list[str], list[str]]:
-    """Return the players of a point: the usual ones, and variants that answer their equilibrium better."""
-    allies, opponents = list(ALLIES), list(OPPONENTS)
-    chosen = replace(game, first_seed=CHOSEN_ON, _known={})
-    for search in range(SEARCHES):
-        solution = game.solve(allies, opponents)
-        for side, pool, rivals in (
-            ("ally", allies, solution.opponents),
-            ("opponent", opponents, solution.allies),
-        ):
-            met = {name: share for name, share in rivals.items() if share > 0.02}
-            shares, number = list(met.values()), seed * SEARCHES + search
-            drawn = draw_variants(side, VARIANTS, game.scenario, number, SEARCHED[side])
-            pairs = [product([name], met) if side == "ally" else product(met, [name]) for name in drawn]
-            earned = [
-                np.average([chosen.rewards(*pair).mean() for pair in own], weights=shares) for own in pairs
-            ]
-            pool.append(drawn[int(np.argmax(earned) if side == "ally" else np.argmin(earned))])
-    return allies, opponents
+    return mixed
 
 
-def shortlist(names: Sequence[str], shares: Mapping[str, float], worst: np.ndarray) -> list[str]:
-    """Return the players that a lever is measured with: of the equilibrium, then those of the best worst."""
-    order = sorted(range(len(names)), key=lambda k: (-round(shares[names[k]], 2), -worst[k]))
-    return [names[k] for k in order[:MOST]]
+def with_copies(pools: Names, met: Solution) -> Names:
+    """Return pools with copies that lack an ability, of the usual players and of those of an equilibrium."""
+    wide = {}
+    for side in SIDES:
+        matter = dict.fromkeys(name.partition(AND)[0] for name in [*pools[side][:USUAL], *met.shares[side]])
+        copies = [key for each in COPIES[side].values() for key in each]
+        wide[side] = list(dict.fromkeys([*pools[side], *map(AND.join, product(matter, copies))]))
+    return wide
+
+
+def worth(game: Meetings, pools: Names, whole: Solution) -> dict[str, float]:
+    """Return what a side loses at an equilibrium whose players all lack one ability, by the lever.
+
+    They meet the rivals that joined, and the first of the others.
+    """
+    met = {side: list(dict.fromkeys([*whole.joined[side], *pools[side][: 2 * USUAL]])) for side in SIDES}
+    lost = {}
+    for side, sign in zip(SIDES, (1, -1), strict=True):
+        for lever, copies in COPIES[side].items():
+            lacking = [[name for name in pools[side] if name.endswith(AND + copy)] for copy in copies]
+            lost[lever] = min(sign * (whole.value - game.solve({**met, side: own}).value) for own in lacking)
+    return lost
 
 
 def measure(point: Point, seed: int) -> Line:
     """Return the row of a point."""
-    began, scenario = time.process_time(), point.scenario
-    game = Meetings(scenario)
-    allies, opponents = adapt(game, seed)
-    whole, values = game.solve(allies, opponents), game.matrix(allies, opponents).mean(axis=2)
-    own = shortlist(allies, whole.allies, values.min(axis=1))
-    others = shortlist(opponents, whole.opponents, -values.max(axis=0))
-    own += [name for name in ("range",) if name not in own]
-    others += [name for name in ("bayes",) if name not in others]
-    kept = game.solve(own, others).earned
-    lost = {
-        name: kept
-        - max((Meetings(scenario, ally=one).solve(own, others).earned for one in constants), key=np.mean)
-        for name, constants in ALLY_LEVERS.items()
-    }
-    of_type = []
-    for kind, name in enumerate(JAMMING_TYPES):
-        pool = [*dict.fromkeys([*others, name, f"alternate(type={kind})"])]
-        of_type.append(Meetings(replace(scenario, jamming_types=(name,))).solve(own, pool).earned)
-    lost["type"] = min(of_type, key=np.mean) - kept
-    lost["tuning"] = Meetings(scenario, opponent=TUNED).solve(own, others).earned - kept
-    measured = {"value": whole.earned, **lost}
-    silent = Meetings(replace(scenario, opponent_power_dbm=-100.0))
-    figures = {
-        "free": float(silent.rewards("range", "tone").mean()),
-        "idle": float(values[allies.index("idle")].min()),
-        **{name: float(earned.mean()) for name, earned in measured.items()},
-        **{name + HALF: student_half(earned) for name, earned in measured.items()},
-    }
-    return {
-        **dict(zip(COLUMNS[:3], point.key, strict=True)),
-        **{name: f"{number:.3f}" for name, number in figures.items()},
-        "allies": _mixture(whole.allies),
-        "opponents": _mixture(whole.opponents),
-        "seconds": f"{time.process_time() - began:.0f}",
-    }
+    began, game, pools = time.process_time(), Meetings(point.scenario), PLAYERS
+    whole, levers = game.solve(pools), []
+    for turn in range(SEARCHES + 1):
+        pools = with_copies(pools, whole)
+        whole = game.solve(pools, whole)
+        if turn in (0, SEARCHES):
+            levers.insert(0, worth(game, pools, whole))
+        found = {side: game.search(side, whole, seed * (SEARCHES + 1) + turn) for side in SIDES}
+        if turn < SEARCHES:
+            pools = {side: [*pools[side], found[side]] for side in SIDES}
+            whole = game.solve(pools, whole)
+    fresh = replace(game, first_seed=FRESH, _known={})
+    free = Meetings(replace(point.scenario, opponent_power_dbm=-100.0)).rewards("range", "tone").mean()
+    idle = game.solve({**pools, "ally": ["idle"]}).value
+    left = (fresh.answer(side, whole, found[side]) - fresh.answer(side, whole) for side in SIDES)
+    gains = [max(0.0, gain) for gain in left]
+    worths = [of(each[name] for each in levers) for name in LEVERS for of in (next, min, max)]
+    figures = [free, idle, whole.value, student_half(whole.earned), *gains, *worths]
+    mixtures = [_mixture(whole.shares[side]) for side in SIDES]
+    rules = json.dumps({name: numbers for name, (_, numbers) in game.rules.items()})
+    cells = [*point.key, *(f"{figure:.3f}" for figure in figures), *mixtures, rules]
+    return dict(zip(COLUMNS, [*cells, f"{time.process_time() - began:.0f}"], strict=True))
 
 
 def _mixture(shares: Mapping[str, float]) -> str:
     """Return the shares of an equilibrium, greatest first."""
     kept = sorted(((share, name) for name, share in shares.items() if share > 0.02), reverse=True)
-    return "; ".join(f"{name.removesuffix('/' + AGENTS)} {share:.2f}" for share, name in kept)
+    return "; ".join(f"{name.replace('/' + AGENTS, '')} {share:.2f}" for share, name in kept)
 
 
-def read_rows(path: Path) -> list[Line]:
-    """Return the rows of a map that have been measured, each point once: two runs may meet at one."""
+def read_rows(path: Path) -> dict[tuple[str, ...], Line]:
+    """Return the rows of a map by their points, each of which stands once: two runs may meet at one."""
     if not path.exists():
-        return []
+        return {}
     with path.open(encoding="utf-8", newline="") as file:
-        return list({tuple(row[name] for name in COLUMNS[:3]): row for row in csv.DictReader(file)}.values())
+        return {tuple(row[name] for name in COLUMNS[:3]): row for row in csv.DictReader(file)}
 
 
-def table(rows: Sequence[Line]) -> str:
+def table(rows: Mapping[tuple[str, ...], Line]) -> str:
     """Return the map as Markdown: values, levers in percent of the value, and the equilibria."""
-    lines = [
-        [
-            "hop / dwell",
-            "reaction / dwell",
-            "jammer / base, dB",
-            "value",
-            "idle / free",
-            *(f"{name} %" for name in LEVERS),
-            "allies",
-            "opponents",
-        ]
-    ]
-    for row in sorted(rows, key=lambda row: [float(row[name]) for name in reversed(COLUMNS[:3])]):
-        value = float(row["value"])
-        shares = [number(float(row[name]) / value, 100, 0) for name in LEVERS]
-        idle = f"{float(row['idle']) / float(row['free']):.0%}"
-        key = [row["hop_dwell"], row["reaction_dwell"], f"{float(row['power_dbm']) - BASE_DBM:+g}"]
-        lines.append(
-            [
-                *key,
-                f"{value:.2f} ± {float(row['value' + HALF]):.2f}",
-                idle,
-                *shares,
-                row["allies"],
-                row["opponents"],
-            ]
-        )
+    ratios = ("hop / dwell", "reaction / dwell", "jammer / base, dB")
+    left = ("left to allies", "left to jammers", "idle / free")
+    lines = [[*ratios, "value", *left, *(f"{name} %" for name in LEVERS), "allies", "opponents"]]
+    for key in sorted(rows, key=lambda key: [*map(float, reversed(key))]):
+        row = rows[key]
+        of = {name: float(row[name]) for name in COLUMNS[:-4]}
+        low, high = (of["value"] + sign * (of["half"] + of[side + LEFT]) for side, sign in ENDS)
+        cells = [row["hop_dwell"], row["reaction_dwell"], f"{of['power_dbm'] - BASE_DBM:+g}"]
+        cells += [f"{of['value']:.2f} [{low:.2f}, {high:.2f}]", *(f"{of[side + LEFT]:.2f}" for side in SIDES)]
+        cells.append(f"{of['idle'] / of['free']:.0%}")
+        for name in LEVERS:
+            least, own, most = (number(of[name + end] / of["value"], 100, 0) for end in (LEAST, "", MOST))
+            cells.append(own if least == most else f"{own} ({least} to {most})")
+        lines.append([*cells, row["allies"], row["opponents"]])
     return markdown_table(lines)
 
 
 @styled
-def draw(rows: Sequence[Line]) -> Figure:
+def draw(rows: Mapping[tuple[str, ...], Line]) -> Figure:
     """Draw value and levers over hop time and reaction, and over hop time and power."""
-    known = {tuple(row[name] for name in COLUMNS[:3]): row for row in rows}
-    reactions = sorted(REACTIONS)
-    planes = (
-        (
-            "reaction / dwell",
-            [f"{sum(of) / 2:g}" for of in reactions],
-            [(of, POWERS_DBM[0]) for of in reactions],
-        ),
-        (
-            "jammer / base (dB)",
-            [f"{of - BASE_DBM:+g}".replace("-", "\u2212") for of in sorted(POWERS_DBM)],
-            [(REACTIONS[0], of) for of in sorted(POWERS_DBM)],
-        ),
-    )
+    reactions, powers = sorted(REACTIONS), sorted(POWERS_DBM)
+    over_base = [f"{power - BASE_DBM:+g}".replace("-", "\u2212") for power in powers]
+    planes = {
+        "reaction / dwell": ([f"{sum(of) / 2:g}" for of in reactions], product(reactions, POWERS_DBM[:1])),
+        "jammer / base (dB)": (over_base, product(REACTIONS[:1], powers)),
+    }
     panels = {
-        "value": ("value",),
-        "hop %": ("hop",),
-        "spread %": ("spread",),
-        "type or tuning %": ("type", "tuning"),  # the greater one
+        "value": ["value"],
+        "hop %": ["hop"],
+        "spread %": ["spread"],
+        "type or tuning %": ["type", "tuning"],
     }
     figure = blank_figure(PAGE, 3.9)
-    for axes_row, (label, names, others) in zip(figure.subplots(2, 4), planes, strict=True):
-        for axes, (title, levers) in zip(axes_row, panels.items(), strict=True):
+    for axes_row, (label, (names, points)) in zip(figure.subplots(2, 4), planes.items(), strict=True):
+        others = list(points)
+        has_radios = others[0][1] == others[-1][1]
+        for axes, (title, shares) in zip(axes_row, panels.items(), strict=True):
             shown = np.full((len(others), len(HOPS)), np.nan)
             for (y, (checks, power)), (x, hop) in product(enumerate(others), enumerate(HOPS)):
-                if row := known.get(Point(hop, checks, power).key):
-                    most = max(float(row[name]) for name in levers)
+                if row := rows.get(Point(hop, checks, power).key):
+                    most = max(float(row[name]) for name in shares)  # the greater one
                     shown[y, x] = most if title == "value" else 100 * most / float(row["value"])
                     ink = "white" if shown[y, x] > (7 if title == "value" else 15) else "black"
                     text = number(shown[y, x], digits=1 if title == "value" else 0).replace("-", "\u2212")
@@ -320,11 +387,10 @@ def draw(rows: Sequence[Line]) -> Figure:
             scale = Normalize(4, 9) if title == "value" else Normalize(0, 30)
             axes.imshow(shown, cmap="Greys", norm=scale, origin="lower", aspect="auto")
             axes.set_xticks(range(len(HOPS)), [f"{hop:g}" for hop in HOPS])
-            axes.set_yticks(range(len(names)), names if levers == ("value",) else [])
+            axes.set_yticks(range(len(names)), names if title == "value" else [])
             axes.set_title(title)
             link = 1.5, others.index((REACTIONS[0], POWERS_DBM[0])) - 0.5
             axes.add_patch(Rectangle(link, 1, 1, fill=False, lw=1.5))
-            has_radios = others[0][1] == others[-1][1]
             room = 0.6 * has_radios  # for radios off the map
             axes.set(xlim=(-0.5, len(HOPS) - 0.5 + room), ylim=(-0.5 - room, len(names) - 0.5 + room))
             if has_radios:
@@ -353,10 +419,10 @@ def main(file: Path, page: Path | None = None) -> None:
     if not file.exists():
         write_whole(file, csv_text([COLUMNS]))
     for seed, point in enumerate(points):
-        if point.key not in {tuple(row[name] for name in COLUMNS[:3]) for row in read_rows(file)}:
+        if point.key not in read_rows(file):
             row = measure(point, seed)
             with file.open("a", encoding="utf-8") as rows:
-                rows.write(csv_text([[row[name] for name in COLUMNS]]))
+                rows.write(csv_text([row.values()]))
             print(*row.values(), sep=", ", flush=True)
     if page:
         measured = read_rows(file)
