@@ -168,8 +168,9 @@ def test_the_points_that_meet_the_three_demands_are_those_that_the_page_names():
         if min(levers) >= 0.03 and all(mixed) and float(row["idle"]) <= float(row["free"]) / 2:
             meet.append((row["hop_dwell"], row["reaction_dwell"], row["power_dbm"]))
     assert meet == [("0.5", "4", "39"), ("0.3", "2", "39"), ("0.5", "4", "45")]
-    said = PAGE.read_text().partition("all but meets the three demands")[2]
-    assert "(0.3, 2, +3 dB) and (0.5, 4, +3 dB) meet them, so does (0.5, 4, +9 dB), and no other point" in said
+    text = PAGE.read_text().partition("all but meets the three demands")[2]
+    named = "(0.3, 2, +3 dB) and (0.5, 4, +3 dB) meet them, so does (0.5, 4, +9 dB), and no other point"
+    assert named in text
 
 
 def test_of_two_rows_of_a_point_one_is_read(tmp_path):
