@@ -598,7 +598,7 @@ class Scenario:
         ranges = {name: values.pop(name) for name in list(values) if is_range(name, values[name])}
         try:
             if ranges:
-                variants = _checked_variants("variants", values.get("variants", [{}]))
+                variants = _checked_variants("variants", values.get("variants") or [{}])
                 values["variants"] = [{**ranges, **variant} for variant in variants]
             return dataclasses.replace(preset(str(changes.get("preset", "standard"))), **values)
         except ScenarioError as error:
