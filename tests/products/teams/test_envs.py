@@ -342,3 +342,9 @@ def test_actions_of_the_rivals_are_refused():
         team.step(np.zeros((1, 3, 9)), np.zeros((1, 2, 9)))
     with pytest.raises(UserError, match=r"ally actions: expected a float array of shape \(1, 3, 9\)"):
         team.step()
+
+
+def test_games_of_teams_draw_no_rules():
+    scenario = {"preset": "link", "hop_airtime_s": [0.1, 0.5]}
+    with pytest.raises(UserError, match="variants: games of teams are played by one scenario"):
+        fpg_bench.make_sb3("FPG/team_v0", side="ally", scenario=scenario)
