@@ -74,7 +74,7 @@ FAULTS = {
 
 
 def check(words: str, scratch: Path, begin: Callable[[Path], object] = lambda folder: None) -> None:
-    """Disturb a command at its first, fourth, sixteenth ... write, run it again, and compare what it leaves.
+    """Disturb a command at its first, 16th, 256th ... write, run it again, and compare what it leaves.
 
     The faults take turns; with more time all come, and at each power of two.
 
@@ -107,7 +107,7 @@ def check(words: str, scratch: Path, begin: Callable[[Path], object] = lambda fo
         for fault in FAULTS if SCALE > 1 else [next(in_turn)]:
             is_whole, again = filled(f"{fault}-{at}", fault, at)
             assert again == whole, (fault, at)
-        at *= 2 if SCALE > 1 else 4
+        at *= 2 if SCALE > 1 else 16
     assert at > 2
 
 
