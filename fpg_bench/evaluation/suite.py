@@ -254,7 +254,7 @@ def suite_of(game: GameSpec, side: str | None = None) -> str:
             return "ally-planner-v1"
         side = game.config.side
     learned = side == "opponent" and game.path == ("learned",)
-    scenario = game.scenario.base.name if isinstance(game.scenario, Scenario) else game.scenario
+    scenario = as_scenario(game.scenario).base.name
     if not learned and scenario in ("paper", "link"):
         return f"{side}-{scenario}-v1"
     return "opponent-learned-v2" if learned else f"{side}-v2"

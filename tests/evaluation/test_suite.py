@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.play import match_of, rounds
 from fpg_bench.evaluation.suite import Scale, load_suite, suite_names, suite_of
-from fpg_bench.game.scenario import STANDARD
+from fpg_bench.game.scenario import STANDARD, as_scenario
 from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import suites_folder
 
@@ -62,6 +63,13 @@ def test_every_id_has_its_suite():
     ):
         assert suite_of(GameSpec(env_id, **options)) == name
         assert load_suite(name).side in env_id.lower()
+
+
+def test_ranges_have_the_suite_of_their_preset_however_they_are_written(tmp_path):
+    ranges = {"preset": "link", "hop_airtime_s": [0.1, 0.5]}
+    (tmp_path / "drawn.yml").write_text(yaml.safe_dump(ranges))
+    for scenario in (ranges, [ranges], str(tmp_path / "drawn.yml"), as_scenario(ranges)):
+        assert suite_of(GameSpec("FPG/AllyVsScripted-v0", scenario=scenario)) == "ally-link-v1"
 
 
 def test_a_suite_of_ones_own(tmp_path):
