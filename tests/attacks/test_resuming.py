@@ -52,6 +52,7 @@ VERBS = {
     "double-oracle": f"double-oracle --iterations 2 --against tone --algorithm ppo {QUICK} "
     "--response-algorithm ppo --response-hyperparams tiny.yml --out FOLDER",
 }
+DEAR = {"train", "train a team", "best-response", "double-oracle"}  # each starts torch anew at each write
 # Of each verb with several workers
 WORKERS = {
     "train": f"train ppo {ALLY} --seeds 0-1 {QUICK} --n-evals 0 --n-jobs 2",
@@ -73,15 +74,18 @@ FAULTS = {
 }
 
 
-def check(words: str, scratch: Path, begin: Callable[[Path], object] = lambda folder: None) -> None:
-    """Disturb a command at its first, 16th, 256th ... write, run it again, and compare what it leaves.
+def check(
+    words: str, scratch: Path, begin: Callable[[Path], object] = lambda folder: None, apart: int = 2
+) -> None:
+    """Disturb a command at its first, second, fourth ... write, run it again, and compare what it leaves.
 
-    The faults take turns; with more time all come, and at each power of two.
+    The faults take turns; with more time all come at each write.
 
     Args:
         words: the command; ``FOLDER`` stands for the folder that it fills.
         scratch: the folder of all these.
         begin: makes what the command finds in its folder; by default nothing.
+        apart: factor from one write to the next; with more time 2.
     """
 
     def filled(name: str, fault: str = "", at: int | None = None) -> tuple[bool, dict[str, Any]]:
@@ -107,7 +111,7 @@ def check(words: str, scratch: Path, begin: Callable[[Path], object] = lambda fo
         for fault in FAULTS if SCALE > 1 else [next(in_turn)]:
             is_whole, again = filled(f"{fault}-{at}", fault, at)
             assert again == whole, (fault, at)
-        at *= 2 if SCALE > 1 else 16
+        at *= 2 if SCALE > 1 else apart
     assert at > 2
 
 
@@ -176,10 +180,10 @@ def _verb(words: list[str], said: str, number: int | None, at: int | None) -> No
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", [pytest.param(v, marks=pytest.mark.full) if v in DEAR else v for v in VERBS])
 def test_a_disturbed_command_resumes_to_the_same_result(verb, tmp_path, monkeypatch):
     _begin(tmp_path, monkeypatch)
-    check(VERBS[verb], tmp_path)
+    check(VERBS[verb], tmp_path, apart=16 if verb in DEAR else 2)
 
 
 def _begin(folder, monkeypatch):
@@ -204,7 +208,7 @@ def _in_rows(found: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.process
 @pytest.mark.parametrize("verb", WORKERS)
 def test_a_killed_worker_loses_nothing(verb, tmp_path, monkeypatch):
