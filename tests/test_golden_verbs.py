@@ -60,7 +60,7 @@ CASES = {
     "envs": Case("envs"),
     "players": Case("players"),
     "suites": Case("suites"),
-    "scenario": Case("scenario show link"),
+    "scenario": Case("scenario show link --pays", kept=60),
     "zoo": Case("zoo --all", kept=150),
     "play": Case("play --ally expert-spread --opponent sweep --path circle --seed 4 --every 20"),
     "play-page": Case("play --scenario paper --seed 3 --out round.html", ("round.html",)),

@@ -22,9 +22,14 @@ def show(
     picture: Annotated[
         Path | None, typer.Option(help="Also draw SINR over distance, and the spectra, into this file.")
     ] = None,
+    pays: Annotated[
+        bool, typer.Option("--pays", help="Also play whether hopping pays here, for about a minute.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Print what a scenario changes and, in the model link, its link budget.
+
+    With --pays and --json the rows are those of that answer.
 
     Example: fpg-bench scenario show link --picture link.png
     """
@@ -39,9 +44,11 @@ def show(
         typer.echo(f"{played.name or scenario}\nhash {played.hash}")
         for name, value in played.to_dict().items():
             typer.echo(f"    {name}: {value}")
-    if is_link:
+    if is_link and not (pays and as_json):
         load("rendering", "link budget")(played, link_m, picture, as_json)
-    elif as_json:
+    if pays:
+        load("rendering", "worth of hopping")(played, as_json)
+    elif as_json and not is_link:
         print_json(())
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TypedDict, cast
 
@@ -110,6 +110,7 @@ class RuleSearch(CategoricalSearch):
         goal: ``mean`` or ``lowest``.
         seed: training seed.
         reward: ``own``, or ``zero_sum`` to lower the rivals' returns.
+        off: numbers that keep their first option.
     """
 
     def __init__(
@@ -120,6 +121,7 @@ class RuleSearch(CategoricalSearch):
         goal: str = "mean",
         seed: int = 0,
         reward: str = "own",
+        off: Collection[str] = (),
     ) -> None:
         model = rule_graph(side, scenario)
 
@@ -127,4 +129,5 @@ class RuleSearch(CategoricalSearch):
             return Candidates(model, rule_values(side, options, scenario))
 
         play = earnings(candidates, side, rivals, scenario, reward)
-        super().__init__(list(map(len, NUMBERS[side].values())), play, len(rivals), seed, goal)
+        sizes = [1 if name in off else len(grid) for name, grid in NUMBERS[side].items()]
+        super().__init__(sizes, play, len(rivals), seed, goal)
