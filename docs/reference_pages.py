@@ -1,12 +1,16 @@
 """Pages of the site that are made from the code: one an environment id, and the command line.
 
-They are written into ``reference/generated``, which is not kept in the repository. A picture that is there
-already stays, as drawing takes seconds.
+They are written into ``reference/generated``, which is not kept in the repository: also the notebooks with
+their outputs, and a gallery. Its films, and those of the ids, are replays that stand in the site's ``films``.
 """
 
 from __future__ import annotations
 
+import base64
+import contextlib
 import inspect
+import json
+import os
 import pydoc
 import re
 import subprocess
@@ -21,6 +25,7 @@ from fpg_bench.game.scenario import preset
 from fpg_bench.players.planner import asks_language_model
 
 GENERATED = Path(__file__).parent / "reference/generated"
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "examples").glob("*.ipynb"))
 ELSEWHERE = {"../baselines/README.md": "results/findings.md"}  # pages that lie outside of this folder
 _REGIONS = {  # of the theme's pages, and what they become
     r'role="heading">': 'role="heading" aria-level="2">',
@@ -35,9 +40,7 @@ _VIEW = """\
 
 {About}.
 
-![A round of {id}: {pairing}]({gif})
-
-*A round, seed 12: {pairing}.*
+{film}
 
 | property | of this id |
 | --- | --- |
@@ -125,30 +128,102 @@ What the sides see and do stands on the pages of their own ids, {{doc}}`AllyVsPo
 {versions}"""
 
 
+_GALLERY = """\
+# Gallery
+
+Rounds of notable players, to play, stop and step through, each with seed 12 as
+`fpg-bench play --ally ALLY --opponent OPPONENT --seed 12 --out round.html` writes it.
+[The board](../../benchmark/leaderboard.md) has rounds of every entry, [findings](../../results/findings.md)
+what all of them show.
+
+"""
+_ROUNDS = {  # of the gallery: ally, opponent, and what to look at
+    "wide": (
+        "ally-wide/ppo-fast-stack8-memory/seed_0",
+        "opponent-wide/ppo-fast-memory/seed_0",
+        "PPO with a memory on both sides, the best learners against held-out rivals",
+    ),
+    "rule": (
+        "ally-rule/rule/seed_0",
+        "opponent-wide/ppo-fast-memory/seed_0",
+        "the same opponent against a rule of a dozen numbers that a search found",
+    ),
+    "champion": (
+        "ally-champion-4/tabular/seed_0",
+        "opponent-rule/rule/seed_0",
+        "a stochastic table from self-play, the hardest ally to break, against a searched opponent",
+    ),
+    "script": (
+        "evidence",
+        "hunter",
+        "scripts: one counts the evidence that it was found, one jams where it heard last",
+    ),
+    "oracle": (
+        "oracle",
+        "opponent-wide/ppo-fast-memory/seed_0",
+        "an ally that sees the full state: what knowledge is worth",
+    ),
+    "link": (
+        "ally-link-wide/ppo-fast-stack8/seed_0",
+        "opponent-link-wide/ppo-fast-memory/seed_0",
+        "the best learners of the radio link",
+    ),
+}
+
+
 def connect(app: Any) -> None:
     """Have Sphinx write the pages before it looks for any, and read each page as the site shows it."""
     app.connect("builder-inited", lambda app: write_pages(GENERATED))
     app.connect("builder-inited", lambda app: import_documented())
     app.connect("source-read", lead_inside)
     app.connect("source-read", show_on_site)
-    for finish in (name_regions, mend_links_of_sources):
+    for finish in (name_regions, mend_links_of_sources, draw_films):
         app.connect("build-finished", lambda app, failure, done=finish: failure or done(Path(app.outdir)))
 
 
-def write_pages(folder: Path, pictures: bool = True) -> None:
-    """Write all pages.
-
-    Args:
-        folder: where.
-        pictures: whether to draw the films that are not there yet.
-    """
+def write_pages(folder: Path) -> None:
+    """Write all pages into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for view in ENVS.values():
         _write(folder / f"{_short(view.id)}.md", view_page(view))
-        if pictures:
-            _draw(view, folder / _gif(view))
     _write(folder / f"{_short(DUEL)}.md", _DUEL.format(versions=_versions(FIRST_VERSION), **_sizes()))
     _write(folder / "command-line.md", command_line_page())
+    _write(folder / "gallery.md", gallery_page())
+    for notebook in NOTEBOOKS:
+        _write(folder / f"{notebook.stem}.md", notebook_page(notebook, folder))
+
+
+def gallery_page() -> str:
+    """Return the films of notable players."""
+    films = (
+        f"## {ally} against {opponent}\n\n{look[0].upper() + look[1:]}.\n\n{_film(name, look)}\n"
+        for name, (ally, opponent, look) in _ROUNDS.items()
+    )
+    return _GALLERY + "\n".join(films).replace("/seed_0", "")
+
+
+def notebook_page(notebook: Path, folder: Path) -> str:
+    """Return a notebook as Markdown, with the outputs that it holds; write its pictures into a folder."""
+    parts = [f"*A notebook, `examples/{notebook.name}`, with its outputs.*"]
+    for number, cell in enumerate(json.loads(notebook.read_text())["cells"]):
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            parts.append(source.replace("](../docs/", "](../../"))
+            continue
+        is_shell = source.startswith("!")
+        parts.append(
+            f"```{'sh' if is_shell else 'python'}\n{source.replace('!', '') if is_shell else source}\n```"
+        )
+        for output in cell["outputs"]:
+            data = output.get("data", {"text/plain": output.get("text", [])})
+            if "image/png" in data:
+                picture = folder / f"{notebook.stem}-{number}.png"
+                picture.write_bytes(base64.b64decode(data["image/png"]))
+                parts.append(f"![What the cell above draws]({picture.name})")
+            else:
+                parts.append(f"```text\n{''.join(data['text/plain']).rstrip()}\n```")
+    head, *rest = parts[1:]
+    return "\n\n".join([head, parts[0], *rest, ""])
 
 
 def view_page(view: EnvConfig) -> str:
@@ -156,8 +231,7 @@ def view_page(view: EnvConfig) -> str:
     return _VIEW.format(
         id=view.id,
         About=view.about[0].upper() + view.about[1:],
-        gif=_gif(view),
-        pairing=_pairing(view),
+        film=_film(_short(view.id), f"seed 12, {_pairing(view)}"),
         side=view.side,
         other_side=view.other_side,
         other=f"`{view.other}`",
@@ -215,17 +289,29 @@ def _pairing(view: EnvConfig) -> str:
 _SHOWN = {"ally": "ally-scripted/ppo/seed_0", "opponent": "opponent-pursuit/ppo/seed_0"}
 
 
-def _draw(view: EnvConfig, file: Path) -> None:
+def _film(name: str, about: str) -> str:
+    """Return the frame of a film of the site."""
+    place = f"../../films/{name}.html#embed"
+    return f'<iframe class="film" src="{place}" title="A round: {about}" loading="lazy"></iframe>'
+
+
+def draw_films(site: Path) -> None:
+    """Play the rounds of the gallery and of the ids, and write their replays into the site."""
     from fpg_bench.products.rendering.watching import watch
 
-    if not file.exists():
+    games: dict[str, dict[str, Any]] = {
+        name: {"ally": of[0], "opponent": of[1]} for name, of in _ROUNDS.items()
+    }
+    for view in ENVS.values():
         planner = "interceptor" if view.planner else None  # a language model's paths look the same
-        sides = {view.side: _SHOWN[view.side], view.other_side: view.other}
-        watch(**sides, seed=12, out=file, every=10, planner=planner, path=None if planner else view.path)
-
-
-def _gif(view: EnvConfig) -> str:
-    return f"{view.side}-{view.other}-{'planned' if view.planner else view.path}.gif"
+        game = {"planner": planner, "path": None if planner else view.path}
+        games[_short(view.id)] = {view.side: _SHOWN[view.side], view.other_side: view.other, **game}
+    (site / "films").mkdir(exist_ok=True)
+    for name, game in games.items():
+        file = site / f"films/{name}.html"
+        file.unlink(missing_ok=True)
+        with open(os.devnull, "w") as null, contextlib.redirect_stdout(null):
+            watch(**game, seed=12, out=file)
 
 
 def _short(name: str) -> str:

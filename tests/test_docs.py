@@ -156,7 +156,7 @@ def test_the_reference_of_python_names_what_there_is():
 
 @pytest.mark.slow
 def test_every_id_has_a_page_of_what_it_sees_and_does(tmp_path):
-    reference_pages.write_pages(tmp_path, pictures=False)
+    reference_pages.write_pages(tmp_path)
     rules = (DOCS / "reference/rules.md").read_text()
     for config in ENVS.values():
         text = (tmp_path / f"{config.id.removeprefix('FPG/')}.md").read_text()

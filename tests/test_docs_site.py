@@ -1,5 +1,6 @@
 """The built site of the documentation, in a browser."""
 
+import csv
 import re
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import expect
 
 from tests.products.leaderboard.browsing import chromium
 from tests.programs import ROOT
@@ -20,6 +22,9 @@ PAGES = (
     "reference/rules",
     "reference/glossary",
     "reference/generated/AllyVsScripted-v0",
+    "reference/generated/gallery",
+    "reference/generated/quick_start",
+    "results/regimes",
     "search",
     "genindex",
 )
@@ -83,6 +88,44 @@ def test_axe_finds_nothing_on_the_pages(visit, name):
 def test_the_search_shows_what_people_look_for_first(visit, words, page):
     first = visit(f"search.html?q={words.replace(' ', '+')}").locator("#search-results li > a").first
     assert re.sub(r"\.html.*", "", first.get_attribute("href", timeout=60_000)) == page
+
+
+def test_films_move(visit):
+    frame = visit("reference/generated/gallery.html").locator(".film").first
+    frame.scroll_into_view_if_needed()
+    film = frame.content_frame
+    film.get_by_role("button", name="play").click()
+    expect(film.get_by_role("button", name="pause")).to_be_visible()
+
+
+def test_the_outputs_of_notebooks_are_shown(visit):
+    drawn = visit("reference/generated/quick_start.html").locator("article img")
+    assert drawn.count() == 4
+    assert drawn.evaluate_all("all => all.every((one) => one.naturalWidth > 300)")
+
+
+def test_a_radio_on_the_map_gets_the_measured_points_around_it(visit):
+    form = visit("results/regimes.html").locator("#radio")
+    radio, *numbers = form.locator("select, input").all()
+    said = form.locator("output")
+    assert len(radio.locator("option").all()) == 6
+    expect(said).to_have_text(re.compile(r"nearest point, \(0\.3, 4, \+3 dB\): hop 15 .* spread 3 "))
+    radio.select_option(label="Link 16 (fast hopper, military), L")
+    assert [number.input_value() for number in numbers[:2]] == ["0.51", "77"]
+    expect(said).to_have_text(re.compile("lies beyond the map"))
+    for number, value in zip(numbers, ("0.4", "3", "6"), strict=True):
+        number.fill(value)
+    with (ROOT / "docs/results/regimes.csv").open() as file:
+        values = {
+            f"({row['hop_dwell']}, {row['reaction_dwell']}, +{float(row['power_dbm']) - 36:g} dB)": row[
+                "value"
+            ]
+            for row in csv.DictReader(file)
+        }
+    shown = {row.split("\t")[0]: row.split("\t")[1] for row in form.locator("tbody tr").all_inner_texts()}
+    near = ((2, 3), (4, 3), (4, 9))
+    assert shown.keys() == {f"({hop}, {at}, +{power} dB)" for hop in (0.3, 0.5) for at, power in near}
+    assert all(value.startswith(f"{float(values[point]):.2f} [") for point, value in shown.items())
 
 
 def test_every_link_of_the_site_leads_to_a_place_on_a_page(built):

@@ -11,21 +11,21 @@ import numpy as np
 from fpg_bench.cli.options import print_json, print_wrapped
 from fpg_bench.common.ids import SCRIPTS
 from fpg_bench.common.output import print_line, shown_progress
-from fpg_bench.envs.two_player import TwoPlayerBatch
-from fpg_bench.evaluation.rounds import make_match, play_round
+from fpg_bench.evaluation.play import SeedSource
 from fpg_bench.evaluation.seeds import evaluation_seeds, tuning_seeds
 from fpg_bench.evaluation.statistics import MATCHES, Interval, difference, mean_interval
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario
-from fpg_bench.players.player import PlayerSpec
+from fpg_bench.players.player import Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.products.league.candidates import Candidates
+from fpg_bench.products.league.evaluation import evaluate_against
 from fpg_bench.products.league.rule_search import RuleSearch, rule_of
 from fpg_bench.products.league.rules import describe_rule, rule_graph, rule_values
 
 GENERATIONS = 16  # of a search
 TRIED, MEASURED = 32, 100  # rounds against each jammer, to choose the best and to measure it
-DONE = {"hops": "hops", "spreads": "spread"}  # the tally of what a player does
+DONE = {"hops": "hop_rate", "spreads": "spread_ratio"}  # the measure of what a player does
 # Numbers that say when a rule hops, and where.
 HOPS = (
     *(f"{name}_hits" for name in JAMMING_TYPES),
@@ -58,7 +58,7 @@ def best_allies(scenario: Scenario, jammers: Sequence[str] = SCRIPTS["opponent"]
     """
     scenario = dataclasses.replace(scenario, rounds_per_match=1)
     rivals = [as_player(name, "opponent", scenario) for name in jammers]
-    players: dict[str, PlayerSpec] = {name: name for name in SCRIPTS["ally"]}
+    players: dict[str, str | Player] = {name: name for name in SCRIPTS["ally"]}
     with shown_progress() as show:
         for done, off in enumerate(((), HOPS)):
             search = RuleSearch("ally", rivals, scenario, off=off)
@@ -69,19 +69,15 @@ def best_allies(scenario: Scenario, jammers: Sequence[str] = SCRIPTS["opponent"]
             values = rule_values("ally", search.best[None], scenario)
             players[f"rule: {words}"] = Candidates(rule_graph("ally", scenario), values)
 
-    def play(player: str, seeds: Sequence[int]) -> Best:
-        duel, rounds = TwoPlayerBatch(scenario, len(seeds), threads=1), []
-        for rival in rivals:
-            play_round(make_match(duel, players[player], rival), seeds=seeds)
-            rounds.append(duel.batch.tallies.copy())
-        of = np.array(rounds)
-        does = " and ".join(word for word, tally in DONE.items() if of[tally].any())
-        return Best(does or "stays", player, (of["ally_return"] / of["steps"]).mean(axis=0))
+    def play(player: str, matches: int, seeds: SeedSource) -> Best:
+        against = {name: name for name in jammers}
+        of = evaluate_against(players[player], against, "ally", scenario, matches, seeds)
+        does = " and ".join(verb for verb, measure in DONE.items() if of.measures[measure])
+        return Best(does or "stays", player, of.rewards.mean(axis=(0, 1)))
 
-    tried = sorted((play(player, tuning_seeds(TRIED)) for player in players), key=_mean)
+    tried = sorted((play(player, TRIED, tuning_seeds) for player in players), key=_mean)
     best = {does: player for does, player, _ in tried}  # the last one of each
-    seeds = evaluation_seeds(MEASURED)
-    measured = [play(player, seeds)._replace(does=does) for does, player in best.items()]
+    measured = [play(player, MEASURED, evaluation_seeds)._replace(does=does) for does, player in best.items()]
     return sorted(measured, key=_mean, reverse=True)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import Any, Literal, TypedDict, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -34,7 +34,6 @@ from fpg_bench.products.league.rule_search import rule_search
 from fpg_bench.products.league.tabular import DEFAULT_FEATURES, count_cells, table_search
 from fpg_bench.products.league.targets import (
     RESPONSE_REWARDS,
-    Kept,
     ResponseTarget,
     find_target,
     training_seeds,
@@ -76,37 +75,7 @@ _STEPS_PER_S = 8_000  # of PPO, at least; what it costs is known after the first
 _logger = logging.getLogger(__name__)
 
 
-class Found(Kept):
-    """Return of a training seed against the strongest response to it, with its interval.
-
-    Attributes:
-        response: the script, or the folder of the agent.
-        method: how it was found: ``script``, ``training``, ``rule``, ``tabular``, ``pupil`` or ``ppo``.
-        seconds: CPU seconds of this response alone.
-        spent: CPU seconds of the search until it was found.
-    """
-
-    response: str
-    method: str
-    seconds: float
-    spent: float
-
-
-class BestResponses(TypedDict):
-    """Content of ``best_responses.json``; see :func:`best_responses`."""
-
-    side: str
-    policies: dict[str, str]
-    scenario: str
-    path: str | list[str]
-    reward: str
-    protocol: str
-    seconds: float
-    returns: dict[str, Found]
-    lowest: str
-
-
-def best_responses(config: BestResponseConfig, out: str | Path, *, progress: bool = True) -> BestResponses:
+def best_responses(config: BestResponseConfig, out: str | Path, *, progress: bool = True) -> Row:
     """Search the strongest response to a fixed player, by one method or by several.
 
     First all scripts are played, and in a portfolio some with random constants. By default agents are then
@@ -170,9 +139,9 @@ def best_responses(config: BestResponseConfig, out: str | Path, *, progress: boo
                 search.add_training(seed)
         returns = {name: search.strongest(name) for name in seeds}
         lowest = min(returns, key=lambda name: returns[name]["return"])
-        found = {"seconds": round(search.spent, 1), "returns": returns, "lowest": lowest}
-        write_json(folder / RESULT, {**about, **found})
-    return cast("BestResponses", {**about, **found})
+        about |= {"seconds": round(search.spent, 1), "returns": returns, "lowest": lowest}
+        write_json(folder / RESULT, about)
+    return about
 
 
 def draw_features(side: str, number: int) -> dict[str, list[float]]:
@@ -395,8 +364,11 @@ class _Responses:
 
         self.add(f"{name}/agent", method, make, answers=answered, steps=steps)
 
-    def strongest(self, name: str) -> Found:
-        """Return what a training seed keeps on fresh seeds against what is strongest on tuning seeds."""
+    def strongest(self, name: str) -> Row:
+        """Return what a training seed keeps on fresh seeds against what is strongest on tuning seeds.
+
+        With it comes that response, its method, the CPU seconds of it alone, and those until it was found.
+        """
         index = min(range(len(self.rows)), key=lambda k: self.rows[k].returns[name])
         row = self.rows[index]
         return {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TypedDict, cast
+from typing import cast
 
 import numpy as np
 
@@ -26,19 +26,7 @@ from fpg_bench.products.league.rules import NUMBERS, Option, describe_rule, rule
 NAME = "rule"  # of its files, and of the algorithm
 
 
-class FoundRule(TypedDict):
-    """Content of ``rule.json``; see :func:`rule_search`."""
-
-    side: str
-    rule: dict[str, Option]
-    words: str
-    goal: str
-    earned: float
-    generations: int
-    seconds: float
-
-
-def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = True) -> FoundRule:
+def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = True) -> Row:
     """Search a rule of a side against a pool of rivals.
 
     The rows of a search depend on its seed alone, and its budget decides how many there are. A stopped call
@@ -51,8 +39,9 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
         progress: log a line for each quarter of the budget.
 
     Returns:
-        The content of ``rule.json``: ``rule``, the numbers; ``words``, the rule in words; ``earned``, what
-        the last generation's best earned per step by the goal; ``generations`` and ``seconds`` of CPU.
+        The content of ``rule.json``: the settings; ``rule``, the numbers; ``words``, the rule in words;
+        ``earned``, what the last generation's best earned per step by the goal; ``generations`` and
+        ``seconds`` of CPU.
 
     Raises:
         UserError: no such rival, or a folder with other files or another search.
@@ -78,20 +67,13 @@ def rule_search(config: RuleSearchConfig, out: str | Path, *, progress: bool = T
         earned, seconds = run_search(search, folder, NAME, about, config.budget, progress)
         generations = search.generation
         best = search.simplify()
-        result: FoundRule = {
-            "side": config.side,
-            "rule": rule_of(config.side, best),
-            "words": describe_rule(config.side, rule_of(config.side, best)),
-            "goal": config.goal,
-            "earned": earned,
-            "generations": generations,
-            "seconds": seconds,
-        }
+        numbers = rule_of(config.side, best)
+        recipe: JsonObject = {"rule": numbers, "words": describe_rule(config.side, numbers)}
         model = rule_graph(config.side, scenario, rule_values(config.side, best[None], scenario)[0])
-        recipe: JsonObject = {"rule": result["rule"], "words": result["words"]}
         write_found(folder / "agent", model, search, game, NAME, seconds, recipe)
-        write_json(folder / f"{NAME}.json", {**about, **result})
-    return result
+        about |= {**recipe, "earned": earned, "generations": generations, "seconds": seconds}
+        write_json(folder / f"{NAME}.json", about)
+    return about
 
 
 def rule_of(side: str, options: np.ndarray) -> dict[str, Option]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 from fpg_bench.common.checks import one_of
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import NAMED, other_side, policy_env
+from fpg_bench.common.rows import Row
 from fpg_bench.evaluation.play import SeedSource
 from fpg_bench.game.scenario import STANDARD, Scenario
 from fpg_bench.game.spec import GameSpec, Options
@@ -22,8 +23,6 @@ from fpg_bench.products.league.evaluation import evaluate_against
 # Reward of best responses by the side of the player: an ally's lowest return is what anybody can do to it, an
 # opponent's is taken against allies that play for themselves.
 RESPONSE_REWARDS = {"ally": "zero_sum", "opponent": "own"}
-
-Kept = TypedDict("Kept", {"return": float, "low": float, "high": float})
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class ResponseTarget:
         """The scenario that is played."""
         return self.game.resolve()
 
-    def kept(self, seed: str, response: str, matches: int, seeds: SeedSource | None = None) -> Kept:
+    def kept(self, seed: str, response: str, matches: int, seeds: SeedSource | None = None) -> Row:
         """Return what a training seed keeps per step against a response, with its 95 % interval over matches.
 
         Args:

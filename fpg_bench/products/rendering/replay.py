@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -22,47 +22,16 @@ FORMAT = "fpg-replay/1"
 _CODE = ("events", "pen", "arena", "times", "hands", "player")  # each uses those before it
 
 
-class JammingData(TypedDict):
-    """A jamming type, as pages draw it; ``spacing_mhz`` of a comb's teeth, 0: in one piece."""
-
-    name: str
-    half_width_mhz: float
-    spacing_mhz: float
-    power_dbm: float
-
-
-class ScenarioData(TypedDict):
-    """A scenario, as pages draw it."""
-
-    box_m: Sequence[float]
-    base_station_m: Sequence[float]
-    band_mhz: tuple[float, float]
-    threshold_db: float
-    distance_reward_m: float
-    jamming: list[JammingData]
-
-
-class ReplayData(TypedDict):
-    """Rounds, as pages replay them; see :func:`replay_data`."""
-
-    format: str
-    title: str
-    ally: str
-    opponent: str
-    scenario: ScenarioData
-    rounds: list[JsonObject]
-
-
 def replay_data(
     recordings: Sequence[Recording],
     title: str,
     ally: str = "ally",
     opponent: str = "opponent",
-) -> ReplayData:
+) -> JsonObject:
     """Return the page's data, ready for JSON; lengths in m, frequencies in MHz, times in s, levels in dB.
 
     - ``format``: ``fpg-replay/1``; ``title``, ``ally``, ``opponent``: plain text.
-    - ``scenario``: a :class:`ScenarioData`.
+    - ``scenario``: of :func:`scenario_data`.
     - ``rounds``: per round ``seed`` (text: it may exceed what JavaScript counts exactly), ``match``,
       ``round``, ``path``, ``control_points`` [4][3] of the ally's Bezier curve, ``waypoints`` [n][3] or
       null, and ``steps``: one list per field, entry k after k steps (entry 0 is the round's start):
@@ -81,8 +50,8 @@ def replay_data(
     }
 
 
-def scenario_data(scenario: Scenario) -> ScenarioData:
-    """Return the page's data of a scenario; see :func:`replay_data`."""
+def scenario_data(scenario: Scenario) -> JsonObject:
+    """Return a scenario as pages draw it; ``spacing_mhz`` is that of a comb's teeth, 0: in one piece."""
     s = scenario
     comb = s.comb_spacing_points * s.point_spacing_mhz
     kinds = zip(JAMMING_TYPES, s.footprint_half_widths_mhz, s.jamming_coefficients, strict=True)
@@ -143,7 +112,7 @@ def _rounded(values: np.ndarray, digits: int) -> list[Any]:
     return list(np.round(values, digits).tolist())
 
 
-def replay_page(data: ReplayData) -> str:
+def replay_page(data: JsonObject) -> str:
     """Return the HTML page of :func:`replay_data`'s result; its texts cannot become markup or code."""
     parts = {"title": html.escape(data["title"]), "data": script_json(data)}
     parts |= {"css": replay_part("css"), "js": replay_part("js"), "player": replay_markup("h1")}
