@@ -1,8 +1,5 @@
 """The one loop that plays rounds."""
 
-import pytest
-
-from fpg_bench.common.errors import UserError
 from fpg_bench.envs.two_player import make_duel
 from fpg_bench.evaluation.rounds import begin_round, finish_round, make_match, play_round
 from fpg_bench.game.scenario import as_scenario
@@ -48,9 +45,3 @@ def test_tables_are_played_together_as_they_would_be_alone():
     play_round(one, other, seeds=3)
     assert (one.duel.batch.tallies == played(table("idle"), seeds=3)).all()
     assert (other.duel.batch.tallies == played(table("always-hop"), seeds=3)).all()
-
-
-def test_players_of_the_wrong_side_get_no_runner():
-    for players in (("tone", "adaptive"), ("expert", "expert"), ("expert", "nobody")):
-        with pytest.raises(UserError, match=r"plays the|unknown opponent"):
-            table(*players)

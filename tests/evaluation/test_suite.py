@@ -131,13 +131,6 @@ def test_an_unknown_suite_suggests_and_a_missing_file_is_said():
         load_suite("nope.yml")
 
 
-def test_a_suite_of_another_side_is_refused():
-    with pytest.raises(UserError, match=r"measures the planner, not the ally; choose another"):
-        load_suite("planner-v1", side="ally")
-    with pytest.raises(UserError, match=r"measures the ally, not the planner; choose another"):
-        load_suite("ally-v2", side="planner")
-
-
 @pytest.mark.parametrize(
     ("name", "remedy"),
     [

@@ -47,18 +47,6 @@ def test_the_score_is_the_mean_over_rivals_on_the_suites_scale(suite):
     assert found.worst == suite.rivals[0].name
 
 
-def test_order_by_score_is_order_by_reward_per_step(suite):
-    rng = np.random.default_rng(1)
-    records = [x for k in range(12) for x in records_of(suite, f"e{k}", rng.normal(0, 9, (3, 4)))]
-    found = summarise(records, suite)
-    assert [s.score.value for s in found] == sorted((s.score.value for s in found), reverse=True)
-    rewards = [s.reward.value for s in found]
-    assert rewards == sorted(rewards, reverse=True)
-    for s in found:
-        assert s.score.value == pytest.approx(suite.scale.score(s.reward.value))
-        assert s.score.half == pytest.approx(s.reward.half * 100 / 40)
-
-
 def test_training_seeds_are_one_entry_with_its_interval_over_matches(suite):
     of_matches = np.array([1.0, 3.0, 5.0, 7.0])
     records = [

@@ -58,9 +58,8 @@ def test_waypoints_may_be_a_list_and_come_as_floats(waypoints):
 )
 def test_what_is_no_plan_is_refused_by_the_planners_name(answer, message):
     for kind, name in ((Saying, "saying"), (Nameless, "Nameless")):
-        with pytest.raises(UserError, match=f"^planner {name}: {message}") as caught:
+        with pytest.raises(UserError, match=f"^planner {name}: {message}"):
             asked(kind(answer))
-        assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

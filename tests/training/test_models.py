@@ -220,9 +220,8 @@ def test_an_unknown_activation_is_refused_before_anything_is_written(tmp_path, m
         (str, "expected the name of an activation"),
     ):
         changes = {"policy_kwargs": SMALL | {"activation_fn": value}}
-        with pytest.raises(UserError, match=f"of ppo: activation_fn: .*({message})") as caught:
+        with pytest.raises(UserError, match=f"of ppo: activation_fn: .*({message})"):
             train_tiny("ppo", tmp_path / "run", changes)
-        assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
     assert as_activation(nn.GELU, "here") is nn.GELU  # a class, from Python
     assert as_activation("nn.GELU", "here") is nn.GELU  # as rl-zoo3 writes it

@@ -110,7 +110,6 @@ def test_what_is_no_literal_is_neither_evaluated_nor_read(text, tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UserError, match="policy_kwargs: ") as raised:
         train_tiny("ppo", tmp_path / "run", {"policy_kwargs": text})
-    assert "\n" not in str(raised.value)
     assert len(str(raised.value)) < 400
     assert not list(tmp_path.iterdir())
 

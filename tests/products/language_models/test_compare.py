@@ -86,19 +86,6 @@ def test_planners_side_by_side_and_their_table(folder):
     assert (folder / "out" / "table.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_more_planners_join_a_folder_of_the_same_size_and_nothing_is_played_twice(folder):
-    evaluate(["hold"], "mine.yml", "out")
-    before = (folder / "out" / "records.jsonl").read_bytes()
-    played = []
-    evaluate(["hold", "circle"], "mine.yml", "out", progress=lambda who, *_: played.append(who.name))
-    assert set(played) == {"circle"}
-    assert (folder / "out" / "records.jsonl").read_bytes().startswith(before)
-    with pytest.raises(UserError, match=r"records of mine.yml with 2 matches.* with 3; choose another"):
-        evaluate(["hold"], "mine.yml", "out", matches=3)
-    with pytest.raises(UserError, match="matches: expected a whole number above 0, got 0"):
-        evaluate(["hold"], "mine.yml", "out", matches=0)
-
-
 def test_all_are_those_that_ask_no_language_model(folder, monkeypatch):
     known = ("circle", "random", "hold", "llm", "llm-no-history")
     monkeypatch.setattr("fpg_bench.evaluation.entry.PLANNERS", known)

@@ -221,12 +221,6 @@ def test_a_closed_season_ranks_by_whom_nobody_had_met(season):
     assert unseen != sorted((figures.scores[PUBLIC].value for figures in all_figures), reverse=True)
 
 
-def test_an_empty_board_is_a_board(board):
-    empty = make_board(load_entries(board))
-    assert not [entry for track in empty.tracks for entry in track.entries]
-    assert (empty.crossplay, empty.season) == ({}, None)
-
-
 def test_the_command_on_an_entry_s_page_plays_it_again(entered, tmp_path, monkeypatch):
     build_site(make_board(load_entries(entered)), tmp_path / "site")
     page = (tmp_path / "site/entries/ally/still.html").read_text()

@@ -102,13 +102,6 @@ def test_other_means_sums_points_and_lost_rounds_are_told(records, suites, span)
     ]
 
 
-def test_other_sums_of_the_same_rounds_were_edited(records, suites):
-    for name in TALLIES:
-        kept = changed(records, tally=moved(records[0], **{name: 10.0}))
-        (line,) = disagreements(records, kept, suites)
-        assert line.startswith(f"ally-v2, {records[0].rival}: {name} ")
-
-
 @pytest.mark.parametrize(
     ("name", "share"),
     [

@@ -321,14 +321,3 @@ def test_several_at_once_give_the_same_results(two):
         path.unlink()
     assert all(good for good, _ in verdicts_of(two, workers=2).values())
     assert {path: path.read_bytes() for path in alone} == alone
-
-
-def test_the_board_s_records_are_those_of_evaluate_on_the_same_suites(board, small_suites, in_process):
-    close_season(small_suites, 3, ally={"matches": 3})
-    write_suite(small_suites, "ally-shifted-v2", SUITE | {"matches": 2})
-    folder = enter(board, "ally", "wise", script="expert")
-    assert run_one(folder).is_good
-    case = case_of(board, folder)
-    for suite in case.suites.values():
-        (summary,) = evaluate({"wise": "expert"}, suite.name)
-        assert summary.records == tuple(each for each in case.result.records if each.suite == suite.name)

@@ -377,10 +377,6 @@ def test_verdicts_follow_from_intervals():
     assert verdict(both, PaperResults({})) == FAILS
 
 
-def test_the_papers_that_are_listed_are_those_that_can_be_reproduced():
-    assert [*verbs.PAPERS] == [verbs.YANG, *NAMES]
-
-
 @pytest.mark.parametrize("paper", PAPERS, ids=NAMES)
 def test_published_values_are_those_of_players_and_conditions(paper):
     for player, values in paper.facts.published.items():

@@ -5,11 +5,9 @@ from __future__ import annotations
 import measure_team_payoffs
 import numpy as np
 import pytest
-from lineage import fill
 from measure_team_payoffs import Results, payoff_table, without_bounds
 from train_teams import Teams
 
-from fpg_bench.common.errors import UserError
 from fpg_bench.game.actions import SPREAD_GATE
 from fpg_bench.products.league.payoffs import Payoffs
 
@@ -42,14 +40,3 @@ def test_a_team_plays_with_one_of_its_choices_frozen(tmp_path):
     frozen = teams.rewards("cdma", "tone", "spreading: never", {SPREAD_GATE: -1.0})
     assert free.shape == (2,)
     assert (frozen < free - 1).all()  # all unspread on one point
-
-
-def test_marks_of_a_page_are_filled_and_missing_ones_refused(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("a\n<!-- one -->\nold\n<!-- end -->\nb\n<!-- two -->\n<!-- end -->\n")
-    fill(page, {"two": "2\n", "one": "1"})
-    filled = "a\n<!-- one -->\n\n1\n\n<!-- end -->\nb\n<!-- two -->\n\n2\n\n<!-- end -->\n"
-    assert page.read_text() == filled
-    with pytest.raises(UserError, match="no marks 'three'"):
-        fill(page, {"one": "x", "three": "3"})
-    assert page.read_text() == filled

@@ -60,10 +60,6 @@ def test_jammers_divide_the_band():
     assert (herd == [2, 1]).all()
 
 
-def test_a_script_of_the_other_side_or_of_a_duel_is_refused():
-    with pytest.raises(UserError, match="'genie' plays the ally; name a player of the opponent"):
-        make_team(side="ally", against="genie")
-    with pytest.raises(UserError, match="'assign' plays the opponent"):
-        as_team_player("assign", "ally", SHORT, TEAM)
+def test_a_script_of_teams_is_refused_in_a_duel():
     with pytest.raises(UserError, match="greedy: plays a seat of a team, which observes 67 numbers"):
         as_team_player("greedy", "ally", SHORT, TEAM).predict(np.zeros((2, 15), np.float32))
