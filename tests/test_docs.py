@@ -227,6 +227,7 @@ def test_the_figures_that_pages_quote_are_those_of_the_data():
         assert filled((ROOT / page).read_text(), figures) == (ROOT / page).read_text(), page
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_lowest_known_return_is_one_number_wherever_it_stands():
     board, _ = quote_figures.board()
@@ -269,6 +270,7 @@ def test_the_lowest_known_return_is_one_number_wherever_it_stands():
     assert shown == least.keys()
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_page_of_a_shipped_agent_has_the_command_of_its_card():
     board, _ = quote_figures.board()

@@ -106,6 +106,7 @@ def test_the_script_enters_what_stands_there_and_no_half_of_an_algorithm(tmp_pat
     assert (again.returncode, again.stdout) == (0, "")
 
 
+@pytest.mark.full
 def test_random_play_stands_at_0_and_nobody_above_100(shown):
     """In every suite that the board plays, held-out and shifted ones and those of responses included."""
     for key, track in shown.items():
@@ -118,12 +119,14 @@ def test_random_play_stands_at_0_and_nobody_above_100(shown):
         assert max(scores[PUBLIC].value for scores in known.values()) < 105, key
 
 
+@pytest.mark.full
 def test_crossplay_has_all_pairs(board):
     assert tuple(board.crossplay) == SCENARIOS
     for crossplay in board.crossplay.values():
         assert crossplay.missing == {"ally": (), "opponent": ()}, "run fpg-bench leaderboard verify"
 
 
+@pytest.mark.full
 def test_pages_of_the_board_load_little(board, tmp_path):
     build_site(board, tmp_path)
 

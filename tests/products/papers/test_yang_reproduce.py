@@ -46,7 +46,6 @@ def made(tmp_path_factory):
     return out, written, messages
 
 
-@pytest.mark.full
 @pytest.mark.slow
 def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made

@@ -52,7 +52,6 @@ def blind(tmp_path_factory):
     return out
 
 
-@pytest.mark.full
 @pytest.mark.slow
 def test_one_policy_is_trained_for_all_seats_and_its_card_says_where_it_plays(blind):
     card = read_card(blind / "agent")
