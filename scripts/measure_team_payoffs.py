@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from command import run
@@ -21,9 +20,8 @@ from measure_payoffs import answers_note, equilibrium_note
 
 from fpg_bench.common.files import write_whole
 from fpg_bench.common.output import csv_text
-from fpg_bench.common.schema import Items
+from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.statistics import MATCHES, mean_interval
-from fpg_bench.evaluation.store import EncounterStore, StrictResult
 from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.scenario import preset
 from fpg_bench.players.player import SIDES, PlayerSpec
@@ -43,45 +41,7 @@ ON_PAGE = "3 v 2"
 CLONES = [f"ally-link{kind}/ppo-stack8/seed_0" for kind in ("-population", "")]
 BESIDE = ["random-hops", "greedy-own-points"]  # scripts that play like clones
 COUNTS = ("clashes", "spreading", "heard")
-Key = tuple[str, str, str, int]
-
-
-class TeamPair(NamedTuple):
-    """Teams that meet in a game of ``GAMES``; ``player`` plays as ``ally``, if given."""
-
-    game: str
-    ally: str
-    opponent: str
-    matches: int
-    player: PlayerSpec | None = None
-
-    @property
-    def key(self) -> Key:
-        """Key of its result."""
-        return self[:4]
-
-    @property
-    def name(self) -> str:
-        """Name in messages."""
-        return f"{self.game}: {self.ally} against {self.opponent}"
-
-
-class TeamResult(StrictResult):
-    """Result of a pair of teams: the reward of each match, and the means of :data:`COUNTS`."""
-
-    game: str
-    ally: str
-    opponent: str
-    matches: int
-    clashes: float
-    spreading: float
-    heard: float
-    rewards: Items[float]
-
-    @property
-    def key(self) -> Key:
-        """Key of the pair."""
-        return self.game, self.ally, self.opponent, self.matches
+KEY = ("game", *SIDES, "matches")
 
 
 class Results:
@@ -93,21 +53,25 @@ class Results:
     """
 
     def __init__(self, path: Path, matches: int) -> None:
-        self._store, self._matches = EncounterStore[TeamPair, TeamResult](TeamResult, path), matches
+        self._file, self._matches = RowFile(path), matches
+        self._rows = {tuple(row[name] for name in KEY): row for row in self._file.read()}
 
-    def of(self, game: str, ally: str, opponent: str, player: PlayerSpec | None = None) -> TeamResult:
-        """Return the result of a pair in a game of ``GAMES``; ``player`` plays as ``ally``, if given."""
-        pair = TeamPair(game, ally, opponent, self._matches, player)
-        for missing in self._store.missing([pair]):
-            result = play_pair(missing)
-            self._store.add(result)
-            print(f"{pair.name}: {np.mean(result.rewards):.2f}", flush=True)
-        return self._store.of([pair])[0]
+    def of(self, game: str, ally: str, opponent: str, player: PlayerSpec | None = None) -> Row:
+        """Return rewards and counts in a game of ``GAMES``; ``player`` plays as ``ally``, if given."""
+        key, counts = (game, ally, opponent, self._matches), Counts()
+        if key not in self._rows:
+            args = [player or ally], [opponent], preset("link"), GAMES[game], self._matches
+            rewards = play_teams(*args, on_step=counts.count)
+            row = dict(zip(KEY, key, strict=True)) | counts.means() | {"rewards": rewards.tolist()}
+            self._file.append([row])
+            self._rows[key] = row
+            print(f"{game}: {ally} against {opponent}: {rewards.mean():.2f}", flush=True)
+        return self._rows[key]
 
     def payoffs(self, game: str, allies: Mapping[str, str], opponents: Mapping[str, str]) -> Payoffs:
         """Return the pay-offs of players by their labels."""
         samples = tuple(
-            np.array([self.of(game, ally, name).rewards for name in opponents.values()]).T[None]
+            np.array([self.of(game, ally, name)["rewards"] for name in opponents.values()]).T[None]
             for ally in allies.values()
         )
         return Payoffs(tuple(allies), tuple(opponents), samples)
@@ -115,22 +79,13 @@ class Results:
     def csv(self, labels: Mapping[str, str]) -> str:
         """Return all pairs, players by their labels, with half of the 95 % interval of each reward."""
         lines = [["game", *SIDES, "reward", "half", *COUNTS]]
-        for row in sorted(self._store.records(), key=lambda row: row.key):
-            if row.matches == self._matches and {row.ally, row.opponent} <= set(labels):
-                reward = mean_interval(np.array(row.rewards), MATCHES)
-                values = (reward.value, reward.half, *(getattr(row, name) for name in COUNTS))
-                pair = labels[row.ally], labels[row.opponent]
-                lines.append([row.game, *pair, *(f"{value:.3f}" for value in values)])
+        for _, row in sorted(self._rows.items()):
+            if row["matches"] == self._matches and {row["ally"], row["opponent"]} <= set(labels):
+                reward = mean_interval(np.array(row["rewards"]), MATCHES)
+                values = (reward.value, reward.half, *(row[name] for name in COUNTS))
+                pair = labels[row["ally"]], labels[row["opponent"]]
+                lines.append([row["game"], *pair, *(f"{value:.3f}" for value in values)])
         return csv_text(lines)
-
-
-def play_pair(pair: TeamPair) -> TeamResult:
-    """Play a pair of teams."""
-    allies, counts = [pair.ally if pair.player is None else pair.player], Counts()
-    args = allies, [pair.opponent], preset("link"), GAMES[pair.game], pair.matches
-    rewards = play_teams(*args, on_step=counts.count)
-    names = dict(zip(("game", *SIDES, "matches"), pair.key, strict=True))
-    return TeamResult(**names, **counts.means(), rewards=tuple(rewards.tolist()))
 
 
 class Counts:

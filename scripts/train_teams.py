@@ -74,7 +74,7 @@ class Teams:
         if values:
             label = f"{ally}, {frozen}"
             player = FrozenSeats(as_team_player(ally, "ally", SCENARIO, TEAM), values)
-        return np.array(self._results.of("3 v 2", label, opponent, player).rewards)
+        return np.array(self._results.of("3 v 2", label, opponent, player)["rewards"])
 
     def over_seeds(
         self,
@@ -120,20 +120,14 @@ def allies_table(teams: Teams, jammers: Sequence[str]) -> str:
     scripts = list(TEAM_SCRIPTS["opponent"])
     head = ["mates tell", "against scripts", "95 %", "worst", "against trained jammers", "95 %"]
     lines = [["allies", *head]]
-    for mates in MATES:
-        agents = teams.agents(f"allies-{mates}")
+    groups = [(mates, "", "trained on scripts") for mates in MATES]
+    groups += [(mates, "-again", "trained on trained jammers, too") for mates in NEEDED]
+    for mates, again, label in groups:
+        agents = teams.agents(f"allies-{mates}{again}")
         mean = teams.over_seeds(against(agents, scripts))
         worst = teams.over_seeds(against(agents, scripts), np.min)
         met = teams.over_seeds(against(agents, jammers))
-        lines.append(["trained on scripts", mates, *cells(mean), f"{worst.value:.2f}", *cells(met)])
-    for mates in NEEDED:
-        agents = teams.agents(f"allies-{mates}-again")
-        mean = teams.over_seeds(against(agents, scripts))
-        worst = teams.over_seeds(against(agents, scripts), np.min)
-        met = teams.over_seeds(against(agents, jammers))
-        lines.append(
-            ["trained on trained jammers, too", mates, *cells(mean), f"{worst.value:.2f}", *cells(met)]
-        )
+        lines.append([label, mates, *cells(mean), f"{worst.value:.2f}", *cells(met)])
     for name in ("greedy-own-points", "joint"):
         pairs = [(name, rival) for rival in scripts]
         worst = min(teams.rewards(*pair).mean() for pair in pairs)
