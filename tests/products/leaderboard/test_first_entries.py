@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+import yaml
 
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import write_whole
@@ -17,6 +18,7 @@ from fpg_bench.products.leaderboard.cases import board_reader
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.folders import repository_board, start_board, submission_folders
 from fpg_bench.products.leaderboard.site.build import build_site
+from fpg_bench.products.leaderboard.site.page_data import zoo_policies
 from fpg_bench.products.leaderboard.submission import admit
 from fpg_bench.products.leaderboard.tracks import PUBLIC, SCENARIOS
 from fpg_bench.products.leaderboard.verbs import build
@@ -50,6 +52,13 @@ def test_the_script_makes_agents_as_the_submission_s(tmp_path, monkeypatch):
     assert check_policy(agent.model) == []
     shipped = admit(ENTRY)
     assert {p.card.algorithm for p in shipped.policies} == {agent.card.algorithm}
+
+
+def test_a_visitor_plays_against_every_agent_of_the_board_and_so_its_leaders():
+    texts = [path.read_text() for path in (BOARD / "submissions").glob("*/*/submission.yaml")]
+    agents = {name for text in texts if (name := yaml.safe_load(text).get("zoo"))}
+    assert len(agents) > 50
+    assert all(name.startswith("duel-") for name in agents - zoo_policies().keys())  # of both sides at once
 
 
 def test_its_submission_is_sound_and_no_path_is_left_in_it():

@@ -58,9 +58,9 @@ def test_tables_need_no_javascript(visit):
     assert page.locator("#ally table.board tbody tr").last.is_visible()
 
 
-@pytest.mark.parametrize(("size", "least"), [((1280, 800), 10), ((390, 844), 5)])
-def test_the_first_screen_of_the_ranking_has_the_claim_and_its_rows(visit, size, least):
-    """On a desktop each entry has one line, however long its name is."""
+@pytest.mark.parametrize(("size", "least", "wide"), [((1280, 800), 10, 170), ((390, 844), 5, 300)])
+def test_the_first_screen_of_the_ranking_has_the_claim_and_its_rows(visit, size, least, wide):
+    """On a desktop each entry has one line, however long its name is; on a phone a picture is below."""
     width, height = size
     page = visit(viewport={"width": width, "height": height})
     rows = page.locator("#ally table.board tbody tr:not([hidden])")
@@ -68,6 +68,11 @@ def test_the_first_screen_of_the_ranking_has_the_claim_and_its_rows(visit, size,
     assert sum(box["bottom"] <= height for box in boxes) >= least
     assert page.locator("#ally .about").bounding_box()["y"] < boxes[0]["y"]
     assert width < 700 or max(box["height"] for box in boxes) < 40
+    picture = rows.nth(1).locator(".interval").bounding_box()
+    assert picture["width"] >= wide
+    assert picture["x"] + picture["width"] <= width
+    assert boxes[1]["top"] < picture["y"]
+    assert picture["y"] + picture["height"] <= boxes[1]["bottom"]
     behind = rows.nth(1).locator("td").nth(2)
     assert re.fullmatch("[−+][\\d.]+ ?[−\\d.]+ to [−\\d.]+", behind.inner_text())
     assert behind.bounding_box()["x"] + behind.bounding_box()["width"] <= width

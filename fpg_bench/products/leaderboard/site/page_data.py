@@ -43,11 +43,6 @@ from fpg_bench.products.sandbox.onnx_attributes import ATTRIBUTES, DEFAULTS, att
 Policies = Mapping[tuple[str, str], Row]  # of submitted entries, by track and entry; see policy_data
 Zoo = Mapping[str, tuple[Row, Row]]  # what is known of each agent, and its policy
 _logger = logging.getLogger(__name__)
-# Groups of the zoo, and the game that each plays, whatever it was trained on.
-_GROUPS = dict.fromkeys(
-    ("champion", "champion-2", "population", "scripted", "discrete", "pursuit", "learned", "planner"),
-    "standard",
-) | dict.fromkeys(("link", "link-champion", "link-population"), "link")
 
 
 def data_files(board: Board, submitted: Policies) -> dict[str, str]:
@@ -241,10 +236,10 @@ def zoo_policies() -> dict[str, tuple[Row, Row]]:
     for path in sorted(folder.glob("*/*/seed_0/policy.onnx")):
         name = path.parent.parent.relative_to(folder).as_posix()
         side, _, group = path.parts[-4].partition("-")
-        if side in SIDES and group in _GROUPS:
-            policy = policy_data(path.read_bytes())
+        if side in SIDES:  # the others are pairs of another scenario
+            policy, game = policy_data(path.read_bytes()), "link" if group.startswith("link") else "standard"
             flies = side == "opponent" and read_card(path.parent).flies == "learned"
-            agents[name] = {"side": side, "flies": flies, "game": _GROUPS[group]}, policy
+            agents[name] = {"side": side, "flies": flies, "game": game}, policy
     return agents
 
 
