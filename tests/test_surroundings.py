@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import os
 import stat
 import subprocess
@@ -71,11 +72,10 @@ def _run(number):
     return config, type(config.seed), type(config.steps)
 
 
-def _logged(number):
+def _logged(number, **options):
+    about = {"seconds": number, "training_seed": number, "algorithm": "x", "rounds": number} | options
     with tempfile.TemporaryDirectory() as folder:
-        return fpg_bench.log_evaluation(
-            folder, "idle", number, number, training_seed=number, algorithm="x", rounds=number
-        )
+        return fpg_bench.log_evaluation(about.pop("folder", folder), "idle", number, **about)
 
 
 # Public calls that take whole numbers
@@ -100,6 +100,63 @@ def test_whole_numbers_may_be_those_of_numpy_and_what_is_none_is_one_line(call):
         with pytest.raises(fpg_bench.UserError) as error:
             call(other)
         assert "\n" not in str(error.value)
+
+
+def _trained(**options):
+    how = {name: options.pop(name) for name in ("config", "out", "evaluations") if name in options}
+    with tempfile.TemporaryDirectory() as folder:
+        config = fpg_bench.RunConfig(**{"algorithm": "ppo", "game": ALLY} | options)
+        return fpg_bench.train(**{"config": config, "out": folder} | how)
+
+
+# What is none of a kind, and the public calls that take such a value
+WRONG = {
+    "number": ("many", None, True, math.nan, math.inf, -1, 10**400, [3], 3j),
+    "name": (3, True, b"x", math.nan, [3], {"a": {1}}, len),
+    "path": (3, True, b"x", "a\0b", "\ud800", [3]),
+    "mapping": ("text", 3, True, [3]),
+}
+CALLS = {
+    "log_evaluation's seconds": ("number", lambda value: _logged(1, seconds=value)),
+    "log_evaluation's steps": ("number", _logged),
+    "train's evaluations": ("number", lambda value: _trained(evaluations=value)),
+    "RunConfig's seed": ("number", lambda value: _trained(seed=value)),
+    "make_sb3's games": ("number", lambda value: fpg_bench.make_sb3(ALLY, value)),
+    "make_duel's games": ("number", fpg_bench.make_duel),
+    "supersuit_vec_env's games": ("number", fpg_bench.supersuit_vec_env),
+    "evaluate's workers": ("number", lambda value: fpg_bench.evaluate("idle", matches=1, workers=value)),
+    "log_evaluation's algorithm": ("name", lambda value: _logged(1, algorithm=value)),
+    "log_evaluation's suite": ("name", lambda value: _logged(1, suite=value)),
+    "evaluate's players": ("name", fpg_bench.evaluate),
+    "evaluate's player": ("name", lambda value: fpg_bench.evaluate([value])),
+    "evaluate's suite": ("name", lambda value: fpg_bench.evaluate("idle", value)),
+    "PolicyEvaluator's suite": ("name", fpg_bench.PolicyEvaluator),
+    "RunConfig's algorithm": ("name", lambda value: _trained(algorithm=value)),
+    "RunConfig's suite": ("name", lambda value: _trained(suite=value)),
+    "RunConfig's start": ("path", lambda value: _trained(start=value)),
+    "GameSpec's id": ("name", fpg_bench.GameSpec),
+    "preset": ("name", fpg_bench.preset),
+    "train's configuration": ("name", lambda value: _trained(config=value)),
+    "train's folder": ("path", lambda value: _trained(out=value)),
+    "log_evaluation's folder": ("path", lambda value: _logged(1, folder=value)),
+    "evaluate's folder": ("path", lambda value: fpg_bench.evaluate("idle", matches=1, out=value)),
+    "Run's folder": ("path", fpg_bench.Run),
+    "load_agent": ("path", fpg_bench.load_agent),
+    "write_agent": ("path", lambda value: fpg_bench.write_agent(value, b"", id=ALLY)),
+    "RunConfig's hyper-parameters": ("mapping", lambda value: _trained(hyperparams=value)),
+    "RunConfig's planner": ("mapping", lambda value: _trained(planner_options=value)),
+    "evaluate's planner": ("mapping", lambda value: fpg_bench.evaluate("idle", planner_options=value)),
+    "Scenario": ("mapping", fpg_bench.Scenario.from_dict),
+}
+
+
+@pytest.mark.parametrize(("kind", "call"), CALLS.values(), ids=CALLS)
+def test_a_call_says_in_one_line_what_it_takes(kind, call):
+    for wrong in WRONG[kind]:
+        with pytest.raises(fpg_bench.UserError) as error:
+            call(wrong)
+        assert str(error.value).isprintable()
+        assert len(str(error.value)) < 1500
 
 
 PROGRAM = """\

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import re
 from collections.abc import Collection, Mapping
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any
 
 from fpg_bench.common.errors import UserError, meant, nearest, shown
@@ -12,7 +14,7 @@ from fpg_bench.common.errors import UserError, meant, nearest, shown
 
 def is_integer(value: object, least: int = 1) -> bool:
     """Return True for an integer of at least ``least``; a bool is not one."""
-    return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
+    return isinstance(value, Integral) and not isinstance(value, bool) and least <= int(value) < 2**63
 
 
 def integer(value: object, where: str, least: int = 1) -> int:
@@ -23,6 +25,21 @@ def integer(value: object, where: str, least: int = 1) -> int:
     return int(value)
 
 
+def finite(value: object, where: str) -> float:
+    """Return a number as a float if it is finite and 0 or more; raise UserError otherwise."""
+    with contextlib.suppress(OverflowError):
+        if isinstance(value, Real) and not isinstance(value, bool) and 0 <= float(value) < math.inf:
+            return float(value)
+    raise UserError(f"{where}: expected a finite number, 0 or more, got {shown(value)}")
+
+
+def of_kind(value: object, where: str, expected: str, *kinds: type) -> Any:
+    """Return the value if it is of one of the kinds; raise UserError, with what was expected, otherwise."""
+    if not isinstance(value, kinds):
+        raise UserError(f"{where}: expected {expected}, got {shown(value)}")
+    return value
+
+
 def one_of(value: object, where: str, known: Collection[str]) -> str:
     """Return the value if it is one of the known words; raise UserError otherwise, naming the nearest."""
     if not isinstance(value, str) or value not in known:
@@ -31,18 +48,10 @@ def one_of(value: object, where: str, known: Collection[str]) -> str:
     return value
 
 
-def flag(value: object, where: str) -> bool:
-    """Return the value if it is a bool; raise UserError otherwise."""
-    if not isinstance(value, bool):
-        raise UserError(f"{where}: expected true or false, got {shown(value)}")
-    return value
-
-
 def mapping(value: object, where: str) -> Mapping[Any, Any]:
     """Return the value if it is a mapping; raise UserError otherwise."""
-    if not isinstance(value, Mapping):
-        raise UserError(f"{where}: expected a mapping, got {shown(value)}")
-    return value
+    known: Mapping[Any, Any] = of_kind(value, where, "a mapping", Mapping)
+    return known
 
 
 def check_keys(content: object, known: Collection[str], where: str, needed: Collection[str] = ()) -> None:

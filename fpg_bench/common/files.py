@@ -28,7 +28,7 @@ import platformdirs
 import yaml
 from yaml.composer import Composer
 
-from fpg_bench.common.errors import UserError, one_line, other_content
+from fpg_bench.common.errors import UserError, one_line, other_content, shown
 from fpg_bench.common.strict_json import LONGEST, JsonObject, read_plain
 
 PACKED = ".gz"
@@ -233,6 +233,16 @@ def folder_beside(path: Path) -> Iterator[Path]:
     _sweep(path)
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f"{_begun(path)}{os.getpid()}-") as folder:
         yield Path(folder)
+
+
+def as_path(value: Any, where: str) -> Path:
+    """Return what names a file or folder as a path; raise UserError for what can be no name of one."""
+    try:
+        with contextlib.suppress(OSError):
+            os.lstat(path := Path(value))
+    except (TypeError, ValueError):  # with a null character, or half a letter
+        raise UserError(f"{where}: expected a path, got {shown(value)}") from None
+    return path
 
 
 def check_own_folder(folder: Path, description: str, what: str) -> None:

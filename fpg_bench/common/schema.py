@@ -117,7 +117,8 @@ def problems_of(model: type[M], data: Mapping[str, object]) -> tuple[M, list[str
     for detail in errors:
         by_key.setdefault(detail["loc"][0], []).append(detail)
     lines = [_problem(model, data, details) for details in by_key.values()]
-    return model.model_validate({key: value for key, value in data.items() if key not in by_key}), lines
+    valid = [key for key in data if isinstance(key, str) and key not in by_key]
+    return model.model_validate({key: data[key] for key in valid}), lines
 
 
 @functools.lru_cache(maxsize=256)

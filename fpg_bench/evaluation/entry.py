@@ -8,11 +8,11 @@ import json
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fpg_bench.common.checks import title
+from fpg_bench.common.checks import of_kind, title
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import NAMED, ORACLES, SCRIPTED
 from fpg_bench.common.imports import code_fingerprint, is_code
@@ -103,7 +103,7 @@ def entries_of(
     every: list[PlayerSpec] = []
     if isinstance(specs, str | os.PathLike) or hasattr(specs, "predict"):
         specs = [specs]
-    if not specs:
+    if not of_kind(specs, "players", "a name, a list or a mapping", Iterable):
         raise UserError("players: there are none; name at least one")
     if isinstance(specs, Mapping):
         given = {str(key): list(of) if isinstance(of, list | tuple) else [of] for key, of in specs.items()}
@@ -126,6 +126,7 @@ def entries_of(
 
 def _each(spec: PlayerSpec, suite: Suite) -> Sequence[PlayerSpec]:
     """Return the players that a specification stands for."""
+    of_kind(spec, "players", "names or objects with predict", Hashable)
     side, scripts = suite.side, NAMED.get(suite.side, PLANNERS)
     if spec == ALL_SCRIPTED and side == PLANNER:
         return [name for name in PLANNERS if not asks_language_model(name)]

@@ -15,9 +15,9 @@ from typing import Any
 
 import pydantic
 
-from fpg_bench.common.checks import integer
+from fpg_bench.common.checks import integer, mapping
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import check_writable, read_json, write_json
+from fpg_bench.common.files import as_path, check_writable, read_json, write_json
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.products import load
@@ -94,10 +94,11 @@ def evaluate(
             folder for players without a name to recognize them by.
     """
     played = with_matches(load_suite(suite, allow=allow), matches)
-    with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
+    kept = None if out is None else as_path(out, "out")
+    with tempfile.TemporaryDirectory() if kept is None else contextlib.nullcontext(kept) as folder:
         entries = _entries(players, played, Path(folder), planner_options, workers)
-        if out is not None:
-            check_writable(Path(out))
+        if kept is not None:
+            check_writable(kept)
             check_kept(entries)
         _warn_of_loop(entries, played)
         return play_into(Path(folder), suite, played, entries, progress, workers, reuse)
@@ -111,7 +112,7 @@ def _entries(
     if suite.side == PLANNER and isinstance(players, list | tuple):
         asked = [each for each in players if isinstance(each, str) and asks_language_model(each)]
         players = [each for each in players if each not in asked]
-    if not asked and not planner_options:
+    if not asked and not mapping(planner_options, "planner_options"):
         return entries_of(players, suite)
     if asked and not Workers.of(workers).is_alone:
         raise UserError("n_jobs: one process asks a language model, several questions at once by concurrency")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 
-from fpg_bench.common.checks import integer
+from fpg_bench.common.checks import finite, integer, of_kind
 from fpg_bench.common.errors import UserError
+from fpg_bench.common.files import as_path
 from fpg_bench.common.locks import own_folder
 from fpg_bench.common.rows import Row, RowFile
 from fpg_bench.evaluation.policy_evaluator import MATCHES, PolicyEvaluator
@@ -57,16 +57,14 @@ def log_evaluation(
         UserError: a folder that holds something else, another training, or a score of so many steps; an
             unknown suite, or a model that cannot play its side.
     """
-    steps, seconds = integer(steps, "steps", 0), float(seconds)
-    if not 0 <= seconds < math.inf:
-        raise UserError(f"seconds: expected a finite number, 0 or more, got {seconds:g}")
-    folder = Path(folder)
+    steps, seconds = integer(steps, "steps", 0), finite(seconds, "seconds")
+    folder = as_path(folder, "folder")
     evaluator = PolicyEvaluator(suite, rounds)
     if training_seed is None:
         training_seed = int(match[1]) if (match := _SEED.fullmatch(folder.resolve().name)) else 0
     about = RunDescription(
         command="fpg_bench.log_evaluation",
-        algorithm=algorithm or player_name(model),
+        algorithm=of_kind(algorithm or player_name(model), "algorithm", "text", str),
         side=evaluator.suite.side,
         suite=suite,
         training_seed=integer(training_seed, "training_seed", 0),

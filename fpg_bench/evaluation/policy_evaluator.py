@@ -65,7 +65,7 @@ class PolicyEvaluator:
         allow: Collection[str] = (),
         game: GameSpec | None = None,
     ) -> None:
-        loaded = load_suite(suite, allow=allow) if isinstance(suite, str) else suite
+        loaded = suite if isinstance(suite, Suite) else load_suite(suite, allow=allow)
         if side not in (None, loaded.side) or loaded.side == PLANNER:
             raise UserError(
                 f"suite {loaded.name}: measures the {loaded.side}, not the {side or 'ally or opponent'}"

@@ -15,7 +15,7 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 import pydantic
 
-from fpg_bench.common.checks import check_keys
+from fpg_bench.common.checks import check_keys, of_kind
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.ids import other_side, policy_env
@@ -272,7 +272,7 @@ def suite_file(name: str) -> Path:
     Raises:
         UserError: no such suite.
     """
-    if name.endswith((".yml", ".yaml")):
+    if of_kind(name, "suite", "a name or a YAML file", str).endswith((".yml", ".yaml")):
         return Path(name)
     if (path := _suite_files().get(name)) is None:
         raise UserError(f"unknown suite {name!r}{_instead(name)}")

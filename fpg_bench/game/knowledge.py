@@ -6,7 +6,7 @@ import functools
 from dataclasses import dataclass
 from pathlib import Path
 
-from fpg_bench.common.checks import check_keys, flag, is_integer
+from fpg_bench.common.checks import check_keys, is_integer, of_kind
 from fpg_bench.common.errors import UserError, shown
 from fpg_bench.common.files import read_yaml
 from fpg_bench.common.strict_json import JsonObject
@@ -79,7 +79,7 @@ def _entry(where: str, content: JsonObject) -> KnowledgeEntry:
         spacing_mhz=0.0 if spacing is None else _positive(f"{where}: spacing_mhz", spacing),
         guard_mhz=_positive(f"{where}: guard_mhz", content["guard_mhz"]),
         candidates=0 if candidates == "all" else candidates,
-        spread=flag(content["spread"], f"{where}: spread"),
+        spread=of_kind(content["spread"], f"{where}: spread", "true or false", bool),
         advice=content["advice"],
     )
 

@@ -669,9 +669,9 @@ FIGURES = dataclasses.replace(
 _FILES = {path.stem: path for path in Path(__file__).with_name("presets").glob("*.yml")}
 _BUILT = {"standard": STANDARD, "paper": PAPER, "figures": FIGURES}
 PRESETS = (*_BUILT, *sorted(_FILES))
+_read = functools.cache(Scenario.from_yaml)
 
 
-@functools.cache
 def preset(name: str) -> Scenario:
     """Return a preset by its name.
 
@@ -685,9 +685,9 @@ def preset(name: str) -> Scenario:
     Raises:
         ScenarioError: another name.
     """
-    if name not in PRESETS:
-        raise ScenarioError(f"unknown scenario {name!r}{nearest(name, PRESETS)}")
-    return Scenario.from_yaml(_FILES[name]) if name in _FILES else _BUILT[name]
+    if not isinstance(name, str) or name not in PRESETS:
+        raise ScenarioError(f"unknown scenario {name!r}{nearest(str(name), PRESETS)}")
+    return _read(_FILES[name]) if name in _FILES else _BUILT[name]
 
 
 def as_scenario(scenario: ScenarioLike | Sequence[ScenarioLike], **changes: Any) -> Scenario:

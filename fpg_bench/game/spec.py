@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NoReturn, Protocol
 
-from fpg_bench.common.checks import check_keys, integer, mapping, one_of
+from fpg_bench.common.checks import check_keys, integer, mapping, of_kind, one_of
 from fpg_bench.common.errors import UnknownOptionError, UserError, nearest
 from fpg_bench.common.ids import ACTION_MODES, DUEL, SCRIPTED, EnvConfig, action_modes, find_env, plain_id
 from fpg_bench.common.imports import check_allowed, code_named, split_weight
@@ -259,9 +259,7 @@ class GameSpec:
         """
         try:
             content = dict(mapping(content, "game"))
-            if not isinstance(content.get("id"), str):
-                raise UserError(f"id: expected an environment id, got {content.get('id')!r:.60}")
-            known = option_names(kind := kind_of(content["id"]))
+            known = option_names(kind := kind_of(of_kind(content.get("id"), "id", "an environment id", str)))
             if unknown := next((name for name in content if name not in ("id", *known)), None):
                 raise UserError(f"unknown key {unknown!r}{nearest(str(unknown), known)}")
             for name, value in content.items():

@@ -15,7 +15,7 @@ import numpy as np
 
 from fpg_bench.common.errors import UserError, first_line, meant, nearest, one_line
 from fpg_bench.common.extras import has, require_extra
-from fpg_bench.common.files import read_bounded, read_json
+from fpg_bench.common.files import as_path, read_bounded, read_json
 from fpg_bench.common.imports import SUITE
 from fpg_bench.common.products import files_of_products, load
 from fpg_bench.common.strict_json import JsonObject
@@ -225,6 +225,7 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
     Raises:
         UserError: neither exists.
     """
+    as_path(name, "agent")
     if is_remote(name):
         return fetch(os.fspath(name)).folder
     if os.fspath(name).endswith(".zip"):
@@ -383,12 +384,11 @@ def write_agent(folder: str | os.PathLike[str], model: bytes | str | os.PathLike
         UserError: a field missing, a policy with other inputs or outputs, one that fails or whose rows depend
             on each other, or a file that is not ONNX.
     """
-    where = f"agent {os.fspath(folder)}"
-    data = (
-        stripped(model)
-        if isinstance(model, bytes)
-        else stripped(Path(model).read_bytes(), Path(model).parent)
-    )
+    where = f"agent {as_path(folder, 'folder')}"
+    if isinstance(model, bytes):
+        data = stripped(model)
+    else:
+        data = stripped((file := as_path(model, "model")).read_bytes(), file.parent)
     content: JsonObject = {**about, "policy_sha256": hashlib.sha256(data).hexdigest()}
     if "id" in content:
         own = {*option_names(kind_of(content["id"]))} - {*option_names()} | {"actions"}

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
+from fpg_bench.common.checks import of_kind
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.common.ids import DUEL
 from fpg_bench.common.imports import imported
@@ -69,7 +70,7 @@ def find_algorithm(name: str | type[Any]) -> Algorithm:
     """
     if isinstance(name, type):
         return _custom(f"{name.__module__}:{name.__qualname__}", name)
-    if ":" in name:
+    if ":" in of_kind(name, "algorithm", "a name or a class", str):
         return _custom(name, imported(name, "algorithm"))
     root, frames, memory = cast("re.Match[str]", _OBSERVING.fullmatch(name)).groups()
     offer = offered("algorithm").get(root)

@@ -18,6 +18,7 @@ from stable_baselines3.common.save_util import load_from_zip_file, recursive_set
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecNormalize
 
+from fpg_bench.common.checks import finite
 from fpg_bench.common.errors import UserError, one_line
 from fpg_bench.common.files import check_unpacked, read_json, write_json
 
@@ -85,9 +86,7 @@ def load_checkpoint(checkpoint: Path, model: BaseAlgorithm, seed: int) -> float:
     """
     try:
         progress = read_json(checkpoint / PROGRESS, "checkpoint")
-        seconds = progress.get("seconds")
-        if not isinstance(seconds, int | float):
-            raise UserError(f"{PROGRESS} lacks seconds, a number")
+        seconds = finite(progress.get("seconds"), f"{PROGRESS}: seconds")
         _load_model(model, checkpoint)
         for name in _COUNTERS:
             if hasattr(model, name):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fpg_bench.common.checks import integer
+from fpg_bench.common.checks import integer, mapping, of_kind
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import DUEL
 from fpg_bench.game.spec import GameSpec
@@ -66,11 +66,11 @@ class RunConfig:
     allow: Collection[str] = ()
 
     def __post_init__(self) -> None:
-        spec = GameSpec.of(self.game, allow=self.allow)
+        spec = GameSpec.of(self.game, allow=of_kind(self.allow, "allow", "a collection of names", Collection))
         spec.check_trusted()
-        for name in ("seed", "steps"):
-            if (number := getattr(self, name)) is not None:
-                object.__setattr__(self, name, integer(number, name, 1 if name == "steps" else 0))
+        object.__setattr__(self, "seed", integer(self.seed, "seed", 0))
+        if self.steps is not None:
+            object.__setattr__(self, "steps", integer(self.steps, "steps"))
         pins = {side: pinned(getattr(spec, side)) for side in SIDES}
         object.__setattr__(self, "game", dataclasses.replace(spec, **pins))
 
@@ -124,4 +124,6 @@ class RunConfig:
 
     def options(self) -> dict[str, object]:
         """Return the options beside those of the game: ``start``, and those of the planner."""
-        return dict(self.planner_options) | ({} if self.start is None else {"start": self.start})
+        return dict(mapping(self.planner_options, "planner_options")) | (
+            {} if self.start is None else {"start": self.start}
+        )

@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import ConfigDict, Field
 
 from fpg_bench.common.errors import UserError, nearest, shown
-from fpg_bench.common.files import read_yaml
+from fpg_bench.common.files import as_path, read_yaml
 from fpg_bench.common.ids import DUEL, ENVS
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.schema import Expected, Strict, problems_of
@@ -123,7 +123,7 @@ def load_hyperparameters(
         return _parse(algorithm, dict(file), f"hyper-parameters: {env_id}")
     if file is None and algorithm.custom:
         return Hyperparameters.model_construct(n_envs=CUSTOM_N_ENVS, n_timesteps=0, policy="MlpPolicy")
-    file = _named_file(Path(file)) if file else _shipped_file(algorithm, GameSpec.of(game))
+    file = _named_file(file) if file else _shipped_file(algorithm, GameSpec.of(game))
     content = read_yaml(file, "hyper-parameters")
     if isinstance(content.get("policy"), str):  # of a run of rl-zoo3: one entry, without an id
         return _parse(algorithm, content, f"hyper-parameters {file}")
@@ -136,12 +136,13 @@ def load_hyperparameters(
     return _parse(algorithm, entry, f"hyper-parameters {file}: {env_id}")
 
 
-def _named_file(file: Path) -> Path:
+def _named_file(name: str | Path) -> Path:
     """Return a file, or the shipped file of this name if there is none.
 
     Raises:
         UserError: a name without a suffix that is not the name of a shipped file.
     """
+    file = as_path(name, "hyper-parameters")
     if file.suffix or file.is_file():
         return file
     shipped = shipped_files("hyperparams")

@@ -19,7 +19,7 @@ from stable_baselines3.common.utils import LinearSchedule, set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 from torch import nn
 
-from fpg_bench.common.checks import mapping
+from fpg_bench.common.checks import mapping, of_kind
 from fpg_bench.common.errors import UserError, first_line, nearest, one_line, shown
 from fpg_bench.common.imports import imported, reason
 from fpg_bench.envs.sb3_vec_env import VecMemory
@@ -180,12 +180,11 @@ def as_activation(value: object, where: str) -> type[nn.Module]:
     """
     if isinstance(value, type) and issubclass(value, nn.Module):
         return value
-    if not isinstance(value, str):
-        raise UserError(f"{where}: expected the name of an activation such as ReLU, got {shown(value)}")
-    value = value.rpartition("nn.")[2]  # as rl-zoo3 writes it
-    if value not in ACTIVATIONS:
-        raise UserError(f"{where}: unknown activation {shown(value)}{nearest(value, ACTIVATIONS)}")
-    return ACTIVATIONS[value]
+    name = of_kind(value, where, "the name of an activation such as ReLU", str)
+    name = name.rpartition("nn.")[2]  # as rl-zoo3 writes it
+    if name not in ACTIVATIONS:
+        raise UserError(f"{where}: unknown activation {shown(name)}{nearest(name, ACTIVATIONS)}")
+    return ACTIVATIONS[name]
 
 
 def tells_divergence(error: Exception, sides: Sequence[str]) -> bool:

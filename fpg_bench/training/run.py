@@ -11,7 +11,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from fpg_bench.common.errors import UserError, other_content
-from fpg_bench.common.files import write_whole
+from fpg_bench.common.files import as_path, write_whole
 from fpg_bench.common.imports import check_allowed
 from fpg_bench.common.parallel import Workers
 from fpg_bench.evaluation.evaluate import evaluate
@@ -56,7 +56,7 @@ class Run:
     def __init__(
         self, folder: str | Path, config: RunConfig | None = None, *, allow: Collection[str] = ()
     ) -> None:
-        self.path = Path(folder)
+        self.path = as_path(folder, "folder")
         self.config = _config_of(self.path, allow) if config is None else config
         self._folder = RunFolder(self.path)
 

@@ -30,9 +30,9 @@ from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 from torch.distributions import Distribution
 
 from fpg_bench.common.canvas import write_figure
-from fpg_bench.common.checks import integer
+from fpg_bench.common.checks import integer, of_kind
 from fpg_bench.common.errors import UserError, one_line
-from fpg_bench.common.files import naming
+from fpg_bench.common.files import as_path, naming
 from fpg_bench.common.parallel import StopRequest, Workers, check_all_done, folder_job, run_jobs
 from fpg_bench.common.products import load, offered
 from fpg_bench.common.rows import Row
@@ -135,7 +135,8 @@ def train(
     torch.set_num_threads(1)
     if restart and resume:
         raise UserError("resume continues a run, restart starts it over; give only one of them")
-    run = _Run(config, RunFolder(Path(out)), evaluations)
+    of_kind(config, "config", "a RunConfig", RunConfig)
+    run = _Run(config, RunFolder(as_path(out, "out")), integer(evaluations, "evaluations", 0))
     run.setup()
     evaluators = {
         side: PolicyEvaluator(
@@ -334,7 +335,7 @@ class _Run:
         self.games = make_sb3(game, self.parameters.n_envs, first_seed, stagger=True, stacked=True)
         self.model = make_model(self.algorithm, self.games, self.parameters, self.about.training_seed)
         if config.start is not None:
-            start = Path(config.start)
+            start = as_path(config.start, "start")
             self._start = _read_start(start, self.about)
             load_weights(self.model, start)
             self._starts_fresh = False

@@ -184,6 +184,11 @@ def test_invalid_hyperparameters_are_refused_before_anything_is_written(tmp_path
     assert not (tmp_path / "run").exists()
 
 
+def test_keys_that_are_no_text_are_named_all_at_once():
+    with pytest.raises(UserError, match=r"unknown key 'None'.*; unknown key '0.5'.*; unknown key 7"):
+        load_hyperparameters("ppo", ALLY, settings("ppo") | {None: 5, 0.5: 5, 7: 5})
+
+
 def test_shipped_hyperparameters_have_names(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     fast = load_hyperparameters("ppo-fast", ALLY)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fpg_bench.common.checks import flag, one_of
+from fpg_bench.common.checks import of_kind, one_of
 from fpg_bench.common.errors import UserError, shown
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.game.state import OBSERVATION_SIZE, TYPES
@@ -91,7 +91,7 @@ class TeamRules:
         one_of(self.formation, "formation", FORMATIONS)
         for name, high in (("spacing_m", 1e4), ("code_orthogonality", 1.0)):
             object.__setattr__(self, name, _checked_number(name, getattr(self, name), high))
-        flag(self.share_power, "share_power")
+        of_kind(self.share_power, "share_power", "true or false", bool)
 
     @property
     def counts(self) -> tuple[tuple[int, int], tuple[int, int]]:

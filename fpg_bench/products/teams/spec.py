@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 import pydantic
 
-from fpg_bench.common.checks import check_keys, flag, mapping, one_of
+from fpg_bench.common.checks import check_keys, mapping, of_kind, one_of
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.ids import EnvConfig, action_modes, plain_id
 from fpg_bench.common.schema import NonNegativeInt, Strict, parse
@@ -40,10 +40,15 @@ _DEFAULTS = {
 _Ends = Annotated[list[NonNegativeInt], pydantic.Field(min_length=2, max_length=2)]
 
 
+class _Seats(Strict):
+    allies: _Ends
+    jammers: _Ends
+
+
 class _Skills(Strict):
     """Skills of a card: the fewest and most allies and jammers, and what mates must tell."""
 
-    seats: dict[Literal["allies", "jammers"], _Ends]
+    seats: _Seats
     mates: Literal["none", "place", "full"]
 
 
@@ -91,7 +96,7 @@ class TeamSpec(TeamRules, OtherGame):
     def _checked(self) -> Options:
         one_of(plain_id(self.id), "game", [TEAM_ID])
         self._check_lacks(_LACKING, "teams do not have it")
-        flag(self.is_by_seat, "is_by_seat")
+        of_kind(self.is_by_seat, "is_by_seat", "true or false", bool)
         if self.side is not None:
             one_of(self.side, "side", SIDES)
             if getattr(self, self.side) is not None:

@@ -81,8 +81,8 @@ class Choice(Strict):
     def _check(cls, choices: list[Any]) -> list[Any]:
         try:
             json.dumps(choices, allow_nan=False)
-        except ValueError:
-            raise UserError(f"expected finite numbers, got {choices!r:.60}") from None
+        except (TypeError, ValueError):  # such as a date
+            raise UserError(f"expected words or finite numbers, got {choices!r:.60}") from None
         return choices
 
     def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:

@@ -169,6 +169,13 @@ def test_a_policy_of_another_framework_plays_the_seats_of_a_team(tmp_path, capsy
     assert re.findall(r"\w+_\d", heads) == ["ally_0", "ally_1", "opponent_0"]
 
 
+@pytest.mark.parametrize("skills", [5, {"seats": {}}, {"seats": {"allies": [1, 2]}}, {"seats": 5}])
+def test_skills_that_do_not_say_both_sizes_are_one_line(skills, tmp_path):
+    about = ABOUT | {"id": TEAM, "side": "ally", "skills": skills}
+    with pytest.raises(UserError, match=r"skills: (seats: )?(lacks|expected a mapping)"):
+        write_agent(tmp_path / "three", seats_policy(), **about)
+
+
 @pytest.mark.parametrize("side", ["ally", "opponent"])
 def test_scripts_of_teams_keep_to_the_contract_and_those_that_do_not_are_named(side, capsys):
     for name in TEAM_SCRIPTS[side]:
