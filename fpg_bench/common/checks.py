@@ -71,14 +71,15 @@ def check_keys(content: object, known: Collection[str], where: str, needed: Coll
         raise UserError(f"{where}: lacks {', '.join(missing)}")
 
 
-def title(text: str) -> str:
+def title(text: str, where: str = "") -> str:
     """Return a name for people; one that begins otherwise could be a formula or markup where it is shown.
 
     Raises:
         UserError: it is not printable text that begins with a letter, a digit or ``_``.
     """
     if not re.match(r"\w", text) or not text.isprintable():
-        raise UserError(f"expected printable text that begins with a letter or a digit, got {text!r:.60}")
+        expected = "printable text that begins with a letter or a digit"
+        raise UserError(f"{where}expected {expected}, got {text!r:.60}")
     return text
 
 

@@ -119,8 +119,6 @@ def read_yaml(path: Path, what: str) -> JsonObject:
         raise UserError(f"{what} {path}: not valid YAML: more than {_DEEPEST} brackets within brackets")
     try:
         content = _CarefulLoader(text).get_single_data()
-    except UserError:
-        raise
     except Exception as error:  # PyYAML lets errors of many kinds out, tagged values above all
         raise UserError(f"{what} {path}: not valid YAML: {one_line(error)}") from error
     return _mapping(content, path, what)

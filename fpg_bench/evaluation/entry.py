@@ -157,10 +157,7 @@ def check_name(name: str, side: str) -> None:
     """Refuse a name for an entry that is a script's, or that a table or a spreadsheet cannot show."""
     if name.casefold() in (*NAMED.get(side, PLANNERS), *ORACLES):
         raise UserError(f"name {name!r}: is a script's; call the agents otherwise")
-    try:
-        title(name)
-    except UserError as error:
-        raise UserError(f"name: {error}") from error
+    title(name, "name: ")
 
 
 def is_nameless(entry: EvaluatedPlayer) -> bool:

@@ -226,38 +226,32 @@ def agent_folder(name: str | os.PathLike[str]) -> Path:
         UserError: neither exists.
     """
     as_path(name, "agent")
+    where = f"agent {(home := os.fspath(name))!r}"
     if is_remote(name):
-        return fetch(os.fspath(name)).folder
-    if os.fspath(name).endswith(".zip"):
-        raise UserError(
-            f"agent {os.fspath(name)!r}: SB3's zip holds pickled code; name the run's agent folder"
-        )
+        return fetch(home).folder
+    if home.endswith(".zip"):
+        raise UserError(f"{where}: SB3's zip holds pickled code; name the run's agent folder")
     for folder in _places(name):
         for inside in (folder / "agent", folder):
             if all((inside / side).is_dir() for side in SIDES):
                 both = " and ".join(str(inside / side) for side in SIDES)
-                raise UserError(f"agent {os.fspath(name)!r}: holds agents of both sides, {both}; name one")
+                raise UserError(f"{where}: holds agents of both sides, {both}; name one")
         if (folder / "agent" / "agent.json").is_file():
-            raise UserError(f"agent {os.fspath(name)!r}: is a run's folder; the agent is {folder / 'agent'}")
+            raise UserError(f"{where}: is a run's folder; the agent is {folder / 'agent'}")
         if seeds := seed_folders(folder):
-            raise UserError(
-                f"agent {os.fspath(name)!r}: holds {len(seeds)} training seeds; name one, {seeds[0].name} "
-                "for instance"
-            )
+            example = f"{seeds[0].name} for instance"
+            raise UserError(f"{where}: holds {len(seeds)} training seeds; name one, {example}")
         if groups := [path.name for path in sorted(folder.glob("*")) if seed_folders(path)]:
-            home = os.fspath(name).rstrip("/")
-            raise UserError(
-                f"agent {home!r}: is a group of {', '.join(groups)}; name one, "
-                f"{home}/{groups[0]} for instance"
-            )
+            example = f"{home.rstrip('/')}/{groups[0]} for instance"
+            raise UserError(f"{where}: is a group of {', '.join(groups)}; name one, {example}")
         if folder.is_dir():
             if not (folder / FILE).exists():
-                raise UserError(f"agent {os.fspath(name)!r}: the folder holds none; is its run finished?")
+                raise UserError(f"{where}: the folder holds none; is its run finished?")
             return folder
     agents = baselines_folder() / "agents"
     seeds = [path.parent.relative_to(agents) for path in agents.glob(f"*/*/*/{FILE}")]
-    near = meant(os.fspath(name), {path.as_posix() for seed in seeds for path in (seed, seed.parent)})
-    raise UserError(f"agent {os.fspath(name)!r}: neither a shipped agent nor a folder{near}")
+    near = meant(home, {path.as_posix() for seed in seeds for path in (seed, seed.parent)})
+    raise UserError(f"{where}: neither a shipped agent nor a folder{near}")
 
 
 def agents_of(side: str) -> list[str]:
