@@ -7,6 +7,7 @@ import contextlib
 import functools
 import logging
 import multiprocessing
+import multiprocessing.forkserver
 import multiprocessing.resource_tracker
 import os
 import signal
@@ -21,6 +22,7 @@ from itertools import islice
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any
+from unittest import mock
 
 from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest, one_line
@@ -35,6 +37,9 @@ GRACE_S = 30.0  # for interrupted jobs to save their state
 _CONNECT_S = 5.0
 _LOOK_EVERY_S = 0.1  # for worker processes that are yet to be interrupted
 _AGAIN_S = 0.05  # from an interrupt that could not be raised to the next
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
 
 
 def _never() -> bool:
@@ -123,7 +128,12 @@ class Workers:
         return self.n_jobs == 1 and self.backend != "ray"
 
 
-def run_jobs(jobs: Iterable[Job], workers: Workers | int = 2, level: int = logging.INFO) -> dict[str, str]:
+def run_jobs(
+    jobs: Iterable[Job],
+    workers: Workers | int = 2,
+    level: int = logging.INFO,
+    loads: str = "fpg_bench.evaluation.play",
+) -> dict[str, str]:
     """Run all jobs that are not done yet, several at once.
 
     A job that fails does not hold up the others. If a worker process is lost (killed, out of memory, its
@@ -133,6 +143,7 @@ def run_jobs(jobs: Iterable[Job], workers: Workers | int = 2, level: int = loggi
         jobs: started in this order.
         workers: the processes that run them, or the number of local ones.
         level: logging level of the line for each job that ends.
+        loads: module that the first local workers of this process load once for all.
 
     Returns:
         The errors of failed jobs by name, in the order of the jobs; empty on success.
@@ -156,13 +167,13 @@ def run_jobs(jobs: Iterable[Job], workers: Workers | int = 2, level: int = loggi
 
     def calls() -> _Calls:
         for index, job in list(waiting.items()):
-            yield index, functools.partial(_attempt, job.run, os.getcwd())
+            yield index, functools.partial(_attempt, job.run, os.getcwd(), os.environ | _ONE_THREAD)
 
     for _ in range(TRIES):
         if not waiting:
             break
         try:
-            with contextlib.closing(_start(calls(), workers)) as outcomes:
+            with contextlib.closing(_start(calls(), workers, loads)) as outcomes:
                 for index, outcome in outcomes:
                     job = waiting.pop(index)
                     if outcome.error is None:
@@ -213,19 +224,20 @@ _Calls = Iterator[tuple[int, _Call]]
 _Outcomes = Generator[tuple[int, Outcome], None, None]
 
 
-def _start(calls: _Calls, workers: Workers) -> _Outcomes:
+def _start(calls: _Calls, workers: Workers, loads: str) -> _Outcomes:
     """Return a generator of the outcomes of calls, in the order in which they finish."""
     if workers.backend == "ray":
         return _on_ray(calls, workers)
     if workers.is_alone:
         return ((index, call()) for index, call in calls)
-    return _in_processes(calls, workers.n_jobs)
+    return _in_processes(calls, workers.n_jobs, loads)
 
 
-def _attempt(run: Callable[[], Any], folder: str) -> Outcome:
-    """Run a job in a worker, in the driver's working directory if the machine has it."""
+def _attempt(run: Callable[[], Any], folder: str, environment: Mapping[str, str]) -> Outcome:
+    """Run a job in a worker, in the driver's environment, and its working directory if the machine has it."""
     if os.path.isdir(folder):
         os.chdir(folder)
+    os.environ.update(environment)
     return outcome_of(run)
 
 
@@ -245,7 +257,7 @@ def _missing(job: Job, workers: Workers) -> str | None:
     return None
 
 
-def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
+def _in_processes(calls: _Calls, n_jobs: int, loads: str) -> _Outcomes:
     """Run calls in processes of this machine."""
     require_extra("evaluate", "joblib")
     from joblib import Parallel, delayed, parallel_config
@@ -261,8 +273,8 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
     with _interrupts_passed_on() as is_stopped:
         results = None
         try:
-            with _interrupts_held():
-                results = parallel(delayed(_in_worker)(*call, os.getpid()) for call in calls)
+            with _interrupts_held(), _fork_server(loads):
+                results = parallel(delayed(_in_worker)(*call) for call in calls)
             yield from ((index, outcome) for index, outcome in results if outcome is not None)
         except concurrent.futures.BrokenExecutor:
             if not is_stopped():
@@ -274,6 +286,23 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
             if results is not None:
                 with warnings.catch_warnings(action="ignore"):  # of tasks that it gives up
                     results.close()
+
+
+@contextlib.contextmanager
+def _fork_server(loads: str) -> Iterator[None]:
+    """Have workers forked, on Linux, from a process that has loaded a module, with one thread for each."""
+    from joblib.externals.loky.backend import context
+
+    if sys.platform != "linux":  # elsewhere libraries of the system do not survive a fork
+        yield
+        return
+    context.set_start_method("forkserver", force=True)
+    multiprocessing.set_forkserver_preload([loads])
+    with mock.patch.dict(os.environ, _ONE_THREAD):
+        multiprocessing.forkserver.ensure_running()
+    # No worker imports this program's script: jobs are pickled whole, and not each script has a guard
+    with mock.patch.multiple(sys.modules["__main__"], create=True, __spec__=None, __file__=None):
+        yield
 
 
 @contextlib.contextmanager
@@ -336,14 +365,14 @@ def _interrupt_workers(ended: threading.Event) -> None:
 _interrupted = threading.Event()  # in a worker: joblib has taken jobs ahead, which are not to start any more
 
 
-def _in_worker(index: int, call: _Call, driver: int) -> tuple[int, Outcome | None]:
+def _in_worker(index: int, call: _Call) -> tuple[int, Outcome | None]:
     """Run a call in a worker process; its outcome is None if it was interrupted.
 
     The worker leaves the terminal's process group, so that Ctrl-C reaches it once, through the driver.
     """
     if os.getpgrp() != os.getpid():  # its first job
         os.setpgrp()
-        threading.Thread(target=_stop_with, args=(driver,), daemon=True).start()
+        threading.Thread(target=_stop_with_driver, daemon=True).start()
 
     def interrupt(number: int, frame: object) -> None:
         _interrupted.set()
@@ -374,10 +403,10 @@ def _interrupt_again(swallowed: Any) -> None:
     again.start()
 
 
-def _stop_with(driver: int) -> None:
+def _stop_with_driver() -> None:
     """Interrupt this worker once its driver was killed, so that it saves its state and releases its locks."""
-    while os.getppid() == driver:
-        time.sleep(1)
+    if (driver := multiprocessing.parent_process()) is not None:
+        driver.join()
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(GRACE_S)
     os._exit(1)

@@ -229,7 +229,7 @@ def train_seeds(
             curve=False,
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
-    check_all_done(run_jobs(jobs, workers))
+    check_all_done(run_jobs(jobs, workers, loads="fpg_bench.training.loaded"))
     if evaluations:
         _draw(Path(out))
 
