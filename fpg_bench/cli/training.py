@@ -27,11 +27,11 @@ from fpg_bench.cli.options import (
 from fpg_bench.common.errors import UserError
 from fpg_bench.common.files import check_writable
 from fpg_bench.common.locks import locked
-from fpg_bench.common.parallel import Workers
+from fpg_bench.common.parallel import Workers, load_ahead
 from fpg_bench.common.products import load
 from fpg_bench.game.spec import other_game
 from fpg_bench.training.algorithms import ALGORITHMS, JOINT
-from fpg_bench.training.config import N_EVALS, RunConfig
+from fpg_bench.training.config import LOADED, N_EVALS, RunConfig
 
 if TYPE_CHECKING:
     from fpg_bench.training.run_folder import RunFolder
@@ -106,6 +106,8 @@ def train(
     Example: fpg-bench train ppo FPG/AllyVsScripted-v0 --steps 2e6 --out runs/ppo_0
     """
     check_writable(out)  # before the seconds that the imports take
+    if seeds is not None:
+        load_ahead(workers, LOADED)
     from fpg_bench.game.spec import GameSpec
 
     from_zoo = against == ZOO and not {"opponent", "ally"} & set(game)

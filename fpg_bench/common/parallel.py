@@ -37,6 +37,7 @@ GRACE_S = 30.0  # for interrupted jobs to save their state
 _CONNECT_S = 5.0
 _LOOK_EVERY_S = 0.1  # for worker processes that are yet to be interrupted
 _AGAIN_S = 0.05  # from an interrupt that could not be raised to the next
+_FORKS = sys.platform == "linux"  # elsewhere libraries of the system do not survive a fork
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
@@ -164,16 +165,18 @@ def run_jobs(
     waiting = {index: job for index, job in enumerate(jobs) if not job.done()}
     if len(waiting) > 1:
         _logger.log(level, f"{len(waiting)} jobs, {min(workers.n_jobs, len(waiting))} at a time")
+    if waiting:
+        load_ahead(workers, loads)
 
     def calls() -> _Calls:
         for index, job in list(waiting.items()):
-            yield index, functools.partial(_attempt, job.run, os.getcwd(), os.environ | _ONE_THREAD)
+            yield index, functools.partial(_attempt, job.run, os.getcwd())
 
     for _ in range(TRIES):
         if not waiting:
             break
         try:
-            with contextlib.closing(_start(calls(), workers, loads)) as outcomes:
+            with contextlib.closing(_start(calls(), workers)) as outcomes:
                 for index, outcome in outcomes:
                     job = waiting.pop(index)
                     if outcome.error is None:
@@ -224,20 +227,19 @@ _Calls = Iterator[tuple[int, _Call]]
 _Outcomes = Generator[tuple[int, Outcome], None, None]
 
 
-def _start(calls: _Calls, workers: Workers, loads: str) -> _Outcomes:
+def _start(calls: _Calls, workers: Workers) -> _Outcomes:
     """Return a generator of the outcomes of calls, in the order in which they finish."""
     if workers.backend == "ray":
         return _on_ray(calls, workers)
     if workers.is_alone:
         return ((index, call()) for index, call in calls)
-    return _in_processes(calls, workers.n_jobs, loads)
+    return _in_processes(calls, workers.n_jobs)
 
 
-def _attempt(run: Callable[[], Any], folder: str, environment: Mapping[str, str]) -> Outcome:
-    """Run a job in a worker, in the driver's environment, and its working directory if the machine has it."""
+def _attempt(run: Callable[[], Any], folder: str) -> Outcome:
+    """Run a job in a worker, in the driver's working directory if the machine has it."""
     if os.path.isdir(folder):
         os.chdir(folder)
-    os.environ.update(environment)
     return outcome_of(run)
 
 
@@ -257,7 +259,7 @@ def _missing(job: Job, workers: Workers) -> str | None:
     return None
 
 
-def _in_processes(calls: _Calls, n_jobs: int, loads: str) -> _Outcomes:
+def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
     """Run calls in processes of this machine."""
     require_extra("evaluate", "joblib")
     from joblib import Parallel, delayed, parallel_config
@@ -273,8 +275,10 @@ def _in_processes(calls: _Calls, n_jobs: int, loads: str) -> _Outcomes:
     with _interrupts_passed_on() as is_stopped:
         results = None
         try:
-            with _interrupts_held(), _fork_server(loads):
-                results = parallel(delayed(_in_worker)(*call) for call in calls)
+            with _interrupts_held(), _forked():
+                results = parallel(
+                    delayed(_in_worker)(*call, {**os.environ, **_ONE_THREAD}) for call in calls
+                )
             yield from ((index, outcome) for index, outcome in results if outcome is not None)
         except concurrent.futures.BrokenExecutor:
             if not is_stopped():
@@ -288,18 +292,28 @@ def _in_processes(calls: _Calls, n_jobs: int, loads: str) -> _Outcomes:
                     results.close()
 
 
+def load_ahead(workers: Workers | int, module: str) -> None:
+    """Start, on Linux, the process that local workers are forked from, which loads a module meanwhile.
+
+    Does nothing if this process has one already, or needs none.
+    """
+    workers = Workers.of(workers)
+    if workers.is_alone or workers.backend == "ray" or not _FORKS:
+        return
+    multiprocessing.set_forkserver_preload([module])
+    with mock.patch.dict(os.environ, _ONE_THREAD):
+        multiprocessing.forkserver.ensure_running()
+
+
 @contextlib.contextmanager
-def _fork_server(loads: str) -> Iterator[None]:
-    """Have workers forked, on Linux, from a process that has loaded a module, with one thread for each."""
+def _forked() -> Iterator[None]:
+    """Have joblib's workers forked from the process of :func:`load_ahead`."""
     from joblib.externals.loky.backend import context
 
-    if sys.platform != "linux":  # elsewhere libraries of the system do not survive a fork
+    if not _FORKS:
         yield
         return
     context.set_start_method("forkserver", force=True)
-    multiprocessing.set_forkserver_preload([loads])
-    with mock.patch.dict(os.environ, _ONE_THREAD):
-        multiprocessing.forkserver.ensure_running()
     # No worker imports this program's script: jobs are pickled whole, and not each script has a guard
     with mock.patch.multiple(sys.modules["__main__"], create=True, __spec__=None, __file__=None):
         yield
@@ -365,14 +379,15 @@ def _interrupt_workers(ended: threading.Event) -> None:
 _interrupted = threading.Event()  # in a worker: joblib has taken jobs ahead, which are not to start any more
 
 
-def _in_worker(index: int, call: _Call) -> tuple[int, Outcome | None]:
-    """Run a call in a worker process; its outcome is None if it was interrupted.
+def _in_worker(index: int, call: _Call, environment: Mapping[str, str]) -> tuple[int, Outcome | None]:
+    """Run a call in a worker process, in the driver's environment; its outcome is None if interrupted.
 
     The worker leaves the terminal's process group, so that Ctrl-C reaches it once, through the driver.
     """
     if os.getpgrp() != os.getpid():  # its first job
         os.setpgrp()
         threading.Thread(target=_stop_with_driver, daemon=True).start()
+    os.environ.update(environment)
 
     def interrupt(number: int, frame: object) -> None:
         _interrupted.set()

@@ -19,6 +19,7 @@ from fpg_bench.training.algorithms import OFFLINE, find_algorithm
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
+LOADED = "fpg_bench.training.loaded"  # module that imports what each training needs
 N_EVALS = 10  # each plays some 30,000 steps
 Hyperparams = str | Path | Mapping[str, object] | None  # a YAML file, an entry; None: what is shipped
 

@@ -59,7 +59,7 @@ from fpg_bench.training.checkpoint import (
     save_model,
     steps_of,
 )
-from fpg_bench.training.config import N_EVALS, RunConfig
+from fpg_bench.training.config import LOADED, N_EVALS, RunConfig
 from fpg_bench.training.export import check_exportable, write_exported
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.imitation import imitate, teacher_of
@@ -229,7 +229,7 @@ def train_seeds(
             curve=False,
         )
         jobs.append(folder_job(folder.name, folder, call, partial(is_finished, run, folder)))
-    check_all_done(run_jobs(jobs, workers, loads="fpg_bench.training.loaded"))
+    check_all_done(run_jobs(jobs, workers, loads=LOADED))
     if evaluations:
         _draw(Path(out))
 
