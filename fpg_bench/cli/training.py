@@ -144,14 +144,7 @@ def train_runs(
     if n_evals and not all(folder.is_finished() for folder in folders):
         print_unmet(config)
     if seeds is not None:
-        train_seeds(
-            config,
-            out,
-            listed_seeds,
-            evaluations=n_evals,
-            restart=restart,
-            workers=workers,
-        )
+        train_seeds(config, out, listed_seeds, evaluations=n_evals, restart=restart, workers=workers)
         for each, folder in zip(listed_seeds, folders, strict=True):
             print_scores(folder, f"seed {each}: ")
         if (curve := RunFolder(out).curve).exists():

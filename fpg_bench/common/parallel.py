@@ -38,9 +38,7 @@ _CONNECT_S = 5.0
 _LOOK_EVERY_S = 0.1  # for worker processes that are yet to be interrupted
 _AGAIN_S = 0.05  # from an interrupt that could not be raised to the next
 _FORKS = sys.platform == "linux"  # elsewhere libraries of the system do not survive a fork
-_ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
-)
+_ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 
 
 def _never() -> bool:
@@ -275,10 +273,8 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
     with _interrupts_passed_on() as is_stopped:
         results = None
         try:
-            with _interrupts_held(), _forked():
-                results = parallel(
-                    delayed(_in_worker)(*call, {**os.environ, **_ONE_THREAD}) for call in calls
-                )
+            with _interrupts_held(), _forked() if _FORKS else contextlib.nullcontext():
+                results = parallel(delayed(_in_worker)(*call, os.environ | _ONE_THREAD) for call in calls)
             yield from ((index, outcome) for index, outcome in results if outcome is not None)
         except concurrent.futures.BrokenExecutor:
             if not is_stopped():
@@ -292,17 +288,15 @@ def _in_processes(calls: _Calls, n_jobs: int) -> _Outcomes:
                     results.close()
 
 
-def load_ahead(workers: Workers | int, module: str) -> None:
+def load_ahead(workers: Workers, module: str) -> None:
     """Start, on Linux, the process that local workers are forked from, which loads a module meanwhile.
 
     Does nothing if this process has one already, or needs none.
     """
-    workers = Workers.of(workers)
-    if workers.is_alone or workers.backend == "ray" or not _FORKS:
-        return
-    multiprocessing.set_forkserver_preload([module])
-    with mock.patch.dict(os.environ, _ONE_THREAD):
-        multiprocessing.forkserver.ensure_running()
+    if _FORKS and not workers.is_alone and workers.backend == "loky":
+        multiprocessing.set_forkserver_preload([module])
+        with mock.patch.dict(os.environ, _ONE_THREAD):
+            multiprocessing.forkserver.ensure_running()
 
 
 @contextlib.contextmanager
@@ -310,9 +304,6 @@ def _forked() -> Iterator[None]:
     """Have joblib's workers forked from the process of :func:`load_ahead`."""
     from joblib.externals.loky.backend import context
 
-    if not _FORKS:
-        yield
-        return
     context.set_start_method("forkserver", force=True)
     # No worker imports this program's script: jobs are pickled whole, and not each script has a guard
     with mock.patch.multiple(sys.modules["__main__"], create=True, __spec__=None, __file__=None):

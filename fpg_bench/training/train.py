@@ -403,17 +403,17 @@ class _Run:
             KeyboardInterrupt: stopped by the user.
         """
         self.about.model_copy(update={"finished": False, "part": self._part}).write(self.folder.path)
-        self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
-        if kept := self.model.num_timesteps:  # TensorBoard drops what a killed process logged behind it
-            (output,) = self.model.logger.output_formats
-            assert isinstance(output, TensorBoardOutputFormat)
-            restart = Event(step=kept + 1, session_log=SessionLog(status=SessionLog.START))
-            output.writer._get_file_writer().add_event(restart)  # type: ignore[no-untyped-call]
         budget, model = self.about.training_steps, self.model
         name = (progress,) if isinstance(progress, str) else ()
         bars = [ProgressCallback(budget, *name)] if progress else []
         clock = Clock(self._seconds_before)
         with StopRequest(_STOPPING) as stop:
+            self.model.set_logger(configure(str(self.folder.path), ["tensorboard"]))
+            if kept := self.model.num_timesteps:  # TensorBoard drops what a killed process logged behind it
+                (output,) = self.model.logger.output_formats
+                assert isinstance(output, TensorBoardOutputFormat)
+                restart = Event(step=kept + 1, session_log=SessionLog(status=SessionLog.START))
+                output.writer._get_file_writer().add_event(restart)  # type: ignore[no-untyped-call]
             self._imitate(stop)
             checkpoints = EvalCheckpointCallback(
                 self.folder.checkpoints,
