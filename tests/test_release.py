@@ -38,6 +38,7 @@ HASHES = {
 SEASONS = {
     "season-4": "4038b64adc95b0136bd1fe9bf7f864d0b169bdc442a94077f1d8d7781009ceb2",
     "season-4-link": "d23d9f763ffc49a383db33b9b5f2538f00287bb863f4e67b1b24bcf0f54ee3f7",
+    "season-5-link": "c5a6853b096641dc756ef3344c2dbcdcc7b01988956c82fcbb85c572610887be",
     "season-5": "9d37e9c1b5e5ee646025ce2a1688e03396341b4c098db59c589b623231d1094f",
 }
 
