@@ -388,11 +388,7 @@ class _Run:
         self.about = self.about.model_copy(update={"imitation_error": round(error, 6)})
         self._seed_games()
 
-    def learn(
-        self,
-        evaluators: Mapping[str, PolicyEvaluator],
-        progress: bool | str,
-    ) -> None:
+    def learn(self, evaluators: Mapping[str, PolicyEvaluator], progress: bool | str) -> None:
         """Train to the budget.
 
         Args:
