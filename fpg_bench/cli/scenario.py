@@ -53,9 +53,7 @@ def show(
 
 
 @app.command()
-def check(
-    file: Annotated[Path, typer.Argument(help="A YAML file of a scenario.")],
-) -> None:
+def check(file: Annotated[Path, typer.Argument(help="A YAML file of a scenario.")]) -> None:
     """Check a scenario's file, and print its hash.
 
     Example: fpg-bench scenario check my.yml

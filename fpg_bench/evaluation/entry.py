@@ -77,10 +77,7 @@ def player_entry(
     return EvaluatedPlayer(name or named, training_seed, fingerprint, FixedPlayer(spec))
 
 
-def entries_of(
-    specs: Sequence[PlayerSpec] | Mapping[str, Players],
-    suite: Suite,
-) -> list[EvaluatedPlayer]:
+def entries_of(specs: Sequence[PlayerSpec] | Mapping[str, Players], suite: Suite) -> list[EvaluatedPlayer]:
     """Return the entries of players, one per training seed.
 
     Agents are training seeds of one entry where all that made them is the same but the seed: algorithm,

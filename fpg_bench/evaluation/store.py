@@ -83,13 +83,7 @@ class Pairing(NamedTuple):
     def key(self) -> MatchupKey:
         """Key of its record."""
         entry, rival = self.entry, self.rival
-        return (
-            self.suite.hash[:16],
-            entry.name,
-            entry.training_seed,
-            entry.fingerprint[:16],
-            rival.name,
-        )
+        return (self.suite.hash[:16], entry.name, entry.training_seed, entry.fingerprint[:16], rival.name)
 
     @property
     def name(self) -> str:

@@ -193,12 +193,7 @@ def transcript_file(folder: Path, ally: str) -> Path:
     return packed if packed.exists() and not plain.exists() else plain
 
 
-def replaying(
-    scenario: Scenario,
-    prompt: Prompt,
-    header: Header,
-    transcript: Path,
-) -> LLMPlanner:
+def replaying(scenario: Scenario, prompt: Prompt, header: Header, transcript: Path) -> LLMPlanner:
     """Return a language model's planner that takes its answers from a transcript; no server is asked.
 
     Args:

@@ -294,12 +294,7 @@ def _is_done(folder: Path, matchups: Sequence[Matchup]) -> bool:
     return read_part(folder).is_done(matchups)
 
 
-def run_one(
-    folder: str | Path,
-    update: bool = False,
-    *,
-    workers: Workers | int = 1,
-) -> Verdict:
+def run_one(folder: str | Path, update: bool = False, *, workers: Workers | int = 1) -> Verdict:
     """Verify the submission of a folder ``<board>/submissions/<track>/<name>``; see :func:`verify`.
 
     Raises:

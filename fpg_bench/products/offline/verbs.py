@@ -79,12 +79,7 @@ def make(
 
     spec = load_spec(name, steps)
     with shown_progress() as show:
-        folder = make_dataset(
-            spec,
-            out,
-            workers=workers,
-            progress=partial(show, spec.name),
-        )
+        folder = make_dataset(spec, out, workers=workers, progress=partial(show, spec.name))
     print_line(f"written: {folder}")
 
 
@@ -106,12 +101,7 @@ def check(
 
     with shown_progress() as show:
         for data in find_datasets(folder):
-            line = check_dataset(
-                data,
-                share(sample),
-                sample_seed,
-                progress=partial(show, str(data)),
-            )
+            line = check_dataset(data, share(sample), sample_seed, progress=partial(show, str(data)))
             print_line(line)
 
 
@@ -149,10 +139,5 @@ def offline(
     require_extra("offline", "minari", "h5py", "PIL", "torch", "stable_baselines3")
     from fpg_bench.products.offline.read import open_dataset
 
-    config = RunConfig.offline(
-        algorithm,
-        open_dataset(dataset),
-        seed=seed or 0,
-        **run,
-    )
+    config = RunConfig.offline(algorithm, open_dataset(dataset), seed=seed or 0, **run)
     train_runs(config, out, seed, seeds, n_evals, resume, restart, workers)

@@ -332,11 +332,7 @@ def retry(study: optuna.Study, trial: FrozenTrial) -> None:
         RetryHeartbeatStaleTrialCallback()(study, trial)
 
 
-def open_study(
-    storage: Storage,
-    name: str,
-    task: Task,
-) -> optuna.Study:
+def open_study(storage: Storage, name: str, task: Task) -> optuna.Study:
     """Create a study, or load the one of that name.
 
     A new study queues one trial: the present hyper-parameters, as far as they lie in the space. Asynchronous

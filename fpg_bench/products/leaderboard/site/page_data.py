@@ -72,9 +72,7 @@ def _script(content: Row | None) -> str:
 
 def _compare_files(board: Board) -> dict[str, str]:
     """Return the data of the page that compares two entries: its own, a file per track, and one per entry."""
-    shared: Row = {
-        "measures": {name: asdict(measure) for name, measure in MEASURES.items()},
-    }
+    shared: Row = {"measures": {name: asdict(measure) for name, measure in MEASURES.items()}}
     parts: dict[str, Row] = {}
     for track in board.tracks:
         parts[track.key] = _compared_track(track)
