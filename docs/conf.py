@@ -8,6 +8,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import reference_pages  # noqa: E402
 
+from fpg_bench.common.output import published  # noqa: E402
 from fpg_bench.version import __version__  # noqa: E402
 
 project = "fpg-bench"
@@ -25,6 +26,11 @@ extensions = [
 exclude_patterns = ["_static"]
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_html_meta = {  # as the board has them
+    "description": "A benchmark for learning agents: UAVs keep a radio link by frequency hopping, or jam it.",
+    "property=og:title": "fpg-bench: two UAVs fight over a radio link",
+    "property=og:image": f"{published().get('Documentation', '').rstrip('/')}/_static/preview.png",
+}
 source_suffix = {".md": "markdown"}
 
 autodoc_typehints = "description"
@@ -40,9 +46,9 @@ html_theme = "furo"
 html_title = f"fpg-bench {version}"
 html_favicon = "../fpg_bench/products/leaderboard/site/static/icon.svg"
 html_search_scorer = str(HERE / "search_scorer.js")
-html_static_path = ["_static"]
-html_css_files = ["wide_tables.css"]
-html_js_files = [("enlarge.js", {"defer": "defer"})]
+html_static_path = ["_static", "../fpg_bench/products/leaderboard/site/static/preview.png"]
+html_css_files = ["pages.css"]
+html_js_files = [("pages.js", {"defer": "defer"})]
 html_copy_source = False
 html_show_copyright = False
 # The board, where `make docs` has built it, stands in the folder `board` of the site.

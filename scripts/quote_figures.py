@@ -209,8 +209,10 @@ def planner_scores() -> str:
 
 def quotes() -> Mapping[str, Mapping[str, str]]:
     """Return the figures by page and mark."""
+    (leader, of_leader), *_ = verified("ally")
     return {
         "README.md": {"headline": headline()},
+        "docs/index.md": {"leader": f"{player(leader)}, {score(of_leader.scores[UNSEEN])}"},
         "docs/benchmark/protocol.md": {
             "top": top("ally-v2"),
             "top in link": top("ally-link-v1"),
@@ -228,7 +230,7 @@ def quotes() -> Mapping[str, Mapping[str, str]]:
         },
         "docs/results/findings.md": {
             "most against hunter": most_against("hunter"),
-            "lowest of the first": lowest_of(verified("ally")[0][0].slug),
+            "lowest of the first": lowest_of(leader.slug),
             "lowest of a double oracle": lowest_of("ally-champion-2"),
             "lowest of self-play": lowest_of("ally-champion-3"),
         },

@@ -90,6 +90,15 @@ def test_the_search_shows_what_people_look_for_first(visit, words, page):
     assert re.sub(r"\.html.*", "", first.get_attribute("href", timeout=60_000)) == page
 
 
+def test_the_front_has_code_and_game_side_by_side_and_the_code_is_copied(visit):
+    front = visit("index.html").locator(".front")
+    code, game = (front.locator(part).bounding_box() for part in ("pre", "img"))
+    assert code["x"] + code["width"] <= game["x"]
+    assert max(box["y"] + box["height"] for box in (code, game)) < 720
+    front.get_by_role("button", name="copy").click()
+    expect(front.get_by_role("button")).to_have_text("copied")
+
+
 def test_films_move(visit):
     frame = visit("reference/generated/gallery.html").locator(".film").first
     frame.scroll_into_view_if_needed()

@@ -323,6 +323,11 @@ def test_each_scenario_has_a_page_of_cross_play_with_its_own_players(tmp_path):
         assert {"crossplay.html", "crossplay-link.html"} <= set(page.values("href"))
         assert f"data/{name}.js" in page.values("src")
         assert ("Not in it yet: Player 1 on a link." in page.text) == (name == "crossplay-link")
+        assert re.search(
+            r"everybody against everybody (No ally is best|One ally is best).* \d of \d allies",
+            page.text,
+            re.I,
+        )
 
 
 def test_the_install_box_of_the_front_page_holds_commands_of_the_readme(pages):
