@@ -33,6 +33,13 @@ MARKS = """apart => [...document.querySelectorAll("path, use, text")].filter(mar
 }).filter(colour => colour.startsWith("rgb("))"""
 
 
+ON_CELLS = """() => [...document.querySelectorAll("text")].filter((text) => {
+  const { x, y, right, bottom } = text.getBoundingClientRect();
+  return [...document.querySelectorAll("image")].map((image) => image.getBoundingClientRect())
+    .some((cells) => cells.x <= x && right <= cells.right && cells.y <= y && bottom <= cells.bottom);
+}).map((text) => getComputedStyle(text).fill)"""
+
+
 def luminance(colour):
     """The relative luminance of WCAG 2: what is left of a colour in grey."""
     part = np.array(colour) / 255
@@ -65,6 +72,18 @@ def test_the_marks_of_every_figure_stand_out_from_the_page(browser, scheme):
         assert colours
         faint |= {(figure, colour) for colour in colours if contrast(colour, GROUNDS[scheme]) < 2}
     assert not faint
+
+
+@pytest.mark.slow
+def test_text_on_the_cells_of_an_image_is_the_same_by_night(browser):
+    inks = {}
+    for scheme in GROUNDS:
+        page = browser.new_page(color_scheme=scheme)
+        for figure in (figure for figure in FIGURES if "<image" in (ROOT / figure).read_text()):
+            page.goto((ROOT / figure).as_uri())
+            inks.setdefault(figure, []).append(page.evaluate(ON_CELLS))
+    assert sum(bool(day) for day, _ in inks.values()) >= 2
+    assert [figure for figure, (day, night) in inks.items() if day != night] == []
 
 
 @pytest.mark.slow
