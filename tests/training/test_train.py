@@ -306,8 +306,6 @@ def test_several_seeds_have_one_curve(tmp_path):
 
 @pytest.mark.process
 def test_options_are_checked_before_any_seed_begins(tmp_path):
-    with pytest.raises(UserError, match="unknown id 'FPG/AllyVsScripted-v9'"):
-        train_several(tmp_path, [0, 1], env_id="FPG/AllyVsScripted-v9")
     with pytest.raises(UserError, match="'tonee' is not a script; did you mean 'tone'"):
         train_several(tmp_path, [0, 1], opponent="tonee")
     with pytest.raises(UserError, match="a language model plans for one run at a time"):

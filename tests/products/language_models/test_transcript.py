@@ -147,11 +147,6 @@ def test_the_first_of_two_answers_to_the_same_counts(recorded):
     assert len(recorded.read_text().splitlines()) == 1
 
 
-def test_nothing_to_replay_is_said(file):
-    with pytest.raises(UserError, match="no such file to replay"):
-        Transcript(file, "replay").attempts()
-
-
 def test_a_file_that_another_process_writes_is_not_recorded_into(recorded):
     with held_elsewhere(recorded):
         assert Transcript(recorded, "replay").attempts() == [ATTEMPT]

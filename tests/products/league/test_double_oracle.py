@@ -147,7 +147,6 @@ def test_an_opponent_searches_against_allies_that_play_for_themselves(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"side": "both"}, "side: expected one of ally, opponent, got 'both'"),
         (
             {"meta_solver": "nsh"},
             "meta_solver: expected one of weights, nash, got 'nsh'; did you mean",

@@ -155,7 +155,6 @@ def test_invalid_features_are_refused_and_leave_nothing(features, message, tmp_p
     ("options", "message"),
     [
         ({"search": "table"}, "search: expected one of tabular, portfolio, got 'table'"),
-        ({"budget": 0}, "budget: expected CPU seconds above 0, got 0"),
         ({"budget": float("nan")}, "budget: expected CPU seconds above 0, got nan"),
         ({"reward": "jamming"}, "reward: expected one of zero_sum, own, got 'jamming'"),
         ({"actions": "discrete"}, "actions: --search decides the actions of its responses; omit it"),

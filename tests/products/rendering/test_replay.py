@@ -141,7 +141,6 @@ def test_watching_spares_a_file_that_is_there(tmp_path):
         ({"out": "game.htm"}, r"suffix '\.htm'.*did you mean '\.html'"),
         ({"every": 0}, "every"),
         ({"rounds": 1.5}, "rounds"),
-        ({"ally": "expret"}, "did you mean 'expert'"),
         ({"path": "circel"}, "did you mean 'circle'"),
     ],
 )
