@@ -211,10 +211,7 @@ def at_work(folder):
 # A terminal's Ctrl-C reaches the whole group, a SIGTERM the driver alone
 @pytest.mark.parametrize(
     ("send", "number", "status"),
-    [
-        (os.killpg, signal.SIGINT, 130),
-        pytest.param(os.kill, signal.SIGTERM, 143, marks=pytest.mark.full),
-    ],
+    [(os.killpg, signal.SIGINT, 130), pytest.param(os.kill, signal.SIGTERM, 143, marks=pytest.mark.full)],
 )
 def test_a_stop_saves_all_runs_and_leaves_no_worker(send, number, status, folder):
     process = started(*TRAIN, *LONG, folder=folder, start_new_session=True)

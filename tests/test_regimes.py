@@ -6,17 +6,7 @@ import map_regimes
 import numpy as np
 import pytest
 from lineage import filled
-from map_regimes import (
-    COLUMNS,
-    COPIES,
-    KNOWING,
-    LEVERS,
-    Meetings,
-    of_mixture,
-    read_rows,
-    with_copies,
-    worth,
-)
+from map_regimes import COLUMNS, COPIES, KNOWING, LEVERS, Meetings, of_mixture, read_rows, with_copies, worth
 
 from fpg_bench.evaluation.statistics import nash
 from fpg_bench.game.actions import HOP_GATE, KNOWLEDGE_GATE, TYPE_SCORES

@@ -59,11 +59,7 @@ def has(package: str) -> bool:
 
 # Read by onnxruntime and huggingface_hub when they are imported, by Ray when it is started. Otherwise
 # onnxruntime starts a thread, writes an id of the device into the user's cache and sends events.
-NO_TELEMETRY = {
-    "ORT_DISABLE_TELEMETRY": "1",
-    "HF_HUB_DISABLE_TELEMETRY": "1",
-    "RAY_USAGE_STATS_ENABLED": "0",
-}
+NO_TELEMETRY = {"ORT_DISABLE_TELEMETRY": "1", "HF_HUB_DISABLE_TELEMETRY": "1", "RAY_USAGE_STATS_ENABLED": "0"}
 
 
 def turn_off_telemetry() -> None:

@@ -51,9 +51,7 @@ def make_match(duel: TwoPlayerBatch, ally: Players, opponent: Players) -> MatchB
 
 
 def play_round(
-    *matches: MatchBatch,
-    seeds: Seeds | None = None,
-    on_step: Callable[[], None] | None = None,
+    *matches: MatchBatch, seeds: Seeds | None = None, on_step: Callable[[], None] | None = None
 ) -> None:
     """Play one round of every game, all batches step by step together.
 

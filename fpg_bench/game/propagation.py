@@ -15,12 +15,7 @@ Grid = tuple[np.ndarray, np.ndarray, np.ndarray]  # a channel.Channel
 
 @compiled
 def gain_over_free_space(
-    channel: Grid | None,
-    place: np.ndarray,
-    metres: float,
-    frequency_mhz: float,
-    rules: Record,
-    radio: Record,
+    channel: Grid | None, place: np.ndarray, metres: float, frequency_mhz: float, rules: Record, radio: Record
 ) -> float:
     """Return the gain from base station to a place over that of free space: 1 without a channel's grid.
 

@@ -35,11 +35,7 @@ else:  # in a model of a file; of ``Any``, since pydantic cannot look into the d
 
     Game = Annotated[Any, pydantic.PlainValidator(_game), pydantic.PlainSerializer(GameSpec.to_dict)]
 
-_Name = Annotated[
-    str,
-    pydantic.Field(min_length=1, max_length=_LONGEST_NAME),
-    pydantic.AfterValidator(title),
-]
+_Name = Annotated[str, pydantic.Field(min_length=1, max_length=_LONGEST_NAME), pydantic.AfterValidator(title)]
 _Steps = Annotated[
     int, pydantic.Field(ge=0, le=MOST_STEPS), Expected(f"a whole number from 0 to {MOST_STEPS:,}")
 ]

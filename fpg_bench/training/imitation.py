@@ -42,10 +42,7 @@ def teacher_of(config: ImitationConfig, model: BaseAlgorithm, side: str, scenari
 
 
 def imitate(
-    model: BaseAlgorithm,
-    games: FPGVecEnv,
-    config: ImitationConfig,
-    stop: StopRequest | None = None,
+    model: BaseAlgorithm, games: FPGVecEnv, config: ImitationConfig, stop: StopRequest | None = None
 ) -> float:
     """Train a model to imitate a player.
 

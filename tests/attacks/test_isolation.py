@@ -73,10 +73,7 @@ print(json.dumps([int(standing), attempted(int(os.environ["PARENT"]))]))
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("kept", "layer", "open_still"),
-    [
-        ("_landlocked", Layer.LANDLOCK, OPEN_WITHOUT_CALLS),
-        ("_calls_refused", Layer.CALLS, set()),
-    ],
+    [("_landlocked", Layer.LANDLOCK, OPEN_WITHOUT_CALLS), ("_calls_refused", Layer.CALLS, set())],
 )
 def test_each_layer_stands_where_the_others_cannot_be_had(open_doors, kept, layer, open_still):
     done = subprocess.run(

@@ -12,11 +12,7 @@ from fpg_bench.common.ids import SCRIPTED
 from fpg_bench.players.planner import PLANNERS
 from fpg_bench.products.leaderboard import submission
 from fpg_bench.products.leaderboard.about import name_skeleton, read_about
-from fpg_bench.products.leaderboard.submission import (
-    Reader,
-    Refusal,
-    admit,
-)
+from fpg_bench.products.leaderboard.submission import Reader, Refusal, admit
 from tests.attacks import SCALE, SEED
 from tests.products.leaderboard.making import FIELDS, problems, write_submission
 
@@ -87,16 +83,7 @@ def test_signs_stand_in_names_and_authors_have_any_letters():
 
 def test_names_that_differ_stay_different():
     names = [*SCRIPTED["ally"], *SCRIPTED["opponent"], *PLANNERS, "ppo", "sac", "td3", "PPO 2", "ppo-stack8"]
-    names += [
-        "Agent A",
-        "Agent B",
-        "ppo-fast",
-        "PPO+",
-        "mappo",
-        "qmix",
-        "+++",
-        "---",
-    ]
+    names += ["Agent A", "Agent B", "ppo-fast", "PPO+", "mappo", "qmix", "+++", "---"]
     assert len({name_skeleton(name) for name in names}) == len(set(names))
 
 

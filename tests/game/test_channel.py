@@ -119,10 +119,7 @@ def test_a_fine_grid_of_free_space_is_free_space(tmp_path):
         ([*GRID[:3], *GRID[4:]], r"no gain at \(0.0, 800.0, 600.0\): .* each of its 12 places"),
         ([line.replace(",800,", ",700,") for line in GRID], "y: unequal spacings, 700 to 900 m"),
         (GRID[:1], "x: expected 2 places or more, got 1"),
-        (
-            [f"{k},{k},{k},-60" for k in range(400)],
-            r"no gain at \(0.0, 0.0, 1.0\): .* its 64,000,000",
-        ),
+        ([f"{k},{k},{k},-60" for k in range(400)], r"no gain at \(0.0, 0.0, 1.0\): .* its 64,000,000"),
         (["\r".join(GRID[:1])], "x: expected 2 places or more, got 1"),
         (["1" * 131_073], "line 2: expected four finite numbers"),
     ],

@@ -32,8 +32,7 @@ def walked(side, columns):
 
 def test_an_ally_counts_hops_and_hits():
     frequency, stayed, quiet, hits, hop_share, hit_share = walked(
-        "ally",
-        {OWN_FREQUENCY: [0.5, 0.5, 0.5, -0.2, -0.2], SENSED_COVERS: [-1, 1, 1, -1, -1]},
+        "ally", {OWN_FREQUENCY: [0.5, 0.5, 0.5, -0.2, -0.2], SENSED_COVERS: [-1, 1, 1, -1, -1]}
     )
     assert frequency == pytest.approx([0.5, 0.5, 0.5, -0.2, -0.2])
     assert (stayed * 32).tolist() == [1, 2, 3, 0, 1]
@@ -47,10 +46,7 @@ def test_an_opponent_counts_where_its_checks_find_the_ally():
     """It knows the first point from the start; checks find it there, elsewhere, elsewhere and there."""
     known, before, moved, same, elsewhere, share, finds = walked(
         "opponent",
-        {
-            KNOWN_FREQUENCY: [0.5, 0.5, 0.5, -0.5, -0.5, 0.0, 0.0],
-            KNOWN_AGE: [0, 0.1, 0, 0, 0.1, 0, 0],
-        },
+        {KNOWN_FREQUENCY: [0.5, 0.5, 0.5, -0.5, -0.5, 0.0, 0.0], KNOWN_AGE: [0, 0.1, 0, 0, 0.1, 0, 0]},
     )
     assert known.tolist() == [0.5, 0.5, 0.5, -0.5, -0.5, 0, 0]
     assert before.tolist() == [0, 0, 0.5, 0.5, 0.5, -0.5, 0]

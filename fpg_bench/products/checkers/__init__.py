@@ -198,10 +198,7 @@ def _reset(player: Player, mask: np.ndarray, seeds: np.ndarray) -> None:
 
 
 def _replay(
-    player: Player,
-    observations: np.ndarray,
-    seeds: np.ndarray,
-    restart: tuple[int, np.ndarray] | None = None,
+    player: Player, observations: np.ndarray, seeds: np.ndarray, restart: tuple[int, np.ndarray] | None = None
 ) -> np.ndarray:
     """Return the player's actions ``(steps, games, 9)`` on recorded observations.
 

@@ -20,11 +20,7 @@ _CARD = Path(__file__).with_name("card.md")
 
 
 def model_card(
-    card: AgentCard,
-    repository: str,
-    suite: str,
-    summaries: Sequence[Summary],
-    files: Collection[str],
+    card: AgentCard, repository: str, suite: str, summaries: Sequence[Summary], files: Collection[str]
 ) -> str:
     """Return the model card of an agent.
 

@@ -18,14 +18,7 @@ from fpg_bench.evaluation.summary import TrainingCost, summarise
 from fpg_bench.players.agent import agent_folder, read_card
 from fpg_bench.players.card import AgentCard
 from fpg_bench.products.hub.card import model_card
-from fpg_bench.products.hub.download import (
-    PUSHED_FILES,
-    TIMEOUT_S,
-    client,
-    hub_errors,
-    hub_name,
-    split_name,
-)
+from fpg_bench.products.hub.download import PUSHED_FILES, TIMEOUT_S, client, hub_errors, hub_name, split_name
 from fpg_bench.products.hub.pull import copy_checked
 from fpg_bench.products.sandbox.client import AGENT_FILES
 from fpg_bench.products.zoo.zoo import load_zoo

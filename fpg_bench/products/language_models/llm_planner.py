@@ -18,12 +18,7 @@ from fpg_bench.common.checks import integer
 from fpg_bench.common.errors import UserError, nearest
 from fpg_bench.game.scenario import Scenario
 from fpg_bench.players.planner import BatchPlanner, Limits, Patrol, Plan, Request
-from fpg_bench.products.language_models.answers import (
-    answer_schema,
-    points_in,
-    read_answer,
-    uselessness,
-)
+from fpg_bench.products.language_models.answers import answer_schema, points_in, read_answer, uselessness
 from fpg_bench.products.language_models.budget import CALLS, SECONDS, TOKENS, CallBudget
 from fpg_bench.products.language_models.client import Client, Reply, response_format
 from fpg_bench.products.language_models.prompts import CONTROLS, Prompt, load_prompt, reask

@@ -35,15 +35,7 @@ from fpg_bench.products.leaderboard.exploited import Attack, Exploited
 from fpg_bench.products.leaderboard.result import PlannerFacts, round_finite
 from fpg_bench.products.leaderboard.season_keys import SeasonKey
 from fpg_bench.products.leaderboard.submission import Submission
-from fpg_bench.products.leaderboard.tracks import (
-    PUBLIC,
-    SCENARIOS,
-    SHIFTED,
-    TRACKS,
-    UNSEEN,
-    Track,
-    ranked_by,
-)
+from fpg_bench.products.leaderboard.tracks import PUBLIC, SCENARIOS, SHIFTED, TRACKS, UNSEEN, Track, ranked_by
 from fpg_bench.products.leaderboard.trail import first_returns, play_options, player_of, training_of
 from fpg_bench.version import __version__
 

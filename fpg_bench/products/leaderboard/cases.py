@@ -15,12 +15,7 @@ from fpg_bench.common.parallel import line_on
 from fpg_bench.evaluation.record import Record
 from fpg_bench.evaluation.suite import Suite
 from fpg_bench.evaluation.summary import Summary, TrainingCost
-from fpg_bench.products.leaderboard.folders import (
-    result_file,
-    short_path,
-    submission_folders,
-    work_folder,
-)
+from fpg_bench.products.leaderboard.folders import result_file, short_path, submission_folders, work_folder
 from fpg_bench.products.leaderboard.playing import Matchup, Part, matchups_of, parts_of, suites_of
 from fpg_bench.products.leaderboard.result import Fingerprint, Result, fingerprint, read_result, summaries_of
 from fpg_bench.products.leaderboard.submission import Reader, Submission, admit

@@ -25,14 +25,7 @@ from fpg_bench.products.language_models.comparison import (
 )
 from fpg_bench.products.language_models.llm_planner import request_problem
 from fpg_bench.products.language_models.prompts import CONTROLS, Prompt, load_prompt
-from fpg_bench.products.language_models.transcript import (
-    FIRST,
-    LAST,
-    Attempt,
-    RunHeader,
-    Where,
-    packed_rows,
-)
+from fpg_bench.products.language_models.transcript import FIRST, LAST, Attempt, RunHeader, Where, packed_rows
 from fpg_bench.products.leaderboard.folders import folder_problem, list_names
 from fpg_bench.products.leaderboard.season_keys import current_season, season_seed
 

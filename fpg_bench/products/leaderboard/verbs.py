@@ -20,8 +20,7 @@ leaderboard = typer.Typer(
 )
 SITE = Path("leaderboard/site")
 UpdateOption = Annotated[
-    bool,
-    typer.Option("--update", help="Replay and replace results that differ or were edited."),
+    bool, typer.Option("--update", help="Replay and replace results that differ or were edited.")
 ]
 SinceOption = Annotated[
     str | None,
@@ -195,8 +194,7 @@ def build(
     folder: FolderOption = Path("leaderboard"),
     replays: Annotated[bool, typer.Option(help="Simulate missing replays; existing ones are kept.")] = True,
     docs: Annotated[
-        str,
-        typer.Option(help="URL of the documentation, relative to OUT. Default: where it is published."),
+        str, typer.Option(help="URL of the documentation, relative to OUT. Default: where it is published.")
     ] = "",
 ) -> None:
     """Build the static site; it can be viewed offline.

@@ -327,11 +327,7 @@ def fields_of(kind: Any) -> set[str]:
 _RETURN, _ROUNDS, _STEPS = "return", "rounds", "steps"
 
 PLANS = Tolerances(
-    Plans,
-    statuses=EXACT,
-    tokens=EXACT,
-    useless=EXACT,
-    seconds=NotCompared("the time on a machine"),
+    Plans, statuses=EXACT, tokens=EXACT, useless=EXACT, seconds=NotCompared("the time on a machine")
 )
 RECORD = Tolerances(
     Record,

@@ -28,13 +28,7 @@ from fpg_bench.products.leaderboard.cases import (
 )
 from fpg_bench.products.leaderboard.changed_entries import changed_entries
 from fpg_bench.products.leaderboard.encounters import Verification
-from fpg_bench.products.leaderboard.folders import (
-    TRACK_FOLDERS,
-    at_work,
-    remove,
-    set_aside,
-    short_path,
-)
+from fpg_bench.products.leaderboard.folders import TRACK_FOLDERS, at_work, remove, set_aside, short_path
 from fpg_bench.products.leaderboard.playing import Key, Matchup, Part, PlayedPart, fill, key_of, read_part
 from fpg_bench.products.leaderboard.result import Result, write_result
 from fpg_bench.products.leaderboard.tracks import ranked_by

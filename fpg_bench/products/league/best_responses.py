@@ -32,12 +32,7 @@ from fpg_bench.products.league.evaluation import MATCHES
 from fpg_bench.products.league.folder import check_same
 from fpg_bench.products.league.rule_search import rule_search
 from fpg_bench.products.league.tabular import DEFAULT_FEATURES, count_cells, table_search
-from fpg_bench.products.league.targets import (
-    RESPONSE_REWARDS,
-    ResponseTarget,
-    find_target,
-    training_seeds,
-)
+from fpg_bench.products.league.targets import RESPONSE_REWARDS, ResponseTarget, find_target, training_seeds
 from fpg_bench.training.config import RunConfig
 from fpg_bench.training.hyperparameters import load_hyperparameters
 from fpg_bench.training.run_folder import RunFolder

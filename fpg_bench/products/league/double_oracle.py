@@ -32,13 +32,7 @@ from fpg_bench.game.spec import GameSpec
 from fpg_bench.players.agent import expand_suites, member_folder
 from fpg_bench.products.league.config import DoubleOracleConfig
 from fpg_bench.products.league.evaluation import MATCHES
-from fpg_bench.products.league.folder import (
-    as_json,
-    check_same,
-    export_agent,
-    search_folder,
-    settings_of,
-)
+from fpg_bench.products.league.folder import as_json, check_same, export_agent, search_folder, settings_of
 from fpg_bench.products.league.payoffs import Payoffs
 from fpg_bench.products.league.targets import RESPONSE_REWARDS
 from fpg_bench.training.config import RunConfig

@@ -181,10 +181,7 @@ def _thresholds(
 
 
 def table_onnx(
-    side: str,
-    features: Mapping[str, Sequence[float]],
-    scenario: Scenario,
-    cells: Sequence[int] | None = None,
+    side: str, features: Mapping[str, Sequence[float]], scenario: Scenario, cells: Sequence[int] | None = None
 ) -> bytes:
     """Return a table as ONNX, with the inputs and outputs of :class:`fpg_bench.players.agent.OnnxPlayer`.
 

@@ -210,8 +210,7 @@ class TD3BC(OfflineAlgorithm, TD3):
             value = self.critic.q1_forward(obs, chosen)
             cloning_loss = mse_loss(chosen, actions)
             _minimize(
-                self.actor.optimizer,
-                cloning_loss - self.alpha * value.mean() / value.abs().mean().detach(),
+                self.actor.optimizer, cloning_loss - self.alpha * value.mean() / value.abs().mean().detach()
             )
             losses["cloning_loss"] = cloning_loss.item()
             polyak_update(self.critic.parameters(), self.critic_target.parameters(), self.tau)

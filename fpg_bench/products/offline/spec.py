@@ -23,9 +23,7 @@ from fpg_bench.version import __version__
 NAMESPACE = "fpg"
 # As in a suite of the board, since data sets may be untrusted.
 _Name = Annotated[
-    str,
-    pydantic.Field(pattern=SHIPPED),
-    Expected("the name of a script or an agent of the package"),
+    str, pydantic.Field(pattern=SHIPPED), Expected("the name of a script or an agent of the package")
 ]
 _Names = Annotated[Items[_Name], pydantic.Field(min_length=1)]
 

@@ -23,10 +23,7 @@ _CODE = ("events", "pen", "arena", "times", "hands", "player")  # each uses thos
 
 
 def replay_data(
-    recordings: Sequence[Recording],
-    title: str,
-    ally: str = "ally",
-    opponent: str = "opponent",
+    recordings: Sequence[Recording], title: str, ally: str = "ally", opponent: str = "opponent"
 ) -> JsonObject:
     """Return the page's data, ready for JSON; lengths in m, frequencies in MHz, times in s, levels in dB.
 

@@ -79,10 +79,7 @@ class TeamPicture:
         """Draw the part of the box in which they fly, from above: tracks, and who jams whom."""
         whole = self.recording
         curve, base = bezier_curve(whole.control_points)[:, :2], whole.scenario.base_station_m[:2]
-        sides = (
-            (whole.jammers, "opponent_position", JAMMERS),
-            (whole.frames, "ally_position", ALLIES),
-        )
+        sides = ((whole.jammers, "opponent_position", JAMMERS), (whole.frames, "ally_position", ALLIES))
         flown = [frames[side][..., :2].reshape(-1, 2) for frames, side, _ in sides]
         every = np.concatenate([curve, [base], *flown])
         middle, half = (every.max(0) + every.min(0)) / 2, 0.55 * np.ptp(every, axis=0).max()

@@ -89,10 +89,7 @@ def record_team(
 
 
 def print_team(
-    allies: Sequence[PlayerSpec],
-    opponents: Sequence[PlayerSpec],
-    every: int = 1,
-    **options: Any,
+    allies: Sequence[PlayerSpec], opponents: Sequence[PlayerSpec], every: int = 1, **options: Any
 ) -> TeamRecording:
     """Play a round, and print each n-th step and the last; further arguments as in :func:`record_team`."""
     integer(every, "every")

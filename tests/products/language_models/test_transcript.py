@@ -9,11 +9,7 @@ from pathlib import Path
 import pytest
 
 from fpg_bench.common.errors import UserError
-from fpg_bench.products.language_models.transcript import (
-    Attempt,
-    RunHeader,
-    Transcript,
-)
+from fpg_bench.products.language_models.transcript import Attempt, RunHeader, Transcript
 from tests.programs import held_elsewhere
 
 from .playing import path

@@ -113,10 +113,7 @@ def test_options_reach_the_model_and_the_file_is_let_go(asks, tmp_path, capsys):
     assert "plan fallback-timeout" in capsys.readouterr().out
     with held_elsewhere(file):
         pass
-    for llm, message in (
-        ({"record": file, "transcript": file}, "leave out one"),
-        ({"tokns": 3}, "tokns"),
-    ):
+    for llm, message in (({"record": file, "transcript": file}, "leave out one"), ({"tokns": 3}, "tokns")):
         with pytest.raises(UserError, match=message):
             watch(**given, llm=llm)
     with pytest.raises(UserError, match="calls: is for the planners llm"):

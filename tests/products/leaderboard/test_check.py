@@ -186,10 +186,7 @@ def test_unknown_names_are_strays(tmp_path):
         ({"script": "expert", "zoo": "ally-scripted/ppo"}, "zoo, script: only one of them"),
         ({"track": "planner", "script": "llm"}, "script: unknown 'llm'"),
         ({"track": "planner", "script": "module:Planner"}, "script: unknown 'module:Planner'"),
-        (
-            {"track": "planner", "script": "hold", "zoo": "ally-scripted/ppo"},
-            "zoo: not allowed for planners",
-        ),
+        ({"track": "planner", "script": "hold", "zoo": "ally-scripted/ppo"}, "zoo: not allowed for planners"),
         ({"track": "planner"}, "lacks 'runs': number of recordings made, including the submitted one"),
         ({"name": "@SUM(A1)"}, "name: expected printable text that begins with a letter or a digit"),
         ({"algorithm": "=1+2"}, "algorithm: expected printable text that begins with a letter or a digit"),

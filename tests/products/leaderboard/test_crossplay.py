@@ -176,10 +176,7 @@ def test_those_who_play_one_scenario_meet_each_other_alone(played, small_suites)
         scenario: tuple([entry.slug for entry in side] for side in fully_played(pairs.of(scenario)))
         for scenario in SCENARIOS
     }
-    assert names == {
-        "standard": (["expert", "idle"], ["adaptive", "linear"]),
-        "link": (["bold"], ["apt"]),
-    }
+    assert names == {"standard": (["expert", "idle"], ["adaptive", "linear"]), "link": (["bold"], ["apt"])}
     close_season(small_suites)  # of the other scenario
     verify(played, Verification(update=True))
     assert play_all(played) == 5

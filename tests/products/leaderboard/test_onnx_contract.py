@@ -6,17 +6,7 @@ from onnx import ModelProto, TensorProto, helper, numpy_helper
 
 from fpg_bench.players.agent import baselines_folder
 from fpg_bench.products.sandbox.client import check_policies, check_policy
-from tests.policies import (
-    constant,
-    model,
-    node,
-    policy,
-    remembering,
-    through,
-    value,
-    weights,
-    whole,
-)
+from tests.policies import constant, model, node, policy, remembering, through, value, weights, whole
 
 DEEP = model(
     [node("MatMul", ["observation", "w"], ["x0"])]

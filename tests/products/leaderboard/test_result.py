@@ -12,13 +12,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.evaluation.seeds import PROTOCOL
 from fpg_bench.evaluation.suite import load_suite
 from fpg_bench.products.leaderboard.playing import Part, matchups_of, part_records
-from fpg_bench.products.leaderboard.result import (
-    LARGEST,
-    Fingerprint,
-    Result,
-    read_result,
-    write_result,
-)
+from fpg_bench.products.leaderboard.result import LARGEST, Fingerprint, Result, read_result, write_result
 from tests.products.leaderboard.entering import SUITE
 
 

@@ -218,11 +218,7 @@ def test_the_lowest_known_return_stands_there_with_who_found_it_and_what_was_tri
     [
         (1, "late entry", "Late entry: it was submitted or changed"),
         (4, "1,234 of 5,000 rounds lost by rule", "1,234 of 5,000 rounds lost by rule: its answer"),
-        (
-            6,
-            "plays the same as ally/player-9",
-            "It plays the same as ally/player-9: a script",
-        ),
+        (6, "plays the same as ally/player-9", "It plays the same as ally/player-9: a script"),
     ],
 )
 def test_remarks_are_in_the_ranking_and_on_the_entry_s_page(site, pages, number, in_ranking, on_page):

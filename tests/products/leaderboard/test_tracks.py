@@ -16,12 +16,7 @@ from fpg_bench.products.leaderboard import tracks
 from fpg_bench.products.leaderboard.board import make_board
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.season_keys import SeasonKey, current_season, seed_from
-from fpg_bench.products.leaderboard.tracks import (
-    TRACKS,
-    TRANSCRIPT_MATCHES,
-    TrackSuites,
-    ranked_by,
-)
+from fpg_bench.products.leaderboard.tracks import TRACKS, TRANSCRIPT_MATCHES, TrackSuites, ranked_by
 from fpg_bench.products.leaderboard.verification import verify
 from tests.products.leaderboard.entering import SUITE, close_season, enter, write_suite
 

@@ -15,11 +15,7 @@ from fpg_bench.products.leaderboard.encounters import Verification
 from fpg_bench.products.leaderboard.entries import load_entries
 from fpg_bench.products.leaderboard.result import summaries_of
 from fpg_bench.products.leaderboard.tracks import PUBLIC
-from fpg_bench.products.leaderboard.verification import (
-    draw_sample,
-    run_one,
-    verify,
-)
+from fpg_bench.products.leaderboard.verification import draw_sample, run_one, verify
 from tests.logged import logged
 from tests.policies import policy, write_seed
 from tests.products.leaderboard.entering import (

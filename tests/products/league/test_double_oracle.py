@@ -147,10 +147,7 @@ def test_an_opponent_searches_against_allies_that_play_for_themselves(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            {"meta_solver": "nsh"},
-            "meta_solver: expected one of weights, nash, got 'nsh'; did you mean",
-        ),
+        ({"meta_solver": "nsh"}, "meta_solver: expected one of weights, nash, got 'nsh'; did you mean"),
         ({"iterations": 0}, "iterations: expected a whole number above 0, got 0"),
         ({"game": {"pth": "circle"}}, "game: unknown key 'pth'; did you mean 'path'"),
         ({"game": {"actions": "discrete"}}, "game: unknown key 'actions'"),

@@ -399,9 +399,7 @@ def small(play):
         missing=(),
     )
     better = PaperClaim(
-        "a beats b",
-        "text",
-        lambda results: {"a - b": results.difference("m", ("a", "c"), ("b", "c"))},
+        "a beats b", "text", lambda results: {"a - b": results.difference("m", ("a", "c"), ("b", "c"))}
     )
     return Paper(facts, ("a", "b"), ("c",), {"m": "measure", "n": "other"}, (better,), play)
 

@@ -51,11 +51,7 @@ def test_runs_become_rows_figures_and_a_report(made):
     out, written, _ = made
     drawn = ("fig4", "fig5", "fig7", "paths")
     figures = [f"{name}-paper.{form}" for name in drawn for form in ("svg", "pdf")]
-    assert [path.name for path in written] == [
-        *figures,
-        "report-paper.md",
-        "levels-paper.csv",
-    ]
+    assert [path.name for path in written] == [*figures, "report-paper.md", "levels-paper.csv"]
     assert all(path.stat().st_size > 300 for path in written)
     text = (out / "report-paper.md").read_text()
     for link in (line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")):

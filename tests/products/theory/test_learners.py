@@ -8,9 +8,7 @@ from fpg_bench.common.errors import UserError
 from fpg_bench.game.scenario import STANDARD
 from fpg_bench.players.registry import as_player
 from fpg_bench.products.checkers import check_player
-from fpg_bench.products.theory.learners import (
-    LEARNERS,
-)
+from fpg_bench.products.theory.learners import LEARNERS
 
 
 @pytest.mark.parametrize("name", LEARNERS)

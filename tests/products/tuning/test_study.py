@@ -61,10 +61,7 @@ def test_a_storage_that_is_down_at_the_start_is_one_line_without_the_password(tm
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            {"space": {"x": {"kind": "float", "low": 0, "high": 9}}},
-            r"made with another space \(x\); cont",
-        ),
+        ({"space": {"x": {"kind": "float", "low": 0, "high": 9}}}, r"made with another space \(x\); cont"),
         ({"n_seeds": 3}, "made with n seeds 2, not 3"),
         ({"game": GameSpec("FPG/OpponentVsScripted-v0")}, r"made with another game \(id\)"),
         ({"hyperparameters": {"x": 4.0}}, r"another hyperparameters \(x\)"),

@@ -11,14 +11,7 @@ from typing import Any
 from fpg_bench.evaluation.statistics import Interval
 from fpg_bench.products.leaderboard.board import CROSSPLAY, Board, BoardEntry, BoardSuite, BoardTrack, Figures
 from fpg_bench.products.leaderboard.exploited import RESPONSE, Effort
-from fpg_bench.products.leaderboard.tracks import (
-    PUBLIC,
-    RESPONSES,
-    SCENARIOS,
-    SHIFTED,
-    TRACKS,
-    UNSEEN,
-)
+from fpg_bench.products.leaderboard.tracks import PUBLIC, RESPONSES, SCENARIOS, SHIFTED, TRACKS, UNSEEN
 
 NONE = "–"
 FEW_SEEDS = "fewer than five training seeds of an algorithm: no rank"

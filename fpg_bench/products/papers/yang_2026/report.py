@@ -37,12 +37,7 @@ _SHARES = ("overlap_ratio", "jamming_success_rate", "hop_rate", "spread_ratio")
 
 
 def write_report(
-    results: Runs,
-    preset: str,
-    budget: Budget,
-    drawn: Iterable[str],
-    folder: Path,
-    command: str,
+    results: Runs, preset: str, budget: Budget, drawn: Iterable[str], folder: Path, command: str
 ) -> list[Path]:
     """Write ``report-<scenario>.md`` and ``levels-<scenario>.csv``, and return their paths.
 
