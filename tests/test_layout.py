@@ -34,7 +34,7 @@ FLOORS = {
     "products": 7,
 }
 # Lines of the core, and of all, with a slack that bothers nobody; they go down by what goes
-MOST_CODE, MOST_IN_ALL, SLACK = 11_580, 28_640, 200
+MOST_CODE, MOST_IN_ALL, SLACK = 11_560, 28_560, 200
 HEAVY = ("numba", "torch", "stable_baselines3", "matplotlib", "onnxruntime")
 
 

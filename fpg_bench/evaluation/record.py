@@ -200,7 +200,8 @@ def read_record(row: Row, where: str) -> Record:
     check_keys(row, _KEYS, where, needed=[key for key in _KEYS if key != "plans"])
     tally, plans = row["tally"], row.get("plans")
     check_keys(tally, _NAMES, f"{where}: tally", needed=HASHED_TALLIES)
-    if isinstance(plans, dict) and any(_is_long(value) for value in plans.values()):
+    held = plans.values() if isinstance(plans, dict) else ()
+    if any(isinstance(value, dict) and len(value) > _MOST_STATUSES for value in held):
         raise UserError(f"{where}: plans: more than {_MOST_STATUSES} statuses")
     record = parse(Record, row, where)
     if record.lost > len(record.returns):
@@ -210,10 +211,6 @@ def read_record(row: Row, where: str) -> Record:
     if record.tally["steps"] <= 0:
         raise UserError(f"{where}: tally: steps: expected a number above 0, got {record.tally['steps']:g}")
     return record
-
-
-def _is_long(value: object) -> bool:
-    return isinstance(value, dict) and len(value) > _MOST_STATUSES
 
 
 def read_records(rows: Iterable[Row], where: str) -> list[Record]:

@@ -358,10 +358,6 @@ def _measure(name: str, factor: float) -> Callable[[Summary], str]:
     return lambda s: number(s.measures[name], factor)
 
 
-def _worst(s: Summary) -> str:
-    return number(s.by_rival[s.worst].value, digits=2)
-
-
 _FIRST_MEASURE = 4  # what they can be spared for: before the columns of returns
 _OF_PLAYERS = (
     Column("player", lambda s: s.label),
@@ -371,6 +367,6 @@ _OF_PLAYERS = (
     Column("score", lambda s: number(s.score.value)),
     Column(INTERVAL, lambda s: bounds(s.score)),
     Column("return", lambda s: number(s.reward.value, digits=2), spare=2),
-    Column("worst", _worst, spare=1),
+    Column("worst", lambda s: number(s.by_rival[s.worst].value, digits=2), spare=1),
     Column("against", lambda s: s.worst, spare=4),
 )

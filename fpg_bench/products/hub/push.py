@@ -88,7 +88,8 @@ def push(
 
 def agent_files(source: str, repository: str, results: Path | None = None) -> dict[str, bytes]:
     """Return the files of an agent's repository, by name; arguments and errors as in :func:`push`."""
-    run = _run_of(Path(source))
+    places = (Path(source), *Path(source).absolute().parents[:2])  # it, or the run of an agent's folder
+    run = next((place for place in places if (place / "run.json").is_file()), None)
     inside = Path(source) / "agent"
     folder = agent_folder(inside if (inside / "agent.json").is_file() else source)
     with tempfile.TemporaryDirectory() as temporary:
@@ -108,11 +109,6 @@ def agent_files(source: str, repository: str, results: Path | None = None) -> di
     suite_name = suite_of(card.game, card.side)
     files["README.md"] = model_card(card, repository, suite_name, summaries, files).encode()
     return files
-
-
-def _run_of(source: Path) -> Path | None:
-    """Return the folder of the run that a folder is or that an agent's folder belongs to."""
-    return next((f for f in (source, *source.absolute().parents[:2]) if (f / "run.json").is_file()), None)
 
 
 def _records(

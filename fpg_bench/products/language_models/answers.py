@@ -158,7 +158,7 @@ def _read_last(text: str) -> tuple[str, list[Point] | None]:
     """Return where the points that stand last were found, and the points; None: there are none."""
     if (path := _json_path(text)) is not None:
         return "json", path
-    start = _directions_end(text)
+    start = max((mark.end() for mark in _DIRECTIONS.finditer(text)), default=0)
     for rung, scope in [("directions", text[start:])] * bool(start) + [("triples", text)]:
         block = _last_block(scope)
         if (path := _json_path(block)) is not None:
@@ -225,11 +225,6 @@ def _json_point(item: Any) -> Point:
     values: Any = [item.get(axis) for axis in "xyz"] if isinstance(item, dict) else item
     is_triple = isinstance(values, list) and len(values) == 3
     return tuple(values) if is_triple and all(type(value) is float for value in values) else None
-
-
-def _directions_end(text: str) -> int:
-    """Return where the last ``Next directions:`` ends; 0 if there is none."""
-    return max((mark.end() for mark in _DIRECTIONS.finditer(text)), default=0)
 
 
 def _triples(text: str) -> list[Point] | None:

@@ -146,26 +146,12 @@ def export_values(
     }
     confirmed = []
     for trial in trials:
-        if (interval := intervals.get(f"trial {trial.number}")) is not None:
-            study_score = float(trial.value or 0.0)
-            _logger.info(
-                "trial %d: %s on fresh seeds, %.1f in the study",
-                trial.number,
-                format_score(interval),
-                study_score,
-            )
-            confirmed.append(
-                Confirmed(
-                    study.study_name,
-                    n_trials,
-                    trial.number,
-                    values[f"trial {trial.number}"],
-                    study_score,
-                    interval,
-                    seeds,
-                    task,
-                )
-            )
+        name = f"trial {trial.number}"
+        if name in intervals:
+            found, in_study = intervals[name], float(trial.value or 0.0)
+            _logger.info("%s: %s on fresh seeds, %.1f in the study", name, format_score(found), in_study)
+            about = study.study_name, n_trials, trial.number, values[name], in_study, found, seeds, task
+            confirmed.append(Confirmed(*about))
     if not confirmed:
         raise UserError(f"{out}: no trial could be retrained on all fresh seeds; see the lines above")
     confirmed.sort(key=lambda trial: -trial.score.value)
