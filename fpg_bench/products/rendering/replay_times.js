@@ -4,7 +4,7 @@ function fpgTimes(scene, canvases) {
   "use strict";
   const { prepare, stroke } = fpgPen;
 
-  const MARGIN = { left: 46, right: 42, top: 24, bottom: 8 };
+  const MARGIN = { left: 46, right: 14, top: 24, bottom: 8 };
 
   /** Axes over time: `x` of a step, `y` of a value by `scale`, frame and ticks drawn. */
   function timeAxes(id, scale, ticks, labels) {
@@ -60,13 +60,14 @@ function fpgTimes(scene, canvases) {
     pen.restore();
   }
 
-  function mark({ pen, y, left, right }, value, text, colour) {
+  /** Draw a threshold, and its name above the panel. */
+  function mark({ pen, y, left, right, top }, value, text, colour) {
     stroke(pen, [[left, y(value)], [right, y(value)]], colour, 1, [5, 4]);
     pen.restore();
     pen.fillStyle = colour;
-    pen.textAlign = "left";
+    pen.textAlign = "right";
     pen.textBaseline = "middle";
-    pen.fillText(text, right + 5, y(value));
+    pen.fillText(`╌ ${text}`, right, top - 11);
     pen.save();
   }
 

@@ -316,6 +316,25 @@ def test_labels_keep_clear_of_each_other(watched):
                 assert apart or a["bottom"] <= b["top"] or b["bottom"] <= a["top"], (step, a, b)
 
 
+def test_no_word_of_a_panel_is_cut_at_its_edge(watched):
+    drawn = watched.evaluate(
+        f"""async () => {{
+          const drawn = [], plain = CanvasRenderingContext2D.prototype.fillText;
+          CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {{
+            const size = this.measureText(text), wide = this.canvas.width / this.getTransform().a;
+            drawn.push([text, x >= size.actualBoundingBoxLeft && x + size.actualBoundingBoxRight <= wide]);
+            return plain.call(this, text, x, y);
+          }};
+          document.getElementById("replay-step").dispatchEvent(new Event("input"));
+          await {FRAMES};
+          CanvasRenderingContext2D.prototype.fillText = plain;
+          return drawn;
+        }}"""
+    )
+    assert {"╌ outage below 8 dB", "╌ near: within 30 m"} <= {text for text, _ in drawn}
+    assert [text for text, is_whole in drawn if not is_whole] == []
+
+
 def test_the_address_keeps_the_round_and_the_step(watched):
     watched.locator("button.round").nth(1).click()
     expect(watched.locator("button.round").nth(1)).to_have_attribute("aria-pressed", "true")
