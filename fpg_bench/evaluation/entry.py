@@ -227,9 +227,7 @@ def _made_by(spec: PlayerSpec, player: Player) -> str:
 
 
 def _names(
-    groups: Mapping[str, Sequence[PlayerSpec]],
-    players: Mapping[PlayerSpec, Player],
-    given: Collection[str],
+    groups: Mapping[str, Sequence[PlayerSpec]], players: Mapping[PlayerSpec, Player], given: Collection[str]
 ) -> dict[PlayerSpec, str]:
     """Return the name of each player; ``given`` are names of others."""
     first = []

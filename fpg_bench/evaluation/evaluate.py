@@ -22,14 +22,7 @@ from fpg_bench.common.locks import own_folder
 from fpg_bench.common.parallel import Workers
 from fpg_bench.common.products import load
 from fpg_bench.common.schema import PositiveInt, Strict, parse
-from fpg_bench.evaluation.entry import (
-    MADE,
-    EvaluatedPlayer,
-    check_kept,
-    check_seeds,
-    entries_of,
-    is_nameless,
-)
+from fpg_bench.evaluation.entry import MADE, EvaluatedPlayer, check_kept, check_seeds, entries_of, is_nameless
 from fpg_bench.evaluation.rounds import Players
 from fpg_bench.evaluation.store import RECORDS, Pairing, Progress, Store, pairings
 from fpg_bench.evaluation.suite import PLANNER, Suite, load_suite, read_suite

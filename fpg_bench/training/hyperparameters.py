@@ -91,11 +91,7 @@ class Hyperparameters(Strict):
 
 
 def load_hyperparameters(
-    algorithm: str | Algorithm,
-    game: str | GameSpec,
-    file: Hyperparams = None,
-    *,
-    allow: Collection[str] = (),
+    algorithm: str | Algorithm, game: str | GameSpec, file: Hyperparams = None, *, allow: Collection[str] = ()
 ) -> Hyperparameters:
     """Load the hyper-parameters of an algorithm in a game.
 
