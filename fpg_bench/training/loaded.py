@@ -1,4 +1,4 @@
-"""What every training loads; processes that are forked from one that has imported it begin at once."""
+"""Modules that every training loads; processes forked from one that has imported it begin at once."""
 
 from __future__ import annotations
 
