@@ -46,7 +46,8 @@ from fpg_bench.products.leaderboard.verdicts import WITHIN as SAME_WITHIN
 _logger = logging.getLogger(__name__)
 
 ROUNDS = 100  # of each pair, distributed evenly over the training seeds of both
-WITHIN = 0.005  # slack of the bounds of a return
+WITHIN = 0.005  # slack of the bound of a return
+_NAMED = 5  # rows that are left out
 
 _Rewards = Annotated[Items[Annotated[float, Gt(-1e6), Lt(1e6)]], Len(1)]
 
@@ -154,10 +155,15 @@ class Pair(StrictResult):
         return float(np.mean(self.rewards(side)))
 
     def is_of(self, ally: CrossplayEntry, opponent: CrossplayEntry) -> bool:
-        """Return True if it is the result of these two entries, with as many training seeds as they have."""
-        names = (self.ally, self.opponent) == (ally.slug, opponent.slug)
-        seeds = len(self.ally_rewards), len(self.opponent_rewards)
-        return names and seeds == (len(ally.parts), len(opponent.parts))
+        """Return True if it can be the result of these two entries, with as many training seeds as they have.
+
+        A side that lost all rounds earned no more than such rounds give.
+        """
+        return (self.ally, self.opponent) == (ally.slug, opponent.slug) and all(
+            len(rewards := self.rewards(each.side)) == len(each.parts)
+            and (lost < self.rounds or (lost == self.rounds and max(rewards) <= each.scale.lost + WITHIN))
+            for each, lost in zip((ally, opponent), self.lost, strict=True)
+        )
 
 
 def players_of(cases: Iterable[Case]) -> tuple[list[CrossplayEntry], list[CrossplayEntry]]:
@@ -216,9 +222,9 @@ def read_pairs(board: Path, players: tuple[list[CrossplayEntry], list[CrossplayE
     results: dict[Hashable, Pair] = {
         pair.key: pair for pair in known.values() if pair.key in wanted and pair.is_of(*wanted[pair.key])
     }
-    if len(results) < len(known):
-        left = len(known) - len(results)
-        _logger.info(f"{crossplay_file(board)}: {left} rows of other entries are left out")
+    if left := [f"{pair.ally} - {pair.opponent}" for pair in known.values() if pair.key not in results]:
+        names = ", ".join(left[:_NAMED])
+        _logger.info(f"{crossplay_file(board)}: {len(left)} left out, of others or impossible: {names}")
     return Pairs(*players, results)
 
 

@@ -139,11 +139,12 @@ def export_values(
     run_jobs(jobs, workers)
     with opened.errors():
         stored = study.user_attrs
-    intervals = {
-        candidate: mean_interval(np.array(scores), TRAINING_SEEDS)
+    by_seed = {
+        candidate: np.array(scores)
         for candidate in candidates
         if None not in (scores := [stored.get(_run_name(candidate, seed, task.steps)) for seed in seeds])
     }
+    intervals = {name: mean_interval(scores, TRAINING_SEEDS) for name, scores in by_seed.items()}
     confirmed = []
     for trial in trials:
         name = f"trial {trial.number}"
@@ -162,6 +163,10 @@ def export_values(
     else:
         _logger.info("present values: %s on fresh seeds", format_score(intervals[present]))
     best = confirmed[0]
+    if present in by_seed and (found := f"trial {best.trial}") != present:
+        gained = mean_interval(by_seed[found] - by_seed[present], TRAINING_SEEDS)  # from the same games
+        apart = "" if abs(gained.value) > gained.half else ", which is not told apart from none"
+        _logger.info("%s less the present values: %s, by seed%s", found, format_score(gained), apart)
     if not force and present in intervals and best.score.value < intervals[present].value:
         raise UserError(
             f"{file}: not written, on fresh seeds trial {best.trial} scores {best.score.value:.1f}, less "

@@ -248,6 +248,18 @@ def test_figures_that_were_edited_are_found(played, messages):
         assert line.startswith(f"the result does not hold: {name}")
 
 
+def test_a_return_that_lost_rounds_cannot_give_is_named_and_not_shown(played):
+    first = rows(played)[0]
+    for lost in ([first["rounds"]] * 2, [0, first["rounds"]], [first["rounds"] + 1, 0]):
+        change(played, 0, **first | {"lost": lost})
+        with logged() as messages:
+            pairs = load_entries(played).pairs
+        name = f"{first['ally']} - {first['opponent']}"
+        assert any(f"1 left out, of others or impossible: {name}" in message for message in messages)
+        assert first["key"] not in pairs.results
+        assert list(bad_pairs(played)) == [name]
+
+
 def test_no_field_of_a_pair_can_be_edited(played):
     """Whatever is edited is refused, or the line is no pair of the board any more."""
     first = rows(played)[0]

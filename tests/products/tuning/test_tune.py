@@ -237,6 +237,23 @@ def test_values_that_score_less_than_the_present_ones_need_force(
     assert f"present values: {present} on fresh seeds" in caplog.messages
 
 
+@pytest.mark.parametrize("gains", [(4.4, 4.6), (30.0, -21.0)])
+def test_what_the_values_gain_is_told_seed_by_seed(gains, study, files, tmp_path, monkeypatch, caplog):
+    caplog.set_level(logging.INFO, "fpg_bench")
+
+    def train(self, values, seeds):
+        (seed,) = seeds  # seeds differ far more than the values do
+        base = 1000.0 * (seed - FRESH_SEED)
+        return mean_interval(np.array([base + (gains[seed - FRESH_SEED] if values else 0.0)]), "matches")
+
+    monkeypatch.setattr(Objective, "train", train)
+    steps = 1200 + int(gains[0])
+    export_values(files / "study", tmp_path / "mine.yml", n_best=1, n_seeds=2, steps=steps, force=True)
+    (line,) = (line for line in caplog.messages if "less the present values" in line)
+    assert "less the present values: 4.5 [" in line
+    assert ("not told apart" in line) == (min(gains) < 0)
+
+
 def test_nothing_is_written_if_no_trial_could_be_retrained(study, files, tmp_path, monkeypatch):
     monkeypatch.setattr("fpg_bench.products.tuning.export.run_jobs", lambda *words: {"trial 0": "failed"})
     with pytest.raises(UserError, match="no trial could be retrained on all fresh seeds"):
