@@ -163,10 +163,10 @@ def export_values(
     else:
         _logger.info("present values: %s on fresh seeds", format_score(intervals[present]))
     best = confirmed[0]
-    if present in by_seed and (found := f"trial {best.trial}") != present:
-        gained = mean_interval(by_seed[found] - by_seed[present], TRAINING_SEEDS)  # from the same games
+    if present in by_seed and (name := f"trial {best.trial}") != present:
+        gained = mean_interval(by_seed[name] - by_seed[present], TRAINING_SEEDS)  # from the same games
         apart = "" if abs(gained.value) > gained.half else ", which is not told apart from none"
-        _logger.info("%s less the present values: %s, by seed%s", found, format_score(gained), apart)
+        _logger.info("%s less the present values: %s, by seed%s", name, format_score(gained), apart)
     if not force and present in intervals and best.score.value < intervals[present].value:
         raise UserError(
             f"{file}: not written, on fresh seeds trial {best.trial} scores {best.score.value:.1f}, less "
