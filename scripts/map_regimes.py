@@ -5,9 +5,10 @@ python scripts/map_regimes.py docs/results/regimes.csv [--page docs/results/regi
 A point is the preset ``link`` with another hop time, interval of checks and jamming power. There scripts over
 a grid of constants, the Bayes jammer, the range rule and shipped agents meet, and copies of those that matter
 that lack an ability; rules are searched against each equilibrium and join. The matrix is solved as a zero-sum
-game of the ally's reward. What a last search gains against either mixture is added to the interval. A lever
-is what the side loses whose players all lack one ability; its range is over several pools. Rows are written
-as they finish; a row that is there is not played again. The page gets a table and the figures beside it.
+game of the ally's reward. Its interval has what a last search gains against either mixture, or a member of a
+season, which no pool has. A lever is what the side loses whose players all lack one ability; its range is
+over several pools. Rows are written as they finish; a row that is there is not played again. The page gets a
+table and the figures beside it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import cycle, product
 from pathlib import Path
 
 import numpy as np
@@ -41,12 +42,13 @@ from fpg_bench.evaluation.table import markdown_table
 from fpg_bench.game.actions import KNOWLEDGE_GATE, SPEED
 from fpg_bench.game.names import JAMMING_TYPES
 from fpg_bench.game.scenario import Scenario, preset
+from fpg_bench.players.agent import expand_suites
 from fpg_bench.players.player import SIDES, Player
 from fpg_bench.players.registry import as_player
 from fpg_bench.products.league.candidates import Candidates
 from fpg_bench.products.league.categorical import Play
 from fpg_bench.products.league.rule_search import RuleSearch, rule_of
-from fpg_bench.products.league.rules import OFF, Option, rule_graph, rule_values
+from fpg_bench.products.league.rules import NUMBERS, OFF, Option, rule_graph, rule_values
 
 HOPS = (0.02, 0.1, 0.3, 0.5)  # hop time over dwell: the share of a step that a hop loses
 REACTIONS = ((3, 5), (1, 1), (1, 3), (12, 18))  # dwells from one check to the next; first that of link
@@ -106,13 +108,16 @@ RADIOS = {  # and the mark's side
 }
 LEVERS = tuple(name for side in SIDES for name in COPIES[side])
 LEFT = " may gain"  # what a last search gains for a side
+MIXTURES = ("allies", "opponents")  # columns
+SEASON, MEMBERS = "suite:season-5-link", " of season 5 may gain"  # trained players of three kinds
 ENDS = (("opponent", -1), ("ally", 1))  # of an interval: who may move it, and whither
 LEAST, MOST = " least", " most"  # of a lever over the pools
 COLUMNS = (
     *("hop_dwell", "reaction_dwell", "power_dbm", "free", "idle", "value", "half"),
     *(side + LEFT for side in SIDES),
     *(name + end for name in LEVERS for end in ("", LEAST, MOST)),
-    *("allies", "opponents", "rules", "seconds"),
+    *(*MIXTURES, "rules", "seconds"),
+    *(side + MEMBERS for side in SIDES),
 )
 Line = dict[str, str]
 
@@ -320,7 +325,36 @@ def measure(point: Point, seed: int) -> Line:
     mixtures = [_mixture(whole.shares[side]) for side in SIDES]
     rules = json.dumps({name: numbers for name, (_, numbers) in game.rules.items()})
     cells = [*point.key, *(f"{figure:.3f}" for figure in figures), *mixtures, rules]
-    return dict(zip(COLUMNS, [*cells, f"{time.process_time() - began:.0f}"], strict=True))
+    return dict(zip(COLUMNS, [*cells, f"{time.process_time() - began:.0f}"], strict=False))
+
+
+def attacked(point: Point, row: Line) -> Line:
+    """Return what members of a season gain against the mixtures as a row states them, by column."""
+    game = Meetings(point.scenario)
+    for (name, numbers), side in zip(json.loads(row["rules"]).items(), cycle(SIDES), strict=False):
+        options = [grid.index(numbers.get(key, OFF)) for key, grid in NUMBERS[side].items()]
+        values = rule_values(side, np.array([options]), point.scenario)
+        game.rules[name] = Candidates(rule_graph(side, point.scenario), values), numbers
+    shares = {side: stated(row[column]) for side, column in zip(SIDES, MIXTURES, strict=True)}
+    fresh, met, gains = replace(game, first_seed=FRESH, _known={}), Solution(np.zeros(0), {}, shares), {}
+    for side in SIDES:
+        members = {str(each): each for each in expand_suites([SEASON], side)}
+        game._players |= {name: as_player(each, side, point.scenario) for name, each in members.items()}
+        best = sorted(members, key=lambda name: -game._few.answer(side, met, name))[:2]
+        gain = max(fresh.answer(side, met, name) for name in best) - fresh.answer(side, met)
+        gains[side + MEMBERS] = f"{max(0.0, gain):.3f}"
+    return gains
+
+
+def stated(mixture: str) -> dict[str, float]:
+    """Return the shares of an equilibrium that a row states."""
+    shares = {}
+    for part in mixture.split("; "):
+        name, _, share = part.rpartition(" ")
+        plain, found, copy = name.partition(AND)
+        is_agent = plain.startswith(tuple(f"{side}-link" for side in SIDES))
+        shares[plain + f"/{AGENTS}" * is_agent + found + copy] = float(share)
+    return {name: share / sum(shares.values()) for name, share in shares.items()}
 
 
 def _mixture(shares: Mapping[str, float]) -> str:
@@ -337,6 +371,11 @@ def read_rows(path: Path) -> dict[tuple[str, ...], Line]:
         return {tuple(row[name] for name in COLUMNS[:3]): row for row in csv.DictReader(file)}
 
 
+def write_rows(path: Path, rows: Mapping[tuple[str, ...], Line]) -> None:
+    """Write a map; of rows that were added for a point, the last."""
+    write_whole(path, csv_text([COLUMNS, *(map(row.get, COLUMNS) for row in rows.values())]))
+
+
 def table(rows: Mapping[tuple[str, ...], Line]) -> str:
     """Return the map as Markdown: values, levers in percent of the value, and the equilibria."""
     ratios = ("hop / dwell", "reaction / dwell", "jammer / base, dB")
@@ -344,10 +383,11 @@ def table(rows: Mapping[tuple[str, ...], Line]) -> str:
     lines = [[*ratios, "value", *left, *(f"{name} %" for name in LEVERS), "allies", "opponents"]]
     for key in sorted(rows, key=lambda key: [*map(float, reversed(key))]):
         row = rows[key]
-        of = {name: float(row[name]) for name in COLUMNS[:-4]}
-        low, high = (of["value"] + sign * (of["half"] + of[side + LEFT]) for side, sign in ENDS)
+        of = {name: float(row[name]) for name in COLUMNS if name not in (*MIXTURES, "rules")}
+        most_left = {side: max(of[side + LEFT], of[side + MEMBERS]) for side in SIDES}
+        low, high = (of["value"] + sign * (of["half"] + most_left[side]) for side, sign in ENDS)
         cells = [row["hop_dwell"], row["reaction_dwell"], f"{of['power_dbm'] - BASE_DBM:+g}"]
-        cells += [f"{of['value']:.2f} [{low:.2f}, {high:.2f}]", *(f"{of[side + LEFT]:.2f}" for side in SIDES)]
+        cells += [f"{of['value']:.2f} [{low:.2f}, {high:.2f}]", *(f"{most_left[side]:.2f}" for side in SIDES)]
         cells.append(f"{of['idle'] / of['free']:.0%}")
         for name in LEVERS:
             least, own, most = (number(of[name + end] / of["value"], 100, 0) for end in (LEAST, "", MOST))
@@ -416,14 +456,15 @@ def main(file: Path, page: Path | None = None) -> None:
     """Measure the points that are missing in a file, and write the page."""
     points = [Point(hop, checks, POWERS_DBM[0]) for checks, hop in product(REACTIONS, HOPS)]
     points += [Point(hop, REACTIONS[0], power) for power, hop in product(POWERS_DBM[1:], HOPS)]
-    if not file.exists():
-        write_whole(file, csv_text([COLUMNS]))
+    write_rows(file, read_rows(file))
     for seed, point in enumerate(points):
-        if point.key not in read_rows(file):
-            row = measure(point, seed)
+        row = read_rows(file).get(point.key) or measure(point, seed)
+        if not row.get(SIDES[0] + MEMBERS):
+            row |= attacked(point, row)
             with file.open("a", encoding="utf-8") as rows:
-                rows.write(csv_text([row.values()]))
+                rows.write(csv_text([map(row.get, COLUMNS)]))
             print(*row.values(), sep=", ", flush=True)
+    write_rows(file, read_rows(file))
     if page:
         measured = read_rows(file)
         write_figure(draw(measured), page.with_suffix(".svg"))

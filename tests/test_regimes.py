@@ -115,11 +115,30 @@ def test_a_point_is_measured_and_what_is_there_is_not_measured_again(tmp_path, m
         float(row[f"{name} least"]) <= float(row[name]) <= float(row[f"{name} most"]) for name in LEVERS
     )
     monkeypatch.setattr(map_regimes, "HOPS", (0.3, 0.5))
+    of_season = COLUMNS[-2:]
+    new = {column: TOLD[column] for column in COLUMNS[:-2]}
     monkeypatch.setattr(
-        map_regimes, "measure", lambda point, seed: {**TOLD, "hop_dwell": f"{point.hop_s} {seed}"}
+        map_regimes, "measure", lambda point, seed: {**new, "hop_dwell": f"{point.hop_s} {seed}"}
     )
+    monkeypatch.setattr(map_regimes, "attacked", lambda point, row: {name: TOLD[name] for name in of_season})
     map_regimes.main(file)
     assert [*read_rows(file).values()] == [row, {**TOLD, "hop_dwell": "0.5 1"}]
+
+
+def test_members_of_a_season_attack_the_mixtures_that_a_row_states(monkeypatch):
+    """The reported row: a member took 0.18 from a value whose interval had 0.08."""
+    met = []
+
+    def answer(self, side, solution, name=None):
+        met.append(solution.shares)
+        return {None: 5.0, "suite:season-5-link/o02": 5.2, "suite:season-5-link/a01": 4.9}.get(name, 0.0)
+
+    monkeypatch.setattr(Meetings, "answer", answer)
+    found = map_regimes.attacked(map_regimes.Point(0.1, (3, 5), 39.0), ROWS["0.1", "4", "39"])
+    assert found == {"ally of season 5 may gain": "0.000", "opponent of season 5 may gain": "0.200"}
+    assert [sum(shares.values()) for shares in met[0].values()] == pytest.approx([1, 1])
+    assert {"always-hop", "rule 0", f"ally-link/{map_regimes.AGENTS}"} <= {*met[0]["ally"]}
+    assert {"rule 1", f"opponent-link/{map_regimes.AGENTS}: broadband only"} <= {*met[0]["opponent"]}
 
 
 def test_an_interval_of_the_table_has_sampling_and_what_may_be_gained():
@@ -127,12 +146,14 @@ def test_an_interval_of_the_table_has_sampling_and_what_may_be_gained():
     row |= {
         "ally may gain": "0.2",
         "opponent may gain": "0.3",
+        "ally of season 5 may gain": "0.1",
+        "opponent of season 5 may gain": "0.4",
         "hop": "1",
         "hop most": "2",
         "hop least": "0.5",
     }
     table = map_regimes.table({("0", "0", "39"): row})
-    assert "| +3 | 5.00 [4.60, 5.30] | 0.20 | 0.30 | 0% | 20 (10 to 40) | 0 |" in table
+    assert "| +3 | 5.00 [4.50, 5.30] | 0.20 | 0.40 | 0% | 20 (10 to 40) | 0 |" in table
 
 
 def test_the_page_has_the_map_of_the_rows():
