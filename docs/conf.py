@@ -47,6 +47,7 @@ html_title = f"fpg-bench {version}"
 html_favicon = "../fpg_bench/products/leaderboard/site/static/icon.svg"
 html_search_scorer = str(HERE / "search_scorer.js")
 html_static_path = ["_static", "../fpg_bench/products/leaderboard/site/static/preview.png"]
+html_static_path += ["pictures/game-dark.png", "pictures/game-dark.gif"]  # which pages.css shows by night
 html_css_files = ["pages.css"]
 html_js_files = [("pages.js", {"defer": "defer"})]
 html_copy_source = False

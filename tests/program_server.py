@@ -80,6 +80,7 @@ def become(request: dict[str, Any]) -> None:
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])
+    os.umask(request["umask"])
 
 
 def run(words: list[str]) -> None:

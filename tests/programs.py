@@ -25,7 +25,7 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 
 
 def python(
-    *words: Any, folder: Path | None = None, environment: dict[str, str] | None = None
+    *words: Any, folder: Path | None = None, environment: dict[str, str] | None = None, umask: int = 0o022
 ) -> subprocess.CompletedProcess[str]:
     """Run ``python WORDS`` and return what comes of it.
 
@@ -33,12 +33,14 @@ def python(
         words: a script, ``-m`` and a module, or ``-c`` and code; then its own words.
         folder: where it is started; None: here.
         environment: None: that of the tests.
+        umask: of the files that it makes.
     """
     with tempfile.NamedTemporaryFile("r") as out, tempfile.NamedTemporaryFile("r") as error:
         request = {
             "words": list(map(str, words)),
             "folder": str(folder or Path.cwd()),
             "environment": dict(os.environ if environment is None else environment),
+            "umask": umask,
             "stdout": out.name,
             "stderr": error.name,
         }

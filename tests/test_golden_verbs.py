@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import json
+import os
 import re
 import shutil
 import sqlite3
@@ -38,6 +39,8 @@ HYPERPARAMETERS = (
 )
 IDS = [f"FPG/{side}Vs{other}-v0" for side in ("Ally", "Opponent") for other in ("Scripted", "Policy")]
 ENTRIES = [f"{track}/{name}" for track, name in (("ally", "idle"), ("ally", "expert"), ("opponent", "tone"))]
+
+SURROUNDINGS = {"MPLBACKEND": "module://nowhere.backend_inline", "LC_ALL": "C", "TERM": "dumb"}
 
 
 @dataclass(frozen=True)
@@ -132,8 +135,9 @@ def prepare(folder: Path) -> None:
 
 
 def run(case: Case, folder: Path, steps: int = STEPS) -> list[list[float | str]]:
-    """Run a command and return the groups of numbers in its outputs."""
-    finished = fpg(*case.words.replace("@steps", str(steps)).split(), folder=folder)
+    """Run a command in odd surroundings and return the groups of numbers in its outputs."""
+    words = case.words.replace("@steps", str(steps)).split()
+    finished = fpg(*words, folder=folder, environment=os.environ | SURROUNDINGS, umask=0o077)
     assert finished.returncode == 0, finished.stderr
     groups: list[list[float | str]] = []
     for pattern in case.outputs:
@@ -141,6 +145,7 @@ def run(case: Case, folder: Path, steps: int = STEPS) -> list[list[float | str]]
             texts = finished.stdout.splitlines()
         else:
             (path,) = folder.glob(pattern)
+            assert not path.stat().st_mode & 0o077, path
             texts = list(groups_of(path))
         groups += [values for text in texts if (values := numbers(text))]
     return groups

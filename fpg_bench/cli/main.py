@@ -38,6 +38,7 @@ def _shown_type(option: TyperOption, ctx: Any) -> str | None:
 TyperOption.display_type_rich = _shown_type  # type: ignore[method-assign, assignment]
 _REMOVED = {  # verbs and options of earlier versions, and what does their work now
     "leaderboard crossplay": "leaderboard verify",
+    "leaderboard serve": "leaderboard build, and open leaderboard/site/index.html",
     "plan": "evaluate --suite planner-v1, or play --planner NAME",
     "fictitious-self-play": "double-oracle or tabular-self-play",
     "evaluate --name": "NAME=PLAYER",
