@@ -81,6 +81,7 @@ def become(request: dict[str, Any]) -> None:
     os.environ.clear()
     os.environ.update(request["environment"])
     os.umask(request["umask"])
+    sys.modules["fpg_bench.common.files"]._UMASK = request["umask"]  # which it reads when it is imported
 
 
 def run(words: list[str]) -> None:

@@ -132,6 +132,8 @@ def prepare(folder: Path) -> None:
         shutil.copyfile(ROOT / "leaderboard/results" / f"{entry}.jsonl", result)
     (folder / "reproduced").mkdir()
     shutil.copy(ROOT / "results/reproduction/figures-hundredth.jsonl.gz", folder / "reproduced")
+    for path in filter(Path.is_file, folder.rglob("*")):
+        path.chmod(0o600)
 
 
 def run(case: Case, folder: Path, steps: int = STEPS) -> list[list[float | str]]:
