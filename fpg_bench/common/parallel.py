@@ -37,7 +37,8 @@ GRACE_S = 30.0  # for interrupted jobs to save their state
 _CONNECT_S = 5.0
 _LOOK_EVERY_S = 0.1  # for worker processes that are yet to be interrupted
 _AGAIN_S = 0.05  # from an interrupt that could not be raised to the next
-_FORKS = sys.platform == "linux"  # elsewhere libraries of the system do not survive a fork
+# Elsewhere libraries of the system do not survive a fork
+_FORKS = sys.platform == "linux" and hasattr(os, "setpgrp")
 _ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 
 
@@ -297,6 +298,16 @@ def load_ahead(workers: Workers, module: str) -> None:
         multiprocessing.set_forkserver_preload([module])
         with mock.patch.dict(os.environ, _ONE_THREAD):
             multiprocessing.forkserver.ensure_running()
+
+
+def _forget_server() -> None:
+    """Forget, in a process that was forked, its parent's process that workers are forked from."""
+    server: Any = multiprocessing.forkserver._forkserver  # type: ignore[attr-defined]
+    server._forkserver_pid = server._forkserver_address = server._forkserver_alive_fd = None
+
+
+if _FORKS:
+    os.register_at_fork(after_in_child=_forget_server)
 
 
 @contextlib.contextmanager
