@@ -302,7 +302,7 @@ def load_ahead(workers: Workers, module: str) -> None:
 
 def _forget_server() -> None:
     """Forget, in a process that was forked, its parent's process that workers are forked from."""
-    server: Any = multiprocessing.forkserver._forkserver  # type: ignore[attr-defined]
+    server: Any = multiprocessing.forkserver._forkserver
     server._forkserver_pid = server._forkserver_address = server._forkserver_alive_fd = None
 
 
