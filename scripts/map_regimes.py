@@ -325,7 +325,8 @@ def measure(point: Point, seed: int) -> Line:
     mixtures = [_mixture(whole.shares[side]) for side in SIDES]
     rules = json.dumps({name: numbers for name, (_, numbers) in game.rules.items()})
     cells = [*point.key, *(f"{figure:.3f}" for figure in figures), *mixtures, rules]
-    return dict(zip(COLUMNS, [*cells, f"{time.process_time() - began:.0f}"], strict=False))
+    columns = COLUMNS[: -len(SIDES)]  # what members of a season gain is measured apart
+    return dict(zip(columns, [*cells, f"{time.process_time() - began:.0f}"], strict=True))
 
 
 def attacked(point: Point, row: Line) -> Line:
@@ -369,6 +370,13 @@ def read_rows(path: Path) -> dict[tuple[str, ...], Line]:
         return {}
     with path.open(encoding="utf-8", newline="") as file:
         return {tuple(row[name] for name in COLUMNS[:3]): row for row in csv.DictReader(file)}
+
+
+def add_row(path: Path, row: Line) -> None:
+    """Add a row to a map, and print it."""
+    with path.open("a", encoding="utf-8") as rows:
+        rows.write(csv_text([map(row.get, COLUMNS)]))
+    print(*row.values(), sep=", ", flush=True)
 
 
 def write_rows(path: Path, rows: Mapping[tuple[str, ...], Line]) -> None:
@@ -458,12 +466,11 @@ def main(file: Path, page: Path | None = None) -> None:
     points += [Point(hop, REACTIONS[0], power) for power, hop in product(POWERS_DBM[1:], HOPS)]
     write_rows(file, read_rows(file))
     for seed, point in enumerate(points):
-        row = read_rows(file).get(point.key) or measure(point, seed)
+        row = read_rows(file).get(point.key)
+        if row is None:
+            add_row(file, row := measure(point, seed))
         if not row.get(SIDES[0] + MEMBERS):
-            row |= attacked(point, row)
-            with file.open("a", encoding="utf-8") as rows:
-                rows.write(csv_text([map(row.get, COLUMNS)]))
-            print(*row.values(), sep=", ", flush=True)
+            add_row(file, row | attacked(point, row))
     write_rows(file, read_rows(file))
     if page:
         measured = read_rows(file)

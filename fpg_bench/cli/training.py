@@ -106,8 +106,6 @@ def train(
     Example: fpg-bench train ppo FPG/AllyVsScripted-v0 --steps 2e6 --out runs/ppo_0
     """
     check_writable(out)  # before the seconds that the imports take
-    if seeds is not None:
-        load_ahead(workers, LOADED)
     from fpg_bench.game.spec import GameSpec
 
     from_zoo = against == ZOO and not {"opponent", "ally"} & set(game)
@@ -117,6 +115,8 @@ def train(
     config = RunConfig(algorithm, spec, seed or 0, planner_options=planner_options, **run)
     if seeds is None and workers.backend != "loky":
         raise UserError("backend: needs several runs; list their --seeds")
+    if seeds is not None:
+        load_ahead(workers, LOADED)  # while the imports below take seconds, too
     train_runs(config, out, seed, seeds, n_evals, resume, restart, workers)
 
 

@@ -1,4 +1,4 @@
-"""Whether hopping pays in a scenario: the best ally that hops against the best one that does not."""
+"""Worth of hopping in a scenario: the best ally that hops against the best one that does not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether hopping pays: players that hop against players that do not."""
+"""Worth of hopping: players that hop against players that do not."""
 
 from dataclasses import replace
 
