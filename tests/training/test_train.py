@@ -295,6 +295,17 @@ def test_each_seed_is_trained_once_and_a_failure_does_not_hold_up_the_others(tmp
 
 
 @pytest.mark.process
+def test_workers_train_the_policies_that_one_process_does(tmp_path):
+    found = []
+    for workers in (1, 2):
+        train_several(tmp_path / str(workers), [0, 1], workers=workers)
+        agents = [tmp_path / str(workers) / f"seed_{seed}" / "agent" for seed in (0, 1)]
+        found.append([(agent / "policy.onnx").read_bytes() for agent in agents])
+    assert found[0] == found[1]
+    assert found[0][0] != found[0][1]
+
+
+@pytest.mark.process
 def test_several_seeds_have_one_curve(tmp_path):
     train_several(tmp_path, [0, 1], evaluations=1, workers=1)
     assert [path.parent for path in tmp_path.rglob("curve.png")] == [tmp_path]
